@@ -17,11 +17,8 @@ from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise
 ENOUGH = 1e-3
 """Tip error of a control interval [m] that is good enough for the 99th percentile."""
 MISSED = 1e-3
-"""Share of the states that may miss the tolerance without a flag.
-
-Scenes of the package miss none of a million (``study intervals``). An estimate of high order does not see a
-strong damper that is not declared: then some intervals of a hundred, or even some of ten, are missed.
-"""
+"""Share of the states that may miss the tolerance without a flag. Scenes of the package miss none of a
+million (``study intervals``), those with a strong damper that is not declared some of ten or a hundred."""
 
 
 def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
@@ -59,10 +56,8 @@ def own_energy(trial: Trial) -> Finding:
 
 @check("intervals without a flag", at_most(0.05, "of the states"))
 def flagged(trial: Trial) -> Finding:
-    """The share of the states whose control interval ends with a flag, at the scene's own step.
-
-    Extreme states cause flags; scenes of the package have none.
-    """
+    """The share of the states whose control interval ends with a flag, at the scene's own step: extreme ones
+    do, and none in scenes of the package."""
     numerics = trial.shared(own_interval).numerics
     names = ", ".join(str(f.name) for f in Numerics(int(np.bitwise_or.reduce(numerics))))
     share = float(np.mean(numerics != 0))
@@ -104,8 +99,7 @@ CALM, GROWTH = 3.0, 1.25
 """Longest step that is tried, in units of the time in which a state stays calm, since rounding grows beyond
 it; and the ratio of successive steps that are tried."""
 SHORT_OF = 0.3
-"""Tolerated difference of the measured order from the method's: at a finite step the next order
-contributes."""
+"""Tolerated difference from the method's order: at a finite step the next order contributes."""
 
 
 def declared(trial: Trial) -> Promise:

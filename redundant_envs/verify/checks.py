@@ -130,8 +130,7 @@ class Trial:
     @cached_property
     def calm(self) -> Array:
         """The longest time of each state, (count,) s, in which no joint turns by more than a radian or slides
-        by more than the reach, at its rate or from rest at its acceleration: rounding hardly grows within
-        it."""
+        by more than the reach, at its rate or from rest: rounding hardly grows within it."""
         q, qd, efforts = self.states
         B = self.scene.robot.motor_map
         reach = np.linalg.norm(self.arm.points(q), axis=2).max()
@@ -154,10 +153,8 @@ class Trial:
         return self._kept[make]
 
     def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
-        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint.
-
-        ``names`` are those of the second axis: by default the joints.
-        """
+        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint, or its name
+        among the ``names`` of the second axis."""
         told = np.where(np.isnan(gaps), np.inf, gaps)
         place = np.unravel_index(int(np.argmax(told)), told.shape)
         where = f"state {place[0]}"
@@ -199,10 +196,9 @@ FAR = 1.0
 def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:
     """Coordinates, velocities and efforts, (count, joints) each.
 
-    Angles uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four
-    is at rest at an end of its travel. Efforts are uniform within the scene's limits; without limits, within
-    the largest efforts that hold the weights in these states.
-    ``beyond`` widens the travel to both sides, in units of itself.
+    Angles are uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four is at
+    rest at an end of its travel, which ``beyond`` widens to both sides, in units of itself. Efforts are
+    uniform within the scene's limits, or within the largest that hold the weights in these states.
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
@@ -228,9 +224,8 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
 
 
 def random_poses(scene: Scene, count: int, seed: int) -> tuple[Array, Array]:
-    """Coordinates and velocities, (count, joints) each, in all regions that an arm can reach: also beyond its
-    travel, after several turns, and with unlimited sliders on either side of 0. Poses in which the positions
-    of point masses are undefined are left out."""
+    """Coordinates and velocities, (count, joints) each: also beyond the travel, after several turns, and with
+    unlimited sliders on either side of 0, but not where positions of point masses are undefined."""
     arm: Any = scene.robot
     q, qd, _ = random_states(scene, count, seed, BEYOND)
     joints, rng = q @ arm.motor_map, np.random.default_rng(seed + 3)

@@ -23,9 +23,8 @@ OPEN = 1e-9
 """Largest gap of the energy balance, in units of the exchanged energies: forty times the error of dop853 in
 scenes of all effects (2e-11), and far below the effect of a wrong term."""
 SAME = 0.1
-"""Gaps that differ by no more than this, in units of ``OPEN``, when the interval is simulated whole and in
-parts, come from the balance itself. Steps across a kink, such as that of a stiff spring, cause gaps of their
-own, and their states are not judged."""
+"""States are judged whose gaps differ by no more than this, in units of ``OPEN``, when the interval is
+simulated whole and in parts: steps across a kink, such as that of a stiff spring, cause gaps of their own."""
 PARTS, EQUAL_STEPS = 3, 32
 
 
@@ -68,10 +67,8 @@ def exact_whole(trial: Trial) -> Crossing:
 
 
 def exact_in_parts(trial: Trial) -> Crossing:
-    """The same interval with other steps, different from the scene's own.
-
-    If effects update their states at the end of an interval, it cannot be divided, and has equal steps.
-    """
+    """The same interval with other steps; equal ones if effects update their states at its end, since it
+    cannot be divided then."""
     if all(state.update is None for state in trial.scene.states().values()):
         return crossed(trial.scene, *trial.states, PARTS)
     substeps = EQUAL_STEPS * trial.scene.substeps
@@ -93,10 +90,8 @@ def energy_changes(
 
 @check("energy book", at_most(OPEN))
 def energy_book(trial: Trial) -> Finding:
-    """Kinetic + potential - work is constant over a control interval, in units of the energies involved.
-
-    If half of the motions are too fast for an interval, a shorter one is used.
-    """
+    """Kinetic + potential - work is constant over a control interval, or over a shorter one that is calm for
+    half of the states, in units of the energies involved."""
     q, qd, _ = trial.states
     whole, parts = (crossed(trial.calm_scene, *trial.states, n) for n in (1, PARTS))
     change, scale, stored = energy_changes(trial.scene, q, qd, *whole[:3])
@@ -109,8 +104,7 @@ def energy_book(trial: Trial) -> Finding:
             f"to {OPEN * SAME:.0e} of their energies; that is too few to judge the scene by"
         )
         return Finding(np.inf, f"{np.mean(judged):.0%} of the states judged", words)
-    gap = np.maximum(np.abs(change) - noise, 0.0)
-    relative = np.where(judged, np.where(gap == 0.0, 0.0, ratio(gap, scale)), 0.0)
+    relative = np.where(judged, ratio(np.maximum(np.abs(change) - noise, 0.0), scale), 0.0)
     most, where = trial.worst(np.where(np.isnan(relative), np.inf, relative))
     joules = np.abs(change[judged]).max()
     words = (
@@ -130,44 +124,30 @@ MOVE, RIGID = 0.5, 1e-9
 """If a joint moves the whole arm by the first number, rad or m, its inertia changes by at most the second."""
 
 
-def at_base(trial: Trial) -> Array:
-    """Coordinates per unit of the first joint, (joints,); joints are linear in coordinates."""
-    arm = trial.scene.robot
-    turned = slopes(arm, numbered("phi{}", len(arm.joints)), trial.states[0][:1])[0]
-    return np.asarray(np.linalg.inv(turned)[:, 0])
-
-
 @check("momentum", at_most(ADRIFT))
 def momentum(trial: Trial) -> Finding:
-    """Without a field, and with motors at all joints but the first, the momentum along that is kept.
-
-    It turns the whole arm about the base, or slides it, which changes no inertia. The momentum is computed
-    from the point masses, including the masses that effects add.
-    """
-    q, qd, efforts = trial.states
-    e, base = trial.shared(from_points), at_base(trial)
-    added = added_inertia(trial)
+    """Without a field, and with motors at all joints but the first, the momentum along that is kept: it turns
+    the whole arm about the base, or slides it, which changes no inertia."""
+    (q, qd, efforts), robot = trial.states, trial.scene.robot
+    turned = slopes(robot, numbered("phi{}", len(robot.joints)), q[:1])[0]
+    base = np.linalg.inv(turned)[:, 0]  # coordinates per unit of the first joint
+    e, added = trial.shared(from_points), added_inertia(trial)
     elsewhere = equations_at(trial.arm, added, q + MOVE * base)
     change = ratio(elsewhere.M - e.M, e.scale[:, :, None] * e.scale[:, None, :])
     if not change.max() <= RIGID:
         raise NotApplicable("the first joint moves the masses against each other")
     others = {a.key for a in trial.scene.attached if not isinstance(a.hook, PointMass | Inertia)}
     kept = tuple(x for x in trial.scene.effects if x.key not in others)
-    scene = Scene(trial.scene.robot, kept, control_dt=trial.calm_scene.control_dt)
+    scene = Scene(robot, kept, control_dt=trial.calm_scene.control_dt)
     forces = np.where(np.arange(q.shape[1]) == 0, 0.0, efforts)
     end = crossed(scene, q, qd, forces)
     after = equations_at(trial.arm, added, end.q)
-    before, then = (_momentum(at.M, rates, base) for at, rates in ((e, qd), (after, end.qd)))
+    ends = (e, qd), (after, end.qd)
+    before, then = ((at.M * base * rates[:, :, None]).reshape(len(q), -1) for at, rates in ends)
     good = end.good & np.isfinite(then).all(axis=1)
     enough(good, "too few motions without a field could be simulated to rounding")
-    size = np.maximum(before[:, 1], then[:, 1])
-    gaps = np.where(good, ratio(np.where(good, then[:, 0] - before[:, 0], 0.0), size), 0.0)
+    size = np.maximum(np.abs(before).sum(axis=1), np.abs(then).sum(axis=1))
+    change = np.where(good, then.sum(axis=1) - before.sum(axis=1), 0.0)
+    gaps = np.where(good, ratio(change, size), 0.0)
     words = "the momentum about the base changes by {:.1e} of its parts without a moment there"
     return trial.finding(gaps, f"{trial.arm.kind}: {words}: M, h or Q is wrong")
-
-
-def _momentum(M: Array, qd: Array, base: Array) -> Array:
-    """The momentum of the first joint, and the sum of the sizes of its parts, (n, 2)."""
-    total = np.einsum("nij,j,ni->n", M, base, qd)
-    size = np.einsum("nij,j,ni->n", np.abs(M), np.abs(base), np.abs(qd))
-    return np.stack([total, size], axis=1)

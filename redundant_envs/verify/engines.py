@@ -16,13 +16,12 @@ from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-9)
-"""Residual of MuJoCo's equations of motion, in units of its terms, and the difference of mass matrices in
-units of their diagonals: MuJoCo rounds poses of bodies, some 1e-14 of the reach in each joint."""
+"""Residual in units of its terms, and difference of mass matrices in units of their diagonals: MuJoCo rounds
+poses of bodies, some 1e-14 of the reach in each joint."""
 SMALLEST = 1e-14
 """Moment of inertia of a body, which MuJoCo requires to be positive."""
 LARGEST = 1e6
-"""Smallest entry on the diagonal of the mass matrix, in MuJoCo's unit of mass: beside it that inertia is
-below rounding. Equations of motion do not know the unit."""
+"""Smallest diagonal entry of the mass matrix in MuJoCo's unit of mass: that inertia is below its rounding."""
 MOVED = 1e-9
 """Fraction of the largest displacement: a mass that moves less with a joint is not carried by it."""
 STATES = 64
@@ -78,10 +77,7 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
 
 
 def compared(trial: Trial) -> Compared:
-    """MuJoCo's mass matrix and forces of the motion and of weights.
-
-    Inertias that effects add are added to its mass matrix: they change no force.
-    """
+    """MuJoCo's mass matrix, with the inertias that effects add, and forces of the motion and of weights."""
     arm, e = trial.arm, trial.shared(from_points)
     q, qd, _ = trial.states
     # The pose that determines the joints best: the one with carried masses farthest from their joints.
@@ -126,10 +122,8 @@ def mass_matrix(trial: Trial) -> Finding:
 
 @check("MuJoCo: accelerations", AGREE, Mode.STANDARD)
 def accelerations(trial: Trial) -> Finding:
-    """The accelerations under random efforts fulfil MuJoCo's equations of motion.
-
-    Their residual does not grow with the condition of the mass matrix, as a difference of accelerations does.
-    """
+    """The accelerations under random efforts fulfil MuJoCo's equations of motion, to a residual that does not
+    grow with the condition of the mass matrix."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
     count, B = len(theirs.M), arm.motor_map
     q, qd, _ = (x[:count] for x in trial.states)

@@ -1,9 +1,8 @@
 """Are the equations of an arm consistent? Each is derived again from the point masses.
 
-The equations are run on numbers with derivatives, so comparisons are exact to rounding. Forces and
-inertias are compared in units in which the mass matrix has ones on its diagonal: neither the unit of a joint
-nor a light link at the end of a heavy arm hides a mistake. Sums of at most ten joints in float64, whose terms
-may cancel, lose some 1e-14 in these units; sines of joint angles that a user's equations add up lose as much.
+The equations are run on numbers with derivatives, so comparisons are exact to rounding. Forces and inertias
+are compared in units in which the mass matrix has ones on its diagonal: neither the unit of a joint nor a
+light link at the end of a heavy arm hides a mistake. Sums over ten joints lose some 1e-14 in these units.
 """
 
 from __future__ import annotations
@@ -53,9 +52,9 @@ def values_of(arm: Arm, q: Array, qd: Array | None = None, along: Array | None =
     return values
 
 
-def table(arm: Arm, names: Iterable[str], values: dict[str, Any], count: int, slope: bool = False) -> Array:
-    """Quantities, or their derivatives, (count, names)."""
-    return columns((dual(x).slope if slope else x for x in arm.evaluate(names, values)), count)
+def table(arm: Arm, names: Iterable[str], values: dict[str, Any], count: int) -> Array:
+    """Quantities, (count, names)."""
+    return columns(arm.evaluate(names, values), count)
 
 
 def columns(values: Iterable[Any], count: int) -> Array:
@@ -66,8 +65,8 @@ def columns(values: Iterable[Any], count: int) -> Array:
 def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     """Derivatives of quantities of the position by each coordinate, (n, names, joints)."""
     wanted, units = list(names), np.eye(q.shape[1])
-    along = (np.broadcast_to(unit, q.shape) for unit in units)
-    return np.stack([table(arm, wanted, values_of(arm, q, None, a), len(q), True) for a in along], axis=-1)
+    found = (arm.evaluate(wanted, values_of(arm, q, along=np.broadcast_to(u, q.shape))) for u in units)
+    return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
 
 
 def entries(letter: str, rows: int, columns: int) -> list[str]:
@@ -116,10 +115,8 @@ def mass_matrix(trial: Trial) -> Finding:
 
 @check("mass matrix is positive", at_least(1e-14))
 def positive(trial: Trial) -> Finding:
-    """The smallest eigenvalue of M, with its diagonal scaled to ones.
-
-    Positive masses and lengths make it positive in every pose; below 1e-14 rounding may make it negative.
-    """
+    """The smallest eigenvalue of M, with its diagonal scaled to ones; below 1e-14 rounding may make it
+    negative."""
     own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
     scaled = own / (e.scale[:, :, None] * e.scale[:, None, :])
     if not np.isfinite(scaled).all():
@@ -201,10 +198,8 @@ def kinetic_energy(trial: Trial) -> Finding:
 
 @check("forward dynamics", AGREE)
 def forward_dynamics(trial: Trial) -> Finding:
-    """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical.
-
-    A stable elimination keeps the residual small, however badly conditioned M is.
-    """
+    """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical: a
+    stable elimination keeps the residual small, however badly conditioned M is."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     Q = np.random.default_rng(trial.seed + 1).normal(0.0, 5.0, q.shape) * e.scale
     n = len(arm.joints)
@@ -223,10 +218,8 @@ def residual(M: Array, qdd: Array, forces: tuple[Array, ...], scale: Array) -> t
 
 @check("mobility bounds", at_most(1.0 + 1e-9))
 def mobility_bounds(trial: Trial) -> Finding:
-    """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is.
-
-    A bound may be attained to rounding, by a straight arm or one with right angles.
-    """
+    """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is; a
+    straight arm, or one with right angles, may attain one to rounding."""
     arm, (q, _) = trial.scene.robot, trial.poses
     if arm.mobility_bounds is None:
         raise NotApplicable("the arm gives none")

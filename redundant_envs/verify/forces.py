@@ -1,5 +1,4 @@
-"""Do forces agree with the declarations of their effects? Potentials against forces, and laws where they
-meet."""
+"""Do forces agree with the declarations of their effects: with potentials, and laws where they meet?"""
 
 from __future__ import annotations
 
@@ -26,8 +25,8 @@ AGREEMENT = 1e-5
 """Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
 error of differences of a smooth potential."""
 SMOOTH = 1e-6
-"""If two differences agree to this, in units of the force, the potential is smooth there: at a kink, such as
-the limit of a spring, no difference is a derivative, and the state is not judged."""
+"""If two differences agree to this, in units of the force, the potential is smooth there and the state
+judged: at a kink, such as the limit of a spring, no difference is a derivative."""
 SMALL_FORCE = 1e-6
 """A force below this, in units of the largest of all states, is compared with that."""
 
@@ -65,7 +64,6 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     smooth = np.all(np.abs(near - far) <= SMOOTH * scale + noise, axis=1)
     gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
     gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
-    most, where = trial.worst(gap)
     share = float(np.mean(smooth))
     if share < ENOUGH_SMOOTH:
         words = (
@@ -73,6 +71,7 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
             "it must change smoothly"
         )
         return Finding(np.inf, effect.key, words)
+    most, where = trial.worst(gap)
     state, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
     words = (
         f"{effect.key}: at {arm.joints[joint]} the conservative force is {force[state, joint]:.6g} and minus "

@@ -1,7 +1,6 @@
 """Does error control know the time scales of effects, and do dampers brake?
 
-The declared stiffness, damping and rates of states determine how short steps must be before any error
-estimate exists; here they are compared with derivatives of forces and of states.
+Declared stiffness, damping and rates of states say how short steps must be before any error estimate exists.
 """
 
 from __future__ import annotations
@@ -23,9 +22,8 @@ from redundant_envs.verify.equations import TILTED, columns
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
 SHORT = at_most(1.5)
-"""A step covers two radians of an oscillation, or two time constants of a decay. With half as much again it
-covers three, which is still in the region of stability of rk8; and a declared number may leave out states
-that hardly occur."""
+"""A step covers two radians of an oscillation, or two time constants of a decay; three are still in the
+region of stability of rk8, and a declared number may leave out states that hardly occur."""
 SLOWEST = 6.0
 """Number of decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
 DRIVES = at_most(1e-6)
@@ -69,11 +67,6 @@ class Motion:
             forces += function(self.values({alias: Dual(plain[alias], 1.0) for alias in name}))
         table = columns((dual(f).slope for f in forces), count).reshape(count, 2, 2)
         return np.asarray(np.linalg.norm(table, ord=2, axis=(1, 2)))
-
-
-def components(force: Any, count: int) -> Array:
-    """A force along a joint, (count, 1), or at a point, (count, 2)."""
-    return columns(force if isinstance(force, tuple) else (force,), count)
 
 
 def point_names(dynamics: Dynamics, point: Point, of_rate: bool) -> list[list[str]]:
@@ -145,11 +138,7 @@ def damping(trial: Trial) -> Finding:
 @check("dampers brake", DRIVES)
 def dampers(trial: Trial) -> Finding:
     """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
-    power.
-
-    The part that follows from a potential is left out, and so are the rates of other joints: a damper between
-    two joints may drive one of them.
-    """
+    power. Rates of other joints are left out: a damper between two joints may drive one of them."""
     found = []
     for a, motion in cases(trial):
         if "damping" not in a.functions:
@@ -164,7 +153,8 @@ def dampers(trial: Trial) -> Finding:
             slow = np.where(np.arange(motion.rates.shape[1]) == a.hook.joint, 0.0, motion.rates)
             x, still = motion.values(), Motion(motion.dynamics, motion.joints, slow).values()
             rates = motion.rates[:, [a.hook.joint]]
-        moving, resting = (components(a.functions["function"](at), count) for at in (x, still))
+        forces = (a.functions["function"](at) for at in (x, still))
+        moving, resting = (columns(f if isinstance(f, tuple) else (f,), count) for f in forces)
         speed = np.linalg.norm(rates, axis=1)
         power = ((moving - resting) * rates).sum(axis=1)
         noise = ROUNDING * np.abs(moving).max(axis=1) * speed

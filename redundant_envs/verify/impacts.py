@@ -19,8 +19,7 @@ SMALL = 0.01
 """Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
 AGREE = at_most(1e-8)
 """Largest relative error of velocities and energies: the impulse follows from an elimination that loses
-digits by the condition of M, at most 1e6 for reasonable arms, and the remaining effect of the time after it
-is below 1e-10."""
+digits by the condition of M, at most 1e6 for reasonable arms; the time after it matters below 1e-10."""
 
 
 class Struck(NamedTuple):
@@ -50,22 +49,22 @@ def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
 
 
 def struck(trial: Trial) -> Struck:
-    """Each state with one slider at a stop of its travel, moving outwards; the others are between their
-    stops."""
+    """Each state with one slider at a stop of its travel, moving outwards; the others are between stops."""
     ends = stops(trial)
     q, qd, _ = (x.copy() for x in trial.states)
     rng = np.random.default_rng(trial.seed + 3)
     for joint, low, high, _ in ends:
-        low, high = (low, high) if np.isfinite([low, high]).all() else _finite(low, high)
+        if np.isinf(low):  # half a metre if an end is missing
+            low = 0.0 if np.isinf(high) else high - 0.5
+        high = low + 0.5 if np.isinf(high) else high
         q[:, joint] = rng.uniform(low + 0.1 * (high - low), high - 0.1 * (high - low), len(q))
     sides = [(j, end, way) for j, low, high, _ in ends for end, way in ((low, -1.0), (high, 1.0))]
-    sides = [x for x in sides if np.isfinite(x[1])]
-    chosen = rng.integers(len(sides), size=len(q))
-    struck_joint = np.array([x[0] for x in sides])[chosen]
-    rows = np.arange(len(q))
-    q[rows, struck_joint] = np.array([x[1] for x in sides])[chosen]
-    qd[rows, struck_joint] = np.array([x[2] for x in sides])[chosen] * rng.uniform(0.5, 1.5, len(q))
-    e, ways = ends[0][3], []
+    joints, positions, ways = np.array([x for x in sides if np.isfinite(x[1])]).T
+    chosen = rng.integers(len(joints), size=len(q))
+    rows, struck_joint = np.arange(len(q)), joints.astype(int)[chosen]
+    q[rows, struck_joint] = positions[chosen]
+    qd[rows, struck_joint] = ways[chosen] * rng.uniform(0.5, 1.5, len(q))
+    e, after_times = ends[0][3], []
     good = np.ones(len(q), bool)
     short = SHORT * min(1.0, np.linalg.norm(trial.arm.points(q), axis=2).max())
     for seconds in (short, 2.0 * short):
@@ -73,21 +72,16 @@ def struck(trial: Trial) -> Struck:
         batch.set_state(q, qd)
         status = batch.advance_partly(None, seconds)
         good &= (status.events > 0) & (status.numerics == 0)
-        ways.append(batch.qd)
+        after_times.append(batch.qd)
     M = trial.arm.mass_matrix(q)
     push = np.linalg.solve(M, np.eye(q.shape[1])[struck_joint][..., None])[..., 0]
-    after = 2.0 * ways[0] - ways[1]
+    after = 2.0 * after_times[0] - after_times[1]
     back = np.abs(after[rows, struck_joint]) <= 0.5 * e * np.abs(qd[rows, struck_joint])
     own = np.where(back & (e < SMALL), 0.0, e)
     impulse = -(1.0 + own) * qd[rows, struck_joint] / push[rows, struck_joint]
     if np.mean(good) < ENOUGH_SMOOTH:
         raise ValueError(f"a slider that strikes its stop has an event in {np.mean(good):.0%} of the states")
     return Struck(rows, struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
-
-
-def _finite(low: float, high: float) -> tuple[float, float]:
-    """The travel of a slider; half a metre if one end is missing."""
-    return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
 
 
 @check("impacts: velocities", AGREE)

@@ -76,7 +76,11 @@ def motions(trial: Trial) -> Finding:
 
     own = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
     slope = e.slopes.reshape(own.shape)
-    change = _second(arm, q, qd)
+    values = values_of(arm, q)
+    for k, name in enumerate(arm.coordinates):
+        values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
+    positions = arm.evaluate([f"{axis}{k + 1}" for k in range(points) for axis in "xy"], values)
+    change = columns((dual(dual(x).slope).slope for x in positions), count)  # at constant rates
     most = np.einsum("naj,nj->na", np.abs(slope), np.abs(qd)).max(axis=1)
     faster = np.maximum(np.abs(change).max(axis=1), most * np.abs(qd).max(axis=1))
     gaps = [
@@ -87,15 +91,6 @@ def motions(trial: Trial) -> Finding:
     names = [f"point {k + 1} {axis}" for k in range(points) for axis in "xy"]
     words = "X, Y, vx, vy, Xdqd or Ydqd of a point mass contradicts its position"
     return found(trial, np.concatenate(gaps, axis=1), words, names * 3)
-
-
-def _second(arm: Any, q: Array, qd: Array) -> Array:
-    """Accelerations of the point masses at constant rates, (n, 2 masses): x1 y1 x2 ..."""
-    values = values_of(arm, q)
-    for k, name in enumerate(arm.coordinates):
-        values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
-    positions = arm.evaluate([f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"], values)
-    return columns((dual(dual(x).slope).slope for x in positions), len(q))
 
 
 @check("angular momentum", AGREE)
@@ -161,10 +156,7 @@ def reach(trial: Trial) -> Finding:
 @check("posture", at_least(0.01))
 def posture(trial: Trial) -> Finding:
     """The observed posture lies in -1 to 1 and changes with every revolute joint, also where a sine or a
-    cosine alone does not.
-
-    The number is the smallest singular value of its derivatives by the coordinates, and those of the sliders.
-    """
+    cosine alone does not: the smallest singular value of its derivatives, and those of the sliders."""
     arm: Any = trial.scene.robot
     names, slides, (q, _) = [*arm.posture], arm.sliders(), trial.poses
     wanted = [*names, *(f"phi{k + 1}" for k in slides)]
@@ -184,11 +176,8 @@ def posture(trial: Trial) -> Finding:
 
 @check("kinds of joints", at_least(1e-6))
 def kinds(trial: Trial) -> Finding:
-    """A slider does not return the point masses to their positions after 2 pi of its coordinate, and a
-    revolute joint does not move them along straight lines.
-
-    The number is the distance of the masses from that behaviour, in units of their distances or derivatives.
-    """
+    """A slider does not return the point masses after 2 pi of its coordinate, and a revolute joint does not
+    move them along straight lines: the distance from that, in units of their distances or derivatives."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     size, back = np.abs(e.points).max(), np.linalg.inv(arm.motor_map)
     of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]

@@ -61,7 +61,7 @@ EQUAL_BITS = Promise(0.0, "lanes differ", "equal bits")
 
 
 def nothing(unit: str) -> Promise:
-    """Promise for a number that is only measured; its judgement is left to the reader."""
+    """Promise for a number that is only measured."""
     return Promise(math.nan, unit, "")
 
 

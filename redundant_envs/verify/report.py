@@ -48,7 +48,7 @@ COLUMNS = ("check", "found", "promised", "", "where")
 
 @dataclass(frozen=True)
 class Report:
-    """What was found."""
+    """The outcomes of checks."""
 
     outcomes: tuple[Outcome, ...]
 
@@ -188,8 +188,7 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
 def run(
     words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
 ) -> int:
-    """Verify the subjects of some words and write tables, on standard output and in files; returns 1 if a
-    promise is broken."""
+    """Verify subjects and write tables, on standard output and in files; returns 1 if a promise is broken."""
     chosen, subjects = Mode[mode.upper()], subjects_of(words)
     files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
     for file, _ in files:

@@ -19,19 +19,16 @@ BACK = at_most(1e-9, "rad or reaches")
 times the error of that."""
 
 
-def conserves(h: Hook) -> bool:
-    """Whether a hook is the same in a reversed motion."""
-    of_force = isinstance(h, Force) and h.conservative is h.function and not h.states
-    return of_force or isinstance(h, Field | PointMass | Inertia)
-
-
 @check("time reversal", BACK, Mode.STANDARD)
 def time_reversal(trial: Trial) -> Finding:
-    """With reversed velocities an arm returns to its start, under the same efforts.
-
-    Only effects of the scene that conserve energy and depend on the position alone are included.
-    """
+    """With reversed velocities an arm returns to its start, under the same efforts, and with those effects of
+    the scene that conserve energy and depend on the position alone."""
     q, qd, efforts = trial.states
+
+    def conserves(h: Hook) -> bool:
+        of_force = isinstance(h, Force) and h.conservative is h.function and not h.states
+        return of_force or isinstance(h, Field | PointMass | Inertia)
+
     others = {a.key for a in trial.scene.attached if not conserves(a.hook)}
     kept = tuple(x for x in trial.scene.effects if x.key not in others)
     seconds = trial.calm_scene.control_dt
@@ -56,9 +53,9 @@ INTERVALS = 2
 """With more steps a motion that is too fast for its step could become infinite, which does not scale."""
 
 
-def _moved(arm: Any, g: float, seconds: float, q: Array, qd: Array, efforts: Array) -> Array:
-    """Joint positions and rates after some steps of rk8."""
-    batch = BatchSimulator(Scene(arm, (Gravity(g),), "rk8", seconds), len(q))
+def _moved(arm: Any, seconds: float, q: Array, qd: Array, efforts: Array) -> Array:
+    """Joint positions and rates after some steps of rk8 under 8 m/s^2."""
+    batch = BatchSimulator(Scene(arm, (Gravity(8.0),), "rk8", seconds), len(q))
     batch.set_state(q, qd)
     for _ in range(INTERVALS):
         batch.advance(efforts)
@@ -66,18 +63,17 @@ def _moved(arm: Any, g: float, seconds: float, q: Array, qd: Array, efforts: Arr
 
 
 def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
+    """The number of lanes that are finite and differ."""
     sound = np.isfinite(np.concatenate([one, other], axis=1)).all(axis=1)
     enough(sound, "too few motions stay finite at the scene's own step")
     differs = np.asarray((one != other) & sound[:, None]).reshape(len(one), 2, -1)
     by_joint = differs.any(axis=1).astype(float)
     lanes = int(by_joint.any(axis=1).sum())
-    where = trial.worst(by_joint)[1] if lanes else ""
-    return Finding(lanes, where, words)
+    return Finding(lanes, trial.worst(by_joint)[1] if lanes else "", words)
 
 
 def _step(trial: Trial) -> float:
-    """The scene's own step, s, rounded to a power of two, which scales to the last bit; twice it is allowed,
-    too."""
+    """The scene's own step, s, rounded to a power of two that scales to the last bit and allows twice it."""
     own = trial.scene.control_dt / trial.scene.substeps
     return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
 
@@ -89,8 +85,8 @@ def scaling_of_masses(trial: Trial) -> Finding:
     q, qd, efforts = trial.states
     heavy = dataclasses.replace(arm, masses=tuple(4.0 * m for m in arm.masses))
     _check_numbers(arm, heavy, "m", 4.0)
-    one = _moved(arm, 8.0, _step(trial), q, qd, efforts)
-    other = _moved(heavy, 8.0, _step(trial), q, qd, 4.0 * efforts)
+    one = _moved(arm, _step(trial), q, qd, efforts)
+    other = _moved(heavy, _step(trial), q, qd, 4.0 * efforts)
     words = f"{arm.kind}: four times the masses and forces make another motion: a term lacks its mass"
     return _differ(trial, one, other, words)
 
@@ -107,15 +103,14 @@ def scaling_of_lengths(trial: Trial) -> Finding:
         raise NotApplicable("coordinates mix lengths and angles")
     size, speed = np.where(slides, 4.0, 1.0), np.where(slides, 2.0, 0.5)
     force = np.where(slides, 1.0, 4.0)
-    one = _moved(arm, 8.0, _step(trial), q, qd, efforts)
-    other = _moved(long, 8.0, 2.0 * _step(trial), q * size, qd * speed, efforts * force)
+    one = _moved(arm, _step(trial), q, qd, efforts)
+    other = _moved(long, 2.0 * _step(trial), q * size, qd * speed, efforts * force)
     words = f"{arm.kind}: four times the lengths in twice the time are another motion: a term lacks a length"
     return _differ(trial, one, other / np.concatenate([size, speed]), words)
 
 
 def _check_numbers(arm: Any, scaled: Any, letter: str, factor: float) -> None:
-    """Raise NotApplicable if an arm has other parameters than masses and lengths, which would have to be
-    scaled."""
+    """NotApplicable if an arm has parameters beside masses and lengths, which would have to be scaled."""
     before, after = arm.parameter_values(), scaled.parameter_values()
     others = [name for name in before if not (name[0] in "ml" and name[1:].isdigit())]
     if others:
