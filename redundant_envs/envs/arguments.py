@@ -70,14 +70,19 @@ def checked_reset(
             if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
                 parameters.check_stops(scene, memory, lanes, numbers, present, "options['q']: ")
             elif key == "goal":
-                _check_goal(numbers, reach_of(scene, present))
+                radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
+                if (radius > reach).any():
+                    lane = int(np.argmax(radius - reach))
+                    raise ValueError(
+                        f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
+                        f"{reach[lane]:.6g} m: choose a goal within it"
+                    )
     return values, writes
 
 
 def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
-    fixed = {n for ends in scene.travel().values() for n in ends}
-    fixed |= {n for _, *ends in hard_stops(scene) for n in ends}
+    fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
     of_reward = numbers_of_reward(task)
     for name in (n for n in given if isinstance(n, str)):
         entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
@@ -88,16 +93,6 @@ def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None
                 "function of the two goals alone"
                 + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
             )
-
-
-def _check_goal(goal: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
-    radius = np.linalg.norm(goal, axis=1)
-    if (radius > reach).any():
-        lane = int(np.argmax(radius - reach))
-        raise ValueError(
-            f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches {reach[lane]:.6g} m: "
-            "choose a goal within it"
-        )
 
 
 def checked_options(options: Any) -> dict[str, Any]:

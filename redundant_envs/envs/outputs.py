@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ INFO_NAMES = {
     "events_sum": "events",
     "error_most": "error_estimate",
 }
+SUM = re.compile(r"(.*?)(?:_term)?_sum$")
+"""Names of sums over the episode, of terms of the reward."""
 
 
 class Outputs(NamedTuple):
@@ -50,7 +53,8 @@ class Columns:
         self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
         """Quantities in ``info``: quantity, table, row."""
         labels = {**INFO_NAMES, **episode.task.labels}
-        self.names = [info_name(name, labels) for name, *_ in self.places_shown]  # names of these in ``info``
+        shown = (labels.get(n) or SUM.sub(r"return_\1", n) for n, *_ in self.places_shown)
+        self.names = [*shown]  # names of these in ``info``
 
     def of(self, out: Outputs, name: str) -> Any:
         """A quantity of all lanes."""
@@ -66,10 +70,3 @@ class Columns:
         tables = [table[:, lane].tolist() for table in out]
         values = (tables[table][row] for _, table, row in self.places_shown)
         return dict(zip(self.names, values, strict=True))
-
-
-def info_name(column: str, labels: Mapping[str, str]) -> str:
-    """Name of a column in ``info``."""
-    if column.endswith("_sum") and column not in labels:
-        return f"return_{column.removesuffix('_sum').removesuffix('_term')}"
-    return labels.get(column, column)

@@ -1,9 +1,12 @@
-"""Pictures of an environment in plain NumPy: anti-aliased shapes by their signed distances."""
+"""Pictures of an environment in plain NumPy: anti-aliased shapes and letters by their signed distances."""
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +14,12 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.lettering import cover, from_segment
+from redundant_envs.files import read_yaml
 from redundant_envs.robots.arm import Arm
+
+Points = NDArray[np.float64]
+Pair = tuple[float, float]
+Color = tuple[int, int, int]
 
 SIZE = 480
 BACKGROUND = (250, 250, 248)
@@ -36,6 +43,11 @@ HOLDING = {"hold", "is_success"}
 success on."""
 TRAIL_LENGTH = 100
 CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)  # middles of the pixels of a row or a column
+CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
+GAP = 1.5  # between two letters, in units of the grid
+STROKE = 0.85  # width of a stroke, in units of the grid
+GLYPHS: dict[str, tuple[float, str]] = read_yaml(Path(__file__).with_name("lettering.yaml"), "glyphs")
+"""Character -> its width, and its strokes: points x,y joined by lines, strokes parted by semicolons."""
 
 
 class Canvas:
@@ -47,13 +59,10 @@ class Canvas:
         self.pixels = background.copy()
         self.scale = SIZE / (2.0 * half_width)
 
-    def _pixel(self, point: NDArray[np.float64]) -> tuple[float, float]:
+    def _pixel(self, point: Points) -> Pair:
         return SIZE / 2 + self.scale * float(point[0]), SIZE / 2 - self.scale * float(point[1])
 
-    def _blend(
-        self, low: tuple[float, float], high: tuple[float, float], color: tuple[int, int, int],
-        distance: Callable[[Any, Any], Any], alpha: float,
-    ) -> None:  # fmt: skip
+    def _blend(self, low: Pair, high: Pair, color: Color, distance: Callable[[Any, Any], Any]) -> None:
         """Colour the inside of a shape, given by its signed distance [px] at x, y."""
         x0, y0 = (max(0, int(v) - 2) for v in low)
         x1, y1 = (min(SIZE, int(v) + 3) for v in high)
@@ -62,22 +71,16 @@ class Canvas:
         cover = np.float32(0.5) - distance(CENTRES[x0:x1], CENTRES[y0:y1, None])
         np.minimum(cover, 1.0, out=cover)
         np.maximum(cover, 0.0, out=cover)
-        mix(self.pixels[y0:y1, x0:x1], cover * np.float32(alpha), color)
+        mix(self.pixels[y0:y1, x0:x1], cover, color)
 
-    def capsule(
-        self, a: NDArray[np.float64], b: NDArray[np.float64], width: float,
-        color: tuple[int, int, int], alpha: float = 1.0,
-    ) -> None:  # fmt: skip
+    def capsule(self, a: Points, b: Points, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
         (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
         r = width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
-        self._blend(low, high, color, lambda x, y: from_segment(x - ax, y - ay, bx - ax, by - ay) - r, alpha)
+        self._blend(low, high, color, lambda x, y: from_segment(x - ax, y - ay, bx - ax, by - ay) - r)
 
-    def disc(
-        self, center: NDArray[np.float64], radius: float, color: tuple[int, int, int],
-        alpha: float = 1.0, ring: float = 0.0,
-    ) -> None:  # fmt: skip
+    def disc(self, center: Points, radius: float, color: Color, ring: float = 0.0) -> None:
         """A disc, or a ring of the given width; sizes in pixels."""
         cx, cy = self._pixel(center)
 
@@ -87,12 +90,9 @@ class Canvas:
             return np.abs(d) - ring / 2 if ring else d
 
         r = radius + ring
-        self._blend((cx - r, cy - r), (cx + r, cy + r), color, distance, alpha)
+        self._blend((cx - r, cy - r), (cx + r, cy + r), color, distance)
 
-    def trail(
-        self, points: NDArray[np.float64], width: float, color: tuple[int, int, int],
-        faint: float, strong: float,
-    ) -> None:  # fmt: skip
+    def trail(self, points: Points, width: float, color: Color, faint: float, strong: float) -> None:
         """A line through points (n, 2) that fades towards the first; width in pixels.
 
         All its segments are drawn at once: along the longer of its two directions a segment has a
@@ -131,9 +131,8 @@ class Canvas:
         flat[index] = patch
 
     def text(
-        self, text: str, x: int, y: int, color: tuple[int, int, int], height: float = LETTERS,
-        from_right: bool = False,
-    ) -> None:  # fmt: skip
+        self, text: str, x: int, y: int, color: Color, height: float = LETTERS, from_right: bool = False
+    ) -> None:
         """A line of text with its upper left corner, or its upper right one, at a pixel (x, y)."""
         weight = cover(text, height)
         rows, columns = weight.shape
@@ -156,7 +155,45 @@ class Canvas:
             self.pixels[row.start - 1 : row.stop + 1, middle] = JOINT
 
 
-def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int, int, int]) -> None:
+def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
+    """Distance of points from a segment, both relative to its start; (dx, dy) is its end."""
+    s = (x * dx + y * dy) / np.maximum(dx * dx + dy * dy, np.float32(1e-9))
+    s = np.maximum(np.minimum(s, 1.0), 0.0)
+    ex, ey = x - s * dx, y - s * dy
+    return np.sqrt(ex * ex + ey * ey)
+
+
+@lru_cache(maxsize=512)
+def cover(text: str, height: float) -> NDArray[np.float32]:
+    """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
+
+    ``height`` is that of a digit, px. ValueError if a character has no glyph.
+    """
+    lacking = sorted(set(text) - GLYPHS.keys())
+    if lacking:
+        raise ValueError(f"text is {text!r}; there is no glyph for {''.join(lacking)!r} in GLYPHS")
+    unit, left = height / CAPITAL, 2.0
+    width = sum(GLYPHS[c][0] + GAP for c in text) - GAP
+    rows, columns = int(np.ceil(height + 0.4 * height)) + 4, int(np.ceil(unit * width)) + 5
+    x = np.arange(columns, dtype=np.float32) + np.float32(0.5)
+    y = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[:, None]
+    nearest = np.full((rows, columns), np.inf, np.float32)
+    for character in text:
+        own, strokes = GLYPHS[character]
+        for stroke in filter(None, strokes.split(";")):
+            points = [tuple(map(float, pair.split(","))) for pair in stroke.split()]
+            for (ax, ay), (bx, by) in itertools.pairwise(points):
+                away = from_segment(
+                    x - (left + unit * ax), y - (3.0 + unit * ay), unit * (bx - ax), unit * (by - ay)
+                )
+                np.minimum(nearest, away, out=nearest)
+        left += unit * (own + GAP)
+    result = np.clip(np.float32(0.5 + 0.5 * STROKE * unit) - nearest, 0.0, 1.0)
+    result.setflags(write=False)
+    return result
+
+
+def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: Color) -> None:
     """Blend a colour into an array of pixels (..., 3), each with its own weight."""
     difference = np.array(color, np.float32) - patch
     difference *= weight[..., None]
@@ -165,9 +202,7 @@ def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int,
     patch[...] = difference  # towards zero, so 0.5 more rounds
 
 
-def draw_links(
-    canvas: Canvas, arm: Arm, q: NDArray[np.float64], travel: Mapping[int, tuple[float, float]]
-) -> None:
+def draw_links(canvas: Canvas, arm: Arm, q: Points, travel: Mapping[int, Pair]) -> None:
     """The links of an arm between its point masses; a slider's rail spans its ``travel`` [m]."""
     points = arm.points(q)
     ends = [np.zeros(2), *points]
@@ -193,7 +228,7 @@ def draw_links(
             canvas.disc(ends[k], 4.5, JOINT)
 
 
-def _rail(canvas: Canvas, start: Any, along: Any, travel: tuple[float, float]) -> None:
+def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
     stops = [start + limit * along for limit in travel]
     canvas.capsule(stops[0], stops[1], 7.0, RAIL)
     across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
@@ -286,8 +321,7 @@ class Renderer:
         def read(names: Sequence[str]) -> NDArray[np.float64]:
             return core.memory.read(tuple(names), index)[0]
 
-        q = read(arm.coordinates)
-        steps, *efforts = read(("steps", *core.actions))
+        q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
         numbers = read([*arm.parameter_values()]).tolist()
         own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
         ends = {k: names for k, names in core.scene.travel().items() if arm.prismatic[k]}
@@ -305,20 +339,17 @@ class Renderer:
             radius = canvas.scale * core.reach * (read([name])[0] if name in core.memory else 0.0)
             canvas.disc(goal, max(radius, 3.0), GOAL)
             canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
-        if written:
-            self._write(canvas, index, steps, efforts)
-        return canvas.pixels
-
-    def _write(self, canvas: Canvas, index: NDArray[np.intp], steps: float, efforts: Sequence[float]) -> None:
-        core = self.core
+        if not written:
+            return canvas.pixels
         canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
         dt = core.scene.control_dt
         canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, INK)
         if {*core.task.memory, *core.task.metrics} >= HOLDING:
-            hold, success = core.memory.read(("hold", "is_success"), index)[0]
+            hold, success = read(("hold", "is_success"))
             if hold > 0:
                 held = f"held {hold * dt:.2f} s"
                 canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
+        return canvas.pixels
 
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
