@@ -175,17 +175,15 @@ def total_figure(run: EnergyRun) -> Any:
     motion = run.trajectory
     figure = new_figure(7.0, 5.0)
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
+    low = min(motion.potential_energy.min(), run.balance.min())
+    high = max(motion.kinetic_energy.max(), run.balance.max(), run.total.max())
     book = run.without_springs
     if book is not None:
         energy.plot(motion.t, book, color=LEFT_OUT, lw=1.0, label="springs left out")
-    energy.plot(motion.t, run.total, color=TOTAL, lw=2.0, label="total")
-    worked = float(np.abs(motion.work).max()) > 1e-12 * run.scale
-    if worked:
-        energy.plot(motion.t, run.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
-    low = min(motion.potential_energy.min(), run.balance.min())
-    high = max(motion.kinetic_energy.max(), run.balance.max(), run.total.max())
-    if book is not None:
         low, high = min(low, book.min()), max(high, book.max())
+    energy.plot(motion.t, run.total, color=TOTAL, lw=2.0, label="total")
+    if float(np.abs(motion.work).max()) > 1e-12 * run.scale:
+        energy.plot(motion.t, run.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
     margin = 0.05 * (high - low)
     energy.set_ylim(low - margin, high + margin)
     energy.set_ylabel("energy [J]")
@@ -198,6 +196,7 @@ def total_figure(run: EnergyRun) -> Any:
 
 
 def _finish(panels: Any, t: NDArray[np.float64]) -> None:
+    """Limits, legends and the label of the time."""
     for panel in panels:
         panel.set_xlim(t[0], t[-1])
         bare(panel)

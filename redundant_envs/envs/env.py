@@ -21,7 +21,7 @@ from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
-"""Numbers of the tables as :mod:`struct` reads them; a row has one for each lane of a block."""
+"""Numbers of the tables for :mod:`struct` and NumPy; a row has one for each lane of a block."""
 
 
 class ArmEnv(Face, gym.Env[Any, Any]):
@@ -227,17 +227,11 @@ class SingleLane:
         return self._points.unpack_from(self._buffer)  # type: ignore[return-value]
 
 
-def _in_one_buffer(columns: Columns) -> tuple[bytearray, Outputs]:
+def _in_one_buffer(columns: Columns) -> tuple[memoryview, Outputs]:
     """Tables for the lanes of a block side by side in memory, so that one call reads all of them."""
-    sizes = [len(names) * LANES * struct.calcsize(FORMATS[t]) for t, names in columns.tables.items()]
-    buffer = bytearray(sum(sizes))
-    arrays, start = [], 0
-    kinds = (np.bool_, np.int64, np.float64)
-    for names, size, kind in zip(columns.tables.values(), sizes, kinds, strict=True):
-        part: Any = np.frombuffer(memoryview(buffer)[start : start + size], dtype=kind)
-        arrays.append(part.reshape(len(names), LANES))
-        start += size
-    return buffer, Outputs(*arrays)
+    kinds = [(table, FORMATS[table], (len(names), LANES)) for table, names in columns.tables.items()]
+    tables: Any = np.zeros(1, kinds)
+    return memoryview(tables.view(np.uint8)), Outputs(*(tables[table][0] for table in columns.tables))
 
 
 def _reader(columns: Columns, names: Any) -> struct.Struct:

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import importlib
+import inspect
+import math
+import re
+from pathlib import Path
 from typing import Any
 
+from redundant_envs.algebra import gives_of
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
-from redundant_envs.envs.registration import IDS, SCENES
+from redundant_envs.envs.outputs import Columns
+from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, NAMESPACE, SCENES
 from redundant_envs.envs.vector_env import ArmVectorEnv
+from redundant_envs.files import read_yaml
+from redundant_envs.model.programs import environment_simulator
+from redundant_envs.scene import Scene, load_scene
+from redundant_envs.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
 
 
 class _Page:
@@ -20,8 +32,6 @@ class _Page:
     """
 
     def __get__(self, instance: Any, owner: type[Any]) -> str:
-        from redundant_envs.envs.pages import members, page
-
         if issubclass(owner, ArmVectorEnv):
             single = owner.__name__.removesuffix("VectorEnv") + "Env"
             text = f"Native vector form of {single}. Its page: help({owner.__module__}.{single})\n"
@@ -55,3 +65,155 @@ def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     if name.endswith("VectorEnv"):
         base = ArmVectorEnv
     return type(name, (base,), {**home, "__doc__": _Page()})
+
+
+# ---- pages -------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def texts() -> dict[str, Any]:
+    """Sentences and paragraphs of the pages, with names in braces."""
+    return read_yaml(Path(__file__).with_name("pages.yaml"), "text")  # type: ignore[no-any-return]
+
+
+def action_table(scene: Scene) -> str:
+    """Actions with their limits."""
+    values, arm, rows = scene.parameters(), scene.robot, []
+    for k, (joint, limit) in enumerate(zip(arm.joints, scene.action_units(), strict=True)):
+        unit = "N" if arm.prismatic[k] else "N m"
+        rows.append((k, f"effort at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit))
+    return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
+
+
+def observation_table(scene: Scene, task: Task) -> str:
+    """Observed quantities in order."""
+    rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
+    return markdown(("Num", "Observation", "Min", "Max"), rows)
+
+
+def reward_table(scene: Scene, task: Task) -> str:
+    """Reward terms with the formulas that their functions state."""
+    rows = []
+    for function in task.reward_functions(scene):
+        formula = (function.__doc__ or "").partition("\n")[0]
+        names = [term.removesuffix("_term") for term in gives_of(function)]
+        rows += [(name, f"`{formula}`", f"`return_{name}`") for name in names]
+    return markdown(("Term", "Value per step", "Sum over the episode in info"), rows)
+
+
+def info_table(scene: Scene, task: Task) -> str:
+    """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
+    episode = environment_simulator(scene, task).episode
+    assert episode is not None
+    given = ["return_*" if name.startswith("return_") else name for name in Columns(episode).names]
+    meanings, only_in = texts()["info"], texts()["only_in"]
+    rows = [
+        (f"`{name}`", meanings.get(name, "A metric of the task."), only_in.get(name, ""))
+        for name in dict.fromkeys((*given, *only_in))
+    ]
+    return markdown(("Key", "Meaning", "Only in"), rows)
+
+
+def argument_table(kind: type[Any]) -> str:
+    """Keyword arguments of the constructor with their defaults."""
+    given = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind).parameters.items()}
+    given["scene"] = "of the id"
+    rows = [(f"`{name}`", default, texts()["arguments"][name]) for name, default in given.items()]
+    return markdown(("Parameter", "Default", "Description"), rows)
+
+
+def task_table(task: Task) -> str:
+    """Numbers of the task, with the sentences of its docstring."""
+    sentences = meanings(type(task))
+    rows = [
+        (
+            f"`{field.name}`", getattr(task, field.name), task.units.get(field.name, ""),
+            _allowed(*task.ranges.get(field.name, (0.0, math.inf))), sentences.get(field.name, ""),
+        )
+        for field in dataclasses.fields(task)
+    ]  # fmt: skip
+    return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows)
+
+
+def _allowed(low: float, high: float) -> str:
+    if low != 0.0:
+        return f"{low:g} to {high:g}"
+    return "positive" if high == math.inf else f"above 0, at most {high:g}"
+
+
+ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)
+
+
+def meanings(kind: type[Any]) -> dict[str, str]:
+    """What the numbers of a class mean: the "Parameters" of its docstring and of those of its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
+        section = text.partition("Parameters\n----------\n")[2].partition("\n---")[0]
+        for names, sentence in ENTRY.findall(section):
+            found |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
+    return found
+
+
+def members(kind: type[Any]) -> str:
+    """Methods and values of an environment, those of Gymnasium's classes left out."""
+    own: dict[str, Any] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__.startswith(f"{NAMESPACE}."):
+            own |= {name: value for name, value in vars(base).items() if not name.startswith("_")}
+    methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
+    values = [name for name, value in own.items() if isinstance(value, property)]
+    lines = ["## Methods"]
+    for name, method in methods.items():
+        given = inspect.signature(method).parameters.values()
+        plain = [p.replace(annotation=inspect.Parameter.empty) for p in given if p.name != "self"]
+        lines += [f"* `{name}{inspect.Signature(plain)}`: {_indented(method)}"]
+    lines += ["", "## Values"]
+    lines += [f"* `{name}`: {_indented(getattr(kind, name))}" for name in values]
+    return "\n".join(lines) + "\n"
+
+
+def _indented(member: Any) -> str:
+    """The docstring of a member, as an entry of a list."""
+    return (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
+
+
+def page(kind: type[Any], scene_name: Any) -> str:
+    """The docstring of an environment under Gymnasium's headings."""
+    scene, task = load_scene(scene_name), TASKS[kind.task_name]()
+    arm, joints = scene.robot, len(scene.robot.joints)
+    sliders, fast = any(arm.prismatic), f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s, "
+    drawn = ""
+    if arm.schematic:
+        slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
+        drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider)
+    text: str = texts()["page"].format(
+        arm=arm,
+        task=task,
+        joints=joints,
+        drawn=drawn,
+        name=scene_name if isinstance(scene_name, str) else "given where the arm is registered",
+        masses=", ".join(f"{x:g}" for x in arm.masses),
+        lengths=", ".join(f"{x:g}" for x in arm.lengths),
+        effects=", ".join(type(effect).__name__ for effect in scene.effects),
+        dt=scene.control_dt,
+        rate=1 / scene.control_dt,
+        accuracy=f"to a tip error of {scene.tolerance:g} m" if scene.tolerance else f"by {scene.integrator}",
+        redundant=texts()["redundant"].format(joints=joints) if joints > 2 else "",
+        of_goals=texts()["of_goals"] if task.goal_conditioned else "",
+        travel="; prismatic\njoints uniform over their travel" if sliders else "",
+        ends=fast if task.speed_bound_ends else "",
+        flags="" if task.speed_bound_ends else fast,
+        observed=len(task.observation(scene)),
+        actions=action_table(scene),
+        observations=observation_table(scene, task),
+        rewards=reward_table(scene, task),
+        reward_note=task.reward_note(),
+        success_note=task.success_note(),
+        start_note=task.start_note(),
+        most_steps=MAX_EPISODE_STEPS,
+        info=info_table(scene, task),
+        arguments=argument_table(kind),
+        numbers=task_table(task),
+    )
+    return text

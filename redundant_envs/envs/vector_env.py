@@ -62,12 +62,11 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         seed : int, sequence of ints, optional
             Environment i gets ``seed + i``, or its entry of the sequence.
         options : dict, optional
-            "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (joints,) or (n,
-            joints);
-            "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers} of the arm, its effects and the
-            task, each with a row for each environment or one for all; n counts those reset.
-            Parameters are set on top of the environment's own and stay, through autoresets too, until
-            a reset of the environment gives "parameters" again ({} returns to the own ones).
+            "reset_mask": (num_envs,) bool, the environments to reset; "q", "qd": (joints,) or (n, joints);
+            "goal": (2,) or (n, 2) [m]; "parameters": {name: numbers} of the arm, its effects and the task,
+            each with a row for each environment or one for all; n counts those reset. Parameters are set on
+            top of the environment's own and stay, through autoresets too, until a reset of the environment
+            gives "parameters" again ({} returns to the own ones).
         """
         options = checked_options(options)
         mask = options.pop("reset_mask", None)
@@ -168,8 +167,6 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
 
 def lane_seeds(seed: Any, count: int) -> list[int | None]:
     """One seed per lane from Gymnasium's seed argument."""
-    if seed is None:
-        return [None] * count
     if isinstance(seed, np.ndarray):
         seed = list(np.atleast_1d(seed))
     if isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
@@ -177,5 +174,4 @@ def lane_seeds(seed: Any, count: int) -> list[int | None]:
             raise ValueError(f"seed has {len(seed)} entries; give one per environment, {count}")
         return [checked_seed(f"seed[{i}]", s) for i, s in enumerate(seed)]
     first = checked_seed("seed", seed)
-    assert first is not None
-    return [first + i for i in range(count)]
+    return [None if first is None else first + i for i in range(count)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from faces import FOUR_R, made
 
-from redundant_envs.envs.episode_keys import AHEAD, EpisodeKeys
+from redundant_envs.envs.core import AHEAD, EpisodeKeys
 
 LANES = np.arange(3)
 

@@ -23,7 +23,7 @@ from three_r_by_hand import ThreeRByHand
 
 import redundant_envs as rde
 from redundant_envs.algebra import gives_of, physics
-from redundant_envs.envs.pages import task_table
+from redundant_envs.envs.named import task_table
 from redundant_envs.verify import equations, kinematics, verify
 from redundant_envs.verify.checks import checks_of
 
