@@ -36,7 +36,8 @@ SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
 TASKS = ["Reach", "GoalReach"]
 IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
-"""("arm" or "task", its name) -> the module of its class, for those registered from outside."""
+"""("the arm" or "the task", its name) -> the module of its class and "/", for those registered from outside:
+another process must import it for an environment, and entry points begin with it."""
 
 
 def ids() -> list[str]:
@@ -81,19 +82,6 @@ def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
             )
 
 
-def homes(arm: str, task: str) -> str:
-    """Modules from outside that another process must import for an environment, as in "my_arms/": entry
-    points begin with them."""
-    modules = dict.fromkeys(HOMES.get(key) for key in (("arm", arm), ("task", task)))
-    return "".join(f"{module}/" for module in modules if module)
-
-
-def _remember_home(what: str, name: str, kind: type[Any]) -> None:
-    module = kind.__module__
-    if module.partition(".")[0] not in (NAMESPACE, "__main__", "builtins"):
-        HOMES[what, name] = module
-
-
 def register() -> None:
     """Register all ids with Gymnasium; registering twice does nothing."""
     for arm, scene in SCENES.items():
@@ -103,7 +91,8 @@ def register() -> None:
             if name in gym.registry and gym.registry[name].kwargs.get("scene") == scene:
                 continue
             gym.registry.pop(name, None)
-            entry = f"redundant_envs.envs.named:{homes(arm, task)}{arm}{task}"
+            homes = dict.fromkeys(HOMES.get(key, "") for key in (("the arm", arm), ("the task", task)))
+            entry = f"redundant_envs.envs.named:{''.join(homes)}{arm}{task}"
             gym.register(
                 id=name,
                 entry_point=f"{entry}Env",
@@ -126,6 +115,9 @@ def _add(what: str, registry: dict[str, Any], name: str, value: Any) -> None:
     if there != value and (len(homes) > 1 or not isinstance(value, type)):
         raise ValueError(f"{what} {name!r} is taken by {there!r}; give yours another name")
     registry[name] = value
+    module = value.__module__
+    outside = module.partition(".")[0] not in (NAMESPACE, "__main__", "builtins")
+    HOMES[what, name] = f"{module}/" if outside else ""
 
 
 def _check_name(what: str, name: Any) -> None:
@@ -176,7 +168,6 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         robots.REGISTRY.clear()
         robots.REGISTRY.update(before)
         raise
-    _remember_home("arm", arm.kind, arm)
     SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
     register()
 
@@ -213,7 +204,6 @@ def register_task(task: type[Task]) -> None:
     _add("the task", tasks.REGISTRY, task.name, task)
     if task.name not in TASKS:
         TASKS.append(task.name)
-    _remember_home("task", task.name, task)
     register()
 
 

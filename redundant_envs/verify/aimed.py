@@ -49,13 +49,13 @@ class Lag(Effect):
     time_constant: float
 
     def hooks(self, arm: Any) -> tuple[Hook, ...]:
-        return tuple(self._link(k, "N" if slides else "N m") for k, slides in enumerate(arm.prismatic))
-
-    def _link(self, k: int, unit: str) -> Actuation:
-        own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
-        bind = {"command": f"command{k + 1}", **own}
-        state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
-        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
+        links = []
+        for k, unit in enumerate("N" if slides else "N m" for slides in arm.prismatic):
+            own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
+            bind = {"command": f"command{k + 1}", **own}
+            state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
+            links.append(Actuation(k, effort_of, own, Link.LAG, states=(state,)))
+        return tuple(links)
 
 
 @physics
