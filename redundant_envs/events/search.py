@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
-from redundant_envs.events.crossings import Crossing, Overshoot, most_pull
-from redundant_envs.events.first_event import TAYLOR_SHARE, Encounter, Event
+from redundant_envs.events.crossings import TAYLOR_SHARE, Crossing, Encounter, Event, Overshoot, most_pull
 from redundant_envs.tracing.ways import branches
 
 RELEASE_SHARE = 1e-7
