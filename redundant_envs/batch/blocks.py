@@ -138,7 +138,7 @@ class Blocks:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         parts = ends.begin, interval.step.clear, interval.step.common_step, ends.end
-        if not interval.dynamics.repeated:
+        if interval.dynamics.scene.substeps == 1:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)

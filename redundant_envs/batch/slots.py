@@ -47,7 +47,7 @@ class Slots:
         groups = (count + (GROUP - 1)) >> 6
         # Slots never wait for the last lanes of a group: these continue beside those of the next one, but
         # for intervals of several common steps.
-        repeated = self.dynamics.repeated
+        repeated = self.dynamics.scene.substeps > 1
         with p.each(groups if repeated else groups + 1) as group:
             first = group * GROUP
             end = p.select(first + GROUP < count, first + GROUP, count)
@@ -75,7 +75,7 @@ class Slots:
         i, inputs = self.dynamics, self.ends.inputs
         begin: tuple[Procedure, ...] = (self.ends.begin, step.clear)
         self.goes_on = self.blocks.program()
-        if i.repeated:
+        if i.scene.substeps > 1:
             self.cleared = make("clear", *begin, inputs=inputs)
             begin, inputs = (), {}
         # Under error control it is known before the common step which lanes it may serve, and with stops,

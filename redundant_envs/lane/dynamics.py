@@ -134,16 +134,6 @@ class Dynamics:
         return bool(self.stops or self.instants) or self.controlled
 
     @property
-    def repeated(self) -> bool:
-        """Whether an interval consists of several common steps."""
-        return self.scene.substeps > 1
-
-    @property
-    def estimates(self) -> bool:
-        """Whether the method has an error estimate."""
-        return bool(self.method.error5)
-
-    @property
     def logs(self) -> bool:
         """Whether events are kept."""
         return bool(self.stops) and self.track_work
@@ -166,7 +156,7 @@ class Dynamics:
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and not self.controlled and self.repeated else "{}_start"
+        return "{}_interval" if self.local and not self.controlled and self.scene.substeps > 1 else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -242,7 +232,8 @@ class Dynamics:
             return made
         rates = required_steps.rates_of_parameters(self.scene, x)
         made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
-        return made | required_steps.mobilities(self.scene, x)
+        dampers = required_steps.dampers(self.scene)
+        return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
 
     @cached_property
     def prepared(self) -> tuple[str, ...]:

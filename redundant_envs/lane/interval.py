@@ -11,9 +11,8 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import Force
-from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
-from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane

@@ -86,12 +86,9 @@ class EqualSteps(StepControl):
     def end(self, lane: Lane) -> End:
         ended, last = logical_not(lane.left > 0.0), logical_not(lane.steps_left - 1.0 > 0.0)
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
-        impacts = lane.impacts if self.dynamics.stops else 0.0
-        norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
-        change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
-        known = lane.divisions, lane.error, lane.tip_tolerance, change, impacts
-        agrees = error_control.agrees(Crossed(*known, *self.step.doubts(lane)))
-        most = error_control.most_steps(impacts)
+        crossed = self._crossed(lane)
+        agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
+        most = error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
@@ -106,6 +103,13 @@ class EqualSteps(StepControl):
         if not passed:
             lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
+
+    def _crossed(self, lane: Lane) -> Crossed:
+        norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
+        change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
+        impacts = lane.impacts if self.dynamics.stops else 0.0
+        known = lane.divisions, lane.error, lane.tip_tolerance, change, impacts
+        return Crossed(*known, *self.step.doubts(lane))
 
     def within_budget(self, lane: Lane) -> Any:
         return lane.evaluations < MOST_TRIALS * self.stages

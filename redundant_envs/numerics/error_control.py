@@ -121,12 +121,6 @@ class Crossed(NamedTuple):
     hidden_kink: Any = False  # whether it may have had one between the stages
 
 
-def agrees(c: Crossed) -> Any:
-    """Whether the result of an interval is confirmed: by its estimate alone, or by that of the previous
-    time."""
-    return growth_allowed(c) | confirmed(c)
-
-
 @branches
 def growth_allowed(c: Crossed) -> Any:
     """Whether errors that grow as much as the steps and impacts of an interval permit would still pass."""
