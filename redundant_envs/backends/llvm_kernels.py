@@ -1,4 +1,4 @@
-"""Kernels, and the functions on vectors of 8 doubles that they call, as an LLVM module: not needed to load."""
+"""Kernels, and the functions on vectors of 8 doubles that they call, as an LLVM module."""
 
 from __future__ import annotations
 

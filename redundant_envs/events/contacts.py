@@ -341,10 +341,7 @@ def velocities_after(
 
 @branches
 def stop_after(c: Contact, strikes: Any, rests: Any, released: Any, velocity: Any) -> Any:
-    """Side of the stop at which a coordinate of a present velocity rests from now on.
-
-    A coordinate ``strikes`` its stop, or not; this one ``rests`` from now on, or is ``released``.
-    """
+    """Side of the stop at which a coordinate rests from now on, if one ``strikes`` or this one ``rests``."""
     if rests:
         return c.side
     if released or (strikes and -c.side * velocity > 0.0):

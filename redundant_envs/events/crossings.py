@@ -31,8 +31,7 @@ class Crossing(enum.IntEnum):
 
 
 class Overshoot(NamedTuple):
-    """Largest overshoot of an acceleration between the stages of a step and near its ends
-    (Tableau.overshoot_between_nodes)."""
+    """Largest overshoot of an acceleration (Tableau.overshoot_between_nodes)."""
 
     between: float
     at_ends: float
@@ -52,8 +51,7 @@ def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
 
 @branches
 def most_pull(s: BoundedCoordinate, overshoot: Overshoot) -> Any:
-    """Largest force with which the stop of a resting coordinate may have to pull in a step; 0 if it never
-    does."""
+    """Largest force with which the stop of a resting coordinate may have to pull in a step, or 0."""
     if s.free:
         return 0.0
     return maximum(s.watched.most + margins(s.watched, overshoot)[1], 0.0)

@@ -72,8 +72,7 @@ def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
 
 
 def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
-    """Change of the coordinates' velocities by a generalized impulse, M^-1 n: the accelerations of an arm at
-    rest, without a field, under a force of that size."""
+    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field."""
     arm = dynamics.arm
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
@@ -221,8 +220,6 @@ class Boundaries:
             position, velocity, self.active(lane, b), *self.limits(lane, b),
             acceleration, force, released, lane[b.restitution], b in self.dynamics.holding, b.owner,
         )  # fmt: skip
-
-    # ---- contacts ----------------------------------------------------------------------------------------
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""

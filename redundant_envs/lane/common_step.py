@@ -245,10 +245,7 @@ class CommonStep:
         return [new > error_control.FARTHER * old for old, new in distances]
 
     def judge(self, lane: Lane) -> None:
-        """After a common step: the reason why a lane leaves it, if it does.
-
-        For a lane that the step could not serve, its result is never used.
-        """
+        """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
         reason: Any = Reason.NONE
         if self.dynamics.boundaries:
             moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot

@@ -34,8 +34,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Parameters of a scene as fields of a lane, some of them replaced, and the fields that follow from
-    them."""
+    """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
     scene = dynamics.scene
     values = {**dynamics.parameters, **(parameters or {})}
     steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}

@@ -246,11 +246,8 @@ class Dynamics:
         numbers of error control, which no function takes."""
         return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
 
-    # ---- effects -----------------------------------------------------------------------------------
-
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of the chains of all motors, and the results of their states' functions, where
-        ``change`` is "derivative" or "update"."""
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
@@ -284,8 +281,7 @@ class Dynamics:
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def accelerations(self, x: Quantities) -> list[Any]:
-        """Accelerations from quantities, rates of change of effects' states, and the power if the work is
-        tracked; ``x`` then has the forces."""
+        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
         joints = range(self.count)
         if "ax" not in self.prepared:
             x["ax"] = x["ay"] = ABSENT

@@ -143,8 +143,7 @@ class Episode:
     # ---- a control step --------------------------------------------------------------------------------
 
     def command(self, lane: Lane) -> None:
-        """Efforts from actions: saturated and counted; a non-finite action is recorded and commands no
-        effort."""
+        """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
         if not self.dynamics.local:
             lane.copy(self.dynamics.kept, to="{}_start")
         count: Any = 0.0
