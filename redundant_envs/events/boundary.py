@@ -29,10 +29,7 @@ SMALLEST_SCALE = 1e-280
 
 @dataclass(frozen=True)
 class Boundary:
-    """The limits of a coordinate, and what happens there.
-
-    At a limit that bounces a stop strikes it, and may hold it; at another one a force changes its law.
-    """
+    """The limits of a coordinate: a stop strikes it there, and may hold it, or a force changes its law."""
 
     name: str  # ends the names of its fields
     lower: str  # fields with the limits

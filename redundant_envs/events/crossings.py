@@ -211,11 +211,7 @@ class Event(NamedTuple):
 
 
 def quintic_through(s: BoundedCoordinate, h: Any, gap: Any) -> list[Any]:
-    """Coefficients in s of the quintic with a coordinate's positions, velocities and accelerations at both
-    ends of a step, of which s is a fraction, m.
-
-    The acceleration at the end is that of the last stage. The coordinate starts ``gap`` above its limit.
-    """
+    """Coefficients, m, of the quintic through both ends of a step, in shares of it; it starts at ``gap``."""
     d = s.position - s.start_position
     s0 = h * s.start_velocity
     s1 = h * s.velocity

@@ -12,14 +12,8 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, any_of, maximum, minimum, total, where
 from redundant_envs.dual import Dual, dual
-from redundant_envs.events import contacts, crossings
-from redundant_envs.events.boundary import (
-    Boundary,
-    BoundedCoordinate,
-    limits_of_law,
-    side_touched,
-    starts_at_stop,
-)
+from redundant_envs.events import boundary, contacts, crossings
+from redundant_envs.events.boundary import Boundary, BoundedCoordinate
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
@@ -120,7 +114,7 @@ class Boundaries:
             return 0.0, math.inf
         if b.bounces:
             return lane[b.lower], lane[b.upper]
-        return limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
+        return boundary.limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
 
     def active(self, lane: Lane, b: Boundary, form: str = "{}") -> Any:
         """Side of the stop at which a coordinate rests."""
@@ -159,18 +153,20 @@ class Boundaries:
 
     def touched_before(self, lane: Lane) -> Any:
         """Whether a coordinate was at a stop, or rested there, before the common step."""
-        return any_of(side != 0.0 for side in self.at_start(lane, side_touched))
+        return any_of(side != 0.0 for side in self.at_start(lane, boundary.side_touched))
 
     def touches(self, lane: Lane) -> Any:
         """Whether a coordinate that rests at no stop is at one now."""
-        stops = ((self.active(lane, b), self.at_stop(lane, b, side_touched)) for b in self.dynamics.stops)
+        stops = (
+            (self.active(lane, b), self.at_stop(lane, b, boundary.side_touched)) for b in self.dynamics.stops
+        )
         return any_of((active == 0.0) & (side != 0.0) for active, side in stops)
 
     def confirm_crossings(self, lane: Lane) -> None:
         """After a common step that ends near a boundary: whether the lane meets it."""
         self.record_crossings(lane, "{}_start", lane.h)
         # A coordinate that was released before the step starts at its stop and may leave it.
-        starts = dict(zip(self.dynamics.stops, self.at_start(lane, starts_at_stop), strict=True))
+        starts = dict(zip(self.dynamics.stops, self.at_start(lane, boundary.starts_at_stop), strict=True))
         meets = any_of(
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
             for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)

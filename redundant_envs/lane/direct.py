@@ -1,7 +1,4 @@
-"""A control interval without a compiler: on floats as it is written, on arrays and tensors by an interpreter.
-
-On floats it is the reference for compiled code.
-"""
+"""A control interval without a compiler: on floats as it is written, on arrays by an interpreter."""
 
 from __future__ import annotations
 

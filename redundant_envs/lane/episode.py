@@ -161,10 +161,7 @@ class Episode:
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
 
     def finish_control_step(self, lane: Lane) -> None:
-        """After an interval: faults, task memory, reward and the ends of episodes.
-
-        A faulty lane returns to its last good state; its neighbours are not affected.
-        """
+        """After an interval: faults, task memory, reward, ends of episodes; a faulty lane is undone."""
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.update_effect_states(lane)
         defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
