@@ -251,7 +251,10 @@ class Episode:
         )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]
         draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
-        x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
+        for joint in range(self.dynamics.count):  # uniform in its range of starts, inside the lane's limits
+            low, high = range_of_starts(task, self.dynamics.scene, joint, lane.__getitem__)
+            draws[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        x = self.quantities(lane, draws, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
         zero = [*arm.rates, *remembered, *self.dynamics.active, *self.held_outputs]
@@ -259,14 +262,6 @@ class Episode:
         values |= self.dynamics.effect_states.initial
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
             lane[name] = where(lane.resetting, value, lane[name])
-
-    def start(self, lane: Lane) -> dict[str, Any]:
-        """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
-        positions = {}
-        for joint in range(self.dynamics.count):
-            low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
-            positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
-        return positions
 
 
 # ---- sensors -----------------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ class Interval:
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, without those that only the program of a lane sets."""
-        dynamics = self.dynamics
+        dynamics, rates = self.dynamics, self.dynamics.arm.rates
         yield from motion_fields(dynamics)
         if not dynamics.local:
             return
@@ -76,11 +76,8 @@ class Interval:
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
-        if dynamics.stops:
-            yield from self._fields_of_stops()
-
-    def _fields_of_stops(self) -> Iterator[Field]:
-        dynamics, rates = self.dynamics, self.dynamics.arm.rates
+        if not dynamics.stops:
+            return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
         yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)
