@@ -74,11 +74,6 @@ class Contact(NamedTuple):
         return self.side * self.velocity
 
     @property
-    def limit(self) -> Any:
-        """This stop; without one, the lower."""
-        return where(self.side > 0.0, self.upper, self.lower)
-
-    @property
     def pulled(self) -> Any:
         """Whether the stop at which it rests would have to pull it."""
         return self.active_stop * self.force > 0.0
@@ -284,7 +279,8 @@ def would_rest(c: Contact, press: Any) -> Any:
     """
     if not c.holds:
         return False
-    height = where(c.restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(c.limit), 1.0))
+    limit = where(c.side > 0.0, c.upper, c.lower)
+    height = where(c.restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
     low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
