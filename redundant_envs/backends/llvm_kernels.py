@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
 
 from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, LaneFunction, Output, Program
-from redundant_envs.tracing.graph import Operation, Value, reached
+from redundant_envs.tracing.graph import Operation, Value, bits_of, reached
 from redundant_envs.tracing.passes.order import in_order
 from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Part, Stages
@@ -40,6 +42,12 @@ SIMPLE: dict[str, Callable[..., Any]] = {
 
 def integer(k: int) -> ir.Constant:
     return ir.Constant(INT64, k)
+
+
+@functools.lru_cache(maxsize=1024)
+def block_of(bits: bytes) -> ir.Constant:
+    """One number, given by its bits, in all lanes."""
+    return ir.Constant(BLOCK, struct.unpack("<d", bits) * LANES)
 
 
 def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> Any:
@@ -101,7 +109,7 @@ class Emitter:
         if isinstance(node, bool):
             return ir.Constant(TRUTHS, [int(node)] * LANES)
         if isinstance(node, float):
-            return ir.Constant(BLOCK, [node] * LANES)
+            return block_of(bits_of(node))
         if node not in self.values:
             self.values[node] = self._emit(node)
         return self.values[node]
