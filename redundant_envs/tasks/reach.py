@@ -156,8 +156,8 @@ def observed_travel(arm: Arm) -> list[Callable[..., Any]]:
 
 @physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
 def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
-    position = squash(tip_x, reach), squash(tip_y, reach)
-    return *position, squash(tip_vx, 0.5 * reach), squash(tip_vy, 0.5 * reach)
+    fast = 0.5 * reach
+    return squash(tip_x, reach), squash(tip_y, reach), squash(tip_vx, fast), squash(tip_vy, fast)
 
 
 def posture_and_tip(arm: Arm) -> dict[str, str]:
@@ -177,8 +177,8 @@ def posture_and_tip(arm: Arm) -> dict[str, str]:
 
 @physics(gives="goal_x_obs goal_y_obs error_x_obs error_y_obs")
 def observed_goal(goal_x, goal_y, error_x, error_y, reach):
-    goal = squash(goal_x, reach), squash(goal_y, reach)
-    return *goal, squash(error_x, 0.05 * reach), squash(error_y, 0.05 * reach)
+    near = 0.05 * reach
+    return squash(goal_x, reach), squash(goal_y, reach), squash(error_x, near), squash(error_y, near)
 
 
 GOAL = {
@@ -229,14 +229,9 @@ class ReachTask(Task):
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
     units = {
-        **Task.units,
-        "goal_tolerance": "reaches",
-        "hold_speed": "reaches/s",
-        "hold_steps": "control steps",
-        "inner": "reaches",
-        "outer": "reaches",
-        "rate_scale": "rad/s or m/s",
-    }
+        **Task.units, **dict.fromkeys(("goal_tolerance", "inner", "outer"), "reaches"),
+        "hold_speed": "reaches/s", "hold_steps": "control steps", "rate_scale": "rad/s or m/s",
+    }  # fmt: skip
     # The squares of these numbers neither overflow nor vanish beside those of a motion.
     ranges = {
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches
