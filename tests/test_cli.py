@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 
 import gymnasium as gym
 import numpy as np
@@ -111,33 +110,3 @@ def test_throughput_writes_csv(tmp_path, capsys):
     assert "ns_per_step_best" in capsys.readouterr().out
     found = [(r["arm"], r["integrator"], r["lanes"]) for r in rows(tmp_path / "throughput.csv")]
     assert found == [("FourR", "rk4", "16")]
-
-
-def test_verify_counts_what_error_control_misses(tmp_path):
-    """Nothing in a smooth scene and at hard stops, next to nothing at a kink of stiffness."""
-    data = load_scene("rprp_reach").to_dict()
-    spring = {"type": "LimitSpring", "lower": 0.0, "upper": 0.25, "stiffness": 1e5}
-    kept = [x for x in data["effects"] if x["type"] != "PrismaticStop"]
-    data["effects"] = [*kept, *({**spring, "coordinate": r} for r in ("r1", "r2"))]
-    stiff, found = tmp_path / "stiff.yaml", tmp_path / "found.json"
-    stiff.write_text(yaml.safe_dump(data), encoding="utf-8")
-    words = ["verify", "--quick", "--states", "4000", "--json", str(found)]
-    assert main([*words, "four_r_reach", "rprp_reach", str(stiff)]) == 0
-    subjects = json.loads(found.read_text(encoding="utf-8"))["subjects"]
-    shares = [o["found"] for x in subjects for o in x["outcomes"] if o["check"] == "tolerance kept"]
-    assert shares[0] == 0.0
-    assert max(shares[1:]) <= 0.001
-
-
-def test_verify_measures_a_scenes_own_step(capsys, tmp_path):
-    assert main(["verify", "--quick", "four_r_reach"]) == 0
-    fine = capsys.readouterr().out
-    assert "four_r_reach" in fine
-    assert "more substeps" not in fine
-    coarse = tmp_path / "coarse.yaml"
-    coarse.write_text(
-        "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}\n"
-        "effects: [{type: Gravity}]\nintegrator: euler\ncontrol_dt: 0.1\n"
-    )
-    assert main(["verify", str(coarse)]) == 0
-    assert "take more substeps" in capsys.readouterr().out

@@ -206,9 +206,9 @@ def goal_poses(
 ) -> Array:
     """Poses (..., joints) with the tip at goals (..., 2) [m], NaN where these are out of reach.
 
-    psi (..., joints - 2) is from 0 to pi: at 0 a slider is at the lower end of the range that the goal allows,
-    at pi at the upper end; if that is an end of its travel, m, exactly. For fixed links it chooses distances.
-    Bits of the sheet (...), below :func:`num_sheets`, say to which side each turn goes. All shapes broadcast.
+    psi (..., joints - 2) is from 0 to pi: at 0 a slider is at the lower end of the range the goal allows, and
+    at pi at the upper end; if that is an end of its travel, m, exactly. In fixed links it chooses distances.
+    Bits of the sheet (...), below :func:`num_sheets`, say to which side each turn goes; all shapes broadcast.
     """
     shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
     sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(_links(arm) - 1)]

@@ -165,14 +165,6 @@ def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: tuple[int,
     patch[...] = difference  # towards zero, so 0.5 more rounds
 
 
-def lane_arm(core: Core, lane: NDArray[np.intp]) -> Any:
-    """The arm with a lane's own masses and lengths."""
-    arm = core.scene.robot
-    names = tuple(arm.parameter_values())
-    numbers = core.memory.read(names, lane)[0].tolist()
-    return type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
-
-
 def draw_links(
     canvas: Canvas, arm: Arm, q: NDArray[np.float64], travel: Mapping[int, tuple[float, float]]
 ) -> None:
@@ -290,20 +282,27 @@ class Renderer:
         """
         core, arm = self.core, self.core.scene.robot
         index = np.array([lane])
-        q = core.memory.read(arm.coordinates, index)[0]
-        steps, *efforts = core.memory.read(("steps", *core.actions), index)[0]
-        own_arm = lane_arm(core, index)
+
+        def read(names: Sequence[str]) -> NDArray[np.float64]:
+            return core.memory.read(tuple(names), index)[0]
+
+        q = read(arm.coordinates)
+        steps, *efforts = read(("steps", *core.actions))
+        numbers = read([*arm.parameter_values()]).tolist()
+        own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
+        ends = {k: names for k, names in core.scene.travel().items() if arm.prismatic[k]}
+        travel: Any = {k: tuple(read(names).tolist()) for k, names in ends.items()}
         tip = own_arm.forward_kinematics(q)
         canvas = Canvas(self.half_width, self._background)
         base = np.zeros(2)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
-        draw_links(canvas, own_arm, q, self._travel(index))
+        draw_links(canvas, own_arm, q, travel)
         canvas.disc(base, 9.0, JOINT)
         canvas.disc(base, 4.0, BACKGROUND)
         canvas.disc(tip, 6.5, TRAIL)
         if core.goal_fields:
-            goal = core.memory.read(core.goal_fields, index)[0]
-            radius = canvas.scale * core.reach * self._goal_tolerance(index)
+            goal, name = read(core.goal_fields), "goal_tolerance"
+            radius = canvas.scale * core.reach * (read([name])[0] if name in core.memory else 0.0)
             canvas.disc(goal, max(radius, 3.0), GOAL)
             canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
         if written:
@@ -332,17 +331,3 @@ class Renderer:
         if self._window is not None:
             self._window.close()
             self._window = None
-
-    def _goal_tolerance(self, lane: NDArray[np.intp]) -> float:
-        """Of a lane, in units of the full reach; 0 if the task has none."""
-        name = "goal_tolerance"
-        return float(self.core.memory.read((name,), lane)[0, 0]) if name in self.core.memory else 0.0
-
-    def _travel(self, lane: NDArray[np.intp]) -> dict[int, tuple[float, float]]:
-        """Ends of the travel of a lane's sliders, m."""
-        arm, travel = self.core.scene.robot, {}
-        for joint, ends in self.core.scene.travel().items():
-            if arm.prismatic[joint]:
-                low, high = self.core.memory.read(ends, lane)[0].tolist()
-                travel[joint] = (low, high)
-        return travel

@@ -85,18 +85,11 @@ def dimension(axes: Any, a: Point, b: Point, name: str, side: float) -> None:
 
 
 def ground(axes: Any) -> None:
-    """The base, hatched, with the axes of the plane and gravity."""
+    """The base, hatched."""
     axes.plot((-0.16, 0.16), (-0.075, -0.075), color=INK, lw=1.6, zorder=2)
     for x in np.linspace(-0.13, 0.16, 6):
         axes.plot((x, x - 0.05), (-0.075, -0.135), color=INK, lw=0.9, zorder=2)
     axes.fill((-0.09, 0.09, 0.0), (-0.075, -0.075, 0.03), color=shade(RAIL), zorder=2)
-
-
-def gravity(axes: Any, place: tuple[float, float]) -> None:
-    """The arrow of gravity."""
-    x, y = place
-    arrow(axes, (x, y - 0.3), (x, y), "-|>", SOFT, 1.6, 13)
-    axes.text(x + 0.06, y - 0.15, "$g$", fontsize=13, color=INK, va="center")
 
 
 def draw_rprp(axes: Any) -> None:
@@ -156,7 +149,9 @@ def save_schematic(path: Path, kinds: Sequence[str] = tuple(DRAWN)) -> Path:
         title, draw, view = DRAWN[kind]
         draw(axes)
         axes.set_title(title, fontsize=14, color=INK, loc="left", fontweight="bold")
-        gravity(axes, (view[0] + 0.12, view[3] - 0.05))
+        x, y = view[0] + 0.12, view[3] - 0.05  # of the arrow of gravity
+        arrow(axes, (x, y - 0.3), (x, y), "-|>", SOFT, 1.6, 13)
+        axes.text(x + 0.06, y - 0.15, "$g$", fontsize=13, color=INK, va="center")
         axes.set(xlim=view[:2], ylim=view[2:], aspect="equal")
         axes.set_axis_off()
     legend = (" " if len(kinds) > 1 else "\n").join((*LEGEND, *[OF_SLIDERS] * ("RPRP" in kinds)))

@@ -156,8 +156,9 @@ def observed_travel(arm: Arm) -> list[Callable[..., Any]]:
 
 @physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
 def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
-    fast = 0.5 * reach
-    return squash(tip_x, reach), squash(tip_y, reach), squash(tip_vx, fast), squash(tip_vy, fast)
+    return (
+        squash(tip_x, reach), squash(tip_y, reach), squash(tip_vx, 0.5 * reach), squash(tip_vy, 0.5 * reach),
+    )  # fmt: skip
 
 
 def posture_and_tip(arm: Arm) -> dict[str, str]:
@@ -177,8 +178,10 @@ def posture_and_tip(arm: Arm) -> dict[str, str]:
 
 @physics(gives="goal_x_obs goal_y_obs error_x_obs error_y_obs")
 def observed_goal(goal_x, goal_y, error_x, error_y, reach):
-    near = 0.05 * reach
-    return squash(goal_x, reach), squash(goal_y, reach), squash(error_x, near), squash(error_y, near)
+    return (
+        squash(goal_x, reach), squash(goal_y, reach),
+        squash(error_x, 0.05 * reach), squash(error_y, 0.05 * reach),
+    )  # fmt: skip
 
 
 GOAL = {

@@ -277,7 +277,7 @@ def test_the_table_tells_goals_machines_versions_and_dates(tmp_path):
     text = table(seeds(tmp_path, machine=["Abacus", "Z|1"], date=dates))
     end = "Goals of each seed: 1000. Machine: Abacus; Z|1. torch: 2.13.0. stable-baselines3: 2.9.2. "
     assert text.endswith(end + "Evaluated from 2026-03-04 to 2026-03-09.")
-    assert "Abacus; Z/1 |" in text
+    assert r"Abacus; Z\|1 |" in text
 
 
 def test_what_an_old_folder_lacks_is_a_dash_and_one_seed_has_no_interval(tmp_path):

@@ -39,8 +39,9 @@ from redundant_envs_train.training.watch import Watch
 
 SMALL = {"batch_size": 64, "n_steps": 4, "net_arch": [16, 8]}
 KINDS = {
-    "ppo": {"ppo": SMALL}, "goal": {"ppo": SMALL, "env": "redundant_envs/RPRPGoalReach-v0"}, "sac": {},
-    "her": {}, "plain_ppo": {}, "plain_sac": {}, "td3": {}, "tqc": {}, "crossq": {},
+    "ppo": {"ppo": SMALL, "env_kwargs": {"max_episode_steps": 20}},
+    "goal": {"ppo": SMALL, "env": "redundant_envs/RPRPGoalReach-v0"}, "sac": {}, "her": {},
+    "plain_ppo": {}, "plain_sac": {}, "td3": {}, "tqc": {}, "crossq": {},
 }  # fmt: skip
 ALONE = """
 import sys, warnings

@@ -329,7 +329,7 @@ def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
     for name in ("nothing", "empty", "file"):
-        refused(reading(command, tmp_path / name), str(tmp_path / name), "run folder")
+        refused(reading(command, tmp_path / name), f"/{name}", "run folder")
 
 
 CUT = "half of it"

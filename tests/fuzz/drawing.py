@@ -170,6 +170,7 @@ STATES = (
 )  # fmt: skip
 RARE_STATES = ("denormal", "far", "overflowing", "nan")
 EFFORTS = ("plain", "plain", "bang-bang", "bang-bang", "none", "strong")
+ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
 RARE_EFFORTS = {"1e300": 1e300, "nan": np.nan, "inf": -np.inf, "denormal": 5e-324}
 RARE = 0.03
 """Share of lanes with numbers that no motion survives."""
@@ -230,16 +231,24 @@ def drawn_efforts(scene, count, rng):
     """Efforts, (count, joints), from none to ones that no motion survives."""
     arm = scene.robot
     unit = weight_of(arm) * np.array([1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic])
-    rows = []
-    for kind in drawn_kinds(rng, count, EFFORTS, tuple(RARE_EFFORTS)):
-        row = rng.uniform(-1.0, 1.0, len(unit)) * unit
-        if kind == "bang-bang":
-            row = np.sign(row) * unit
-        elif kind == "none":
-            row = np.zeros(len(unit))
-        elif kind == "strong":
-            row *= 30.0
-        elif kind != "plain":
+    return drawn_rows(rng, drawn_kinds(rng, count, EFFORTS, tuple(RARE_EFFORTS)), unit)
+
+
+def drawn_actions(rng, count, joints, bad=False):
+    """Actions, (count, joints): inside [-1, 1], at its ends, and beyond; bad ones in float64."""
+    kinds = (*ACTIONS, *RARE_EFFORTS) if bad else ACTIONS
+    rows = drawn_rows(rng, [str(rng.choice(kinds)) for _ in range(count)], np.ones(joints))
+    return rows if bad else rows.astype(np.float32)
+
+
+def drawn_rows(rng, kinds, unit):
+    """A row of efforts or actions of each kind."""
+    rows = rng.uniform(-1.0, 1.0, (len(kinds), len(unit))) * unit
+    for row, kind in zip(rows, kinds, strict=True):
+        if kind in RARE_EFFORTS:
             row[rng.integers(len(unit))] = RARE_EFFORTS[kind]
-        rows.append(row)
-    return np.array(rows)
+        elif kind == "bang-bang":
+            row[:] = np.sign(row) * unit
+        else:
+            row *= {"plain": 1.0, "none": 0.0, "too large": 5.0, "strong": 30.0}[kind]
+    return rows

@@ -5,13 +5,12 @@ import numpy as np
 from redundant_envs.robots.parameters import LARGEST_RATIO
 
 from .cases import ENVIRONMENTS, plain
-from .drawing import MOTORS, RARE_EFFORTS, TRIES, drawn_efforts, drawn_scene, drawn_state, drawn_states
+from .drawing import MOTORS, TRIES, drawn_actions, drawn_efforts, drawn_scene, drawn_state, drawn_states
 
 LANES, FEW, MANY = 48, 12, 128
 """Most lanes of a simulator and of environments."""
 LIMIT = 7
 """Control steps of an episode, in most cases: few, so that episodes end often."""
-ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
 CALLS = ("advance",) * 10 + (
     "set_state", "set_parameters", "refused_parameters", "refused_state", "advance_partly", "save", "restore",
     "copy", "pickle", "anew",
@@ -151,8 +150,7 @@ def call_of_environment(rng, case, scene, kind):
     if kind == "step":
         return {"call": kind, "actions": drawn_actions(rng, count, joints)}
     if kind == "bad_step":
-        actions = drawn_actions(rng, count, joints, (*ACTIONS, *RARE_EFFORTS))
-        return {"call": "step", "actions": actions, "float64": True}
+        return {"call": "step", "actions": drawn_actions(rng, count, joints, bad=True), "float64": True}
     if kind == "refused_step":
         texts = {"actions": [["0"] * joints] * count, "text": True, "refused": "dtype"}
         wrong = {"actions": [[0.0] * (joints + 1)] * count, "refused": "shape"}
@@ -172,20 +170,6 @@ def call_of_environment(rng, case, scene, kind):
         options = drawn_options(rng, scene, len(own), case["goal"])
         call |= {"options": options, "refusable": True, "of_lanes": True}
     return call
-
-
-def drawn_actions(rng, count, joints, kinds=ACTIONS):
-    """Actions, (count, joints): inside [-1, 1], at its ends, and beyond."""
-    rows = rng.uniform(-1.0, 1.0, (count, joints))
-    for row in rows:
-        kind = str(rng.choice(kinds))
-        if kind == "bang-bang":
-            row[:] = np.sign(row)
-        elif kind in RARE_EFFORTS:
-            row[rng.integers(joints)] = RARE_EFFORTS[kind]
-        else:
-            row *= {"plain": 1.0, "none": 0.0, "too large": 5.0}[kind]
-    return rows.astype(np.float32) if "1e300" not in kinds else rows
 
 
 def drawn_options(rng, scene, lanes, goal):

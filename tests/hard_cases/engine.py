@@ -1,7 +1,5 @@
 """MuJoCo as a subject of the cases that it can simulate."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 

@@ -128,9 +128,8 @@ def test_21_energy_drifts_as_the_method_does(subject):
         scene = rde.Scene(LAB, (GRAVITY,), name, control_dt=10.0, substeps=round(10.0 / step))
         motion = subject.motion(scene, q, 0.0, 100)
         off = np.abs(energy(scene, motion.q[-1], motion.qd[-1]) - energy(scene, motion.q[0], motion.qd[0]))
-        yield at_most(
-            f"with {name.upper()} of {1e3 * step:g} ms the median energy", np.median(off), bound, "J off"
-        )
+        what = f"with {name.upper()} of {1e3 * step:g} ms the median energy"
+        yield at_most(what, np.median(off), bound, "J off")
 
 
 @hard_case("22")

@@ -24,14 +24,11 @@ def test_25_bounces_come_to_rest_on_time(subject):
         exact = math.sqrt(2.0 * 0.3 / 9.81) * (1.0 + restitution) / (1.0 - restitution)
         last = motion.impacts("r2")[-1]
         recorded = last.time + 2.0 * restitution * last.speed / (9.81 * (1.0 - restitution))
-        yield at_most(
-            f"at restitution {restitution:g} the time of rest", abs(recorded - exact), 1e-7, "s off"
-        )
+        name = f"at restitution {restitution:g} the"
+        yield at_most(f"{name} time of rest", abs(recorded - exact), 1e-7, "s off")
         late = math.ceil(exact / 0.02) + 1
         moved = np.count_nonzero(motion.q[late:, 0, 3] != 0.3) + np.count_nonzero(motion.qd[late:, 0, 3])
-        yield at_most(
-            f"at restitution {restitution:g} the number of intervals after it that end off the stop", moved, 0
-        )
+        yield at_most(f"{name} number of intervals after it that end off the stop", moved, 0)
 
 
 @hard_case("26")
@@ -40,9 +37,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
     for tolerance in (1e-6, 1e-12):
         scene = rde.Scene(SLIDING, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
         force = np.array([0.0, 10.0, 0.0, 0.0])
-        motion = subject.motion(
-            scene, [0.0, 0.0, 0.0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u
-        )
+        motion = subject.motion(scene, [0, 0, 0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u)
         pressed = motion.q[:251, 0, 1]
         yield at_most(f"at {tolerance:g} m the drift in 5 s", np.abs(pressed).max(), 0, "m")
         releases = [x.time for x in motion.events if x.kind == "release" and x.joint == "r1" and x.time > 0.0]
