@@ -203,6 +203,24 @@ def test_o04_free_masses_of_rprp_fly_as_one():
     assert_within({"centre": 4e-12, "velocity": 2e-11, "spin": 1e-11}, found)
 
 
+def test_o05_a_free_mass_passes_the_base_on_a_straight_line():
+    """RPRP, g = 0, m_2 alone has mass: rho^2 = (x_0 + v t)^2 + b^2, theta_1 = atan2, however near it passes.
+
+    The link length is 1 mm, so that m_1 has a moment of inertia of 1e-18 kg m^2 only.
+    """
+    arm, seconds = rde.RPRP((TINY, 1.0, TINY, TINY), (1e-3, 0.5)), 2.0
+    b = np.array([0.1, 0.01, 0.001])
+    x = np.full(3, -1.0)
+    theta, rho = np.arctan2(b, x), np.hypot(x, b)
+    q0 = np.column_stack([theta, rho - 1e-3, np.zeros(3), np.full(3, 0.1)])
+    qd0 = np.column_stack([-np.sin(theta) / rho, np.cos(theta), np.zeros(3), np.zeros(3)])
+    q, _ = motion(exact(arm, 0.0), q0, qd0, seconds)
+    place = (q[:, 1] + 1e-3) * np.array([np.cos(q[:, 0]), np.sin(q[:, 0])])
+    error = np.hypot(*(place - [x + seconds, b]))
+    found = {f"b = {n} m": float(e) for n, e in zip(b, error, strict=True)}
+    assert_within(dict.fromkeys(found, 4e-12), found)
+
+
 def test_o06_upright_and_hanging_sliders_move_on_parabolas():
     """RPRP, theta_1 = theta_2 = +-pi/2 at rest: constant forces give r_1, r_2 constant accelerations.
 
