@@ -10,7 +10,7 @@ from redundant_envs.effects import EffortLimits
 from redundant_envs.effects.hooks import Actuation, Force, Point
 from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import hard_stops
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]

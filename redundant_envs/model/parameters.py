@@ -19,8 +19,7 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.base import Task
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import Task, hard_stops
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]

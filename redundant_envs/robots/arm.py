@@ -17,7 +17,7 @@ from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import checks, derived, from_points, joint_types
-from redundant_envs.robots.mobility import mobility_bounds
+from redundant_envs.robots.from_points import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 

@@ -232,14 +232,9 @@ class ReachTask(Task):
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
     units = {
-        **Task.units,
-        "goal_tolerance": "reaches",
-        "hold_speed": "reaches/s",
-        "hold_steps": "control steps",
-        "inner": "reaches",
-        "outer": "reaches",
-        "rate_scale": "rad/s or m/s",
-    }
+        **Task.units, **dict.fromkeys(("goal_tolerance", "inner", "outer"), "reaches"),
+        "hold_speed": "reaches/s", "hold_steps": "control steps", "rate_scale": "rad/s or m/s",
+    }  # fmt: skip
     # The squares of these numbers neither overflow nor vanish beside those of a motion.
     ranges = {
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches

@@ -65,7 +65,9 @@ def struck(trial: Trial) -> Struck:
     q, qd, _ = (x.copy() for x in trial.states)
     rng = np.random.default_rng(trial.seed + 3)
     for joint, low, high, _ in ends:
-        low, high = (low, high) if np.isfinite([low, high]).all() else _finite(low, high)
+        if not np.isfinite([low, high]).all():  # half a metre instead of a missing end
+            low = low if np.isfinite(low) else high - 0.5 if np.isfinite(high) else 0.0
+            high = high if np.isfinite(high) else low + 0.5
         q[:, joint] = rng.uniform(low + 0.1 * (high - low), high - 0.1 * (high - low), len(q))
     sides = [(j, end, way) for j, low, high, _ in ends for end, way in ((low, -1.0), (high, 1.0))]
     sides = [x for x in sides if np.isfinite(x[1])]
@@ -92,11 +94,6 @@ def struck(trial: Trial) -> Struck:
     if np.mean(good) < ENOUGH_SMOOTH:
         raise ValueError(f"a slider that strikes its stop has an event in {np.mean(good):.0%} of the states")
     return Struck(rows, struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
-
-
-def _finite(low: float, high: float) -> tuple[float, float]:
-    """The travel of a slider; half a metre if one end is missing."""
-    return (low, low + 0.5) if np.isfinite(low) else (high - 0.5, high) if np.isfinite(high) else (0.0, 0.5)
 
 
 @check("impacts: velocities", AGREE)

@@ -75,7 +75,11 @@ def motions(trial: Trial) -> Finding:
 
     own = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
     slope = e.slopes.reshape(own.shape)
-    change = _second(arm, q, qd)
+    twice = values_of(arm, q)
+    for k, name in enumerate(arm.coordinates):
+        twice[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
+    positions = arm.evaluate([f"{axis}{k + 1}" for k in range(points) for axis in "xy"], twice)
+    change = columns((dual(dual(x).slope).slope for x in positions), count)  # (n, 2 masses): x1 y1 x2 ...
     most = np.einsum("naj,nj->na", np.abs(slope), np.abs(qd)).max(axis=1)
     faster = np.maximum(np.abs(change).max(axis=1), most * np.abs(qd).max(axis=1))
     gaps = [
@@ -86,15 +90,6 @@ def motions(trial: Trial) -> Finding:
     names = [f"point {k + 1} {axis}" for k in range(points) for axis in "xy"]
     words = "X, Y, vx, vy, Xdqd or Ydqd of a point mass contradicts its position"
     return found(trial, np.concatenate(gaps, axis=1), words, names * 3)
-
-
-def _second(arm: Any, q: Array, qd: Array) -> Array:
-    """Accelerations of the point masses at constant rates, (n, 2 masses): x1 y1 x2 ..."""
-    values = values_of(arm, q)
-    for k, name in enumerate(arm.coordinates):
-        values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
-    positions = arm.evaluate([f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"], values)
-    return columns((dual(dual(x).slope).slope for x in positions), len(q))
 
 
 @check("angular momentum", AGREE)
