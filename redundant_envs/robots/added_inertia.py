@@ -50,7 +50,7 @@ def functions_with(arm: type[Arm], added: Added) -> tuple[Function, ...]:
 def held_functions(arm: type[Arm]) -> tuple[Function, Function]:
     """Dynamics with sliders at rest, and mobilities of the sliders, from any mass matrix."""
     n, sliders = len(arm.coordinates), arm.sliders()
-    return derived.held_dynamics(n, sliders), derived.slider_mobility(n, sliders)
+    return derived.forward_dynamics(n, sliders), derived.slider_mobility(n, sliders)
 
 
 class Loaded:

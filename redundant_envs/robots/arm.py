@@ -17,7 +17,6 @@ from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import checks, derived, from_points, joint_types
-from redundant_envs.robots.from_points import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 
@@ -164,7 +163,7 @@ class Arm:
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)
         if not cls._has_said("mobility_bounds"):
-            bounds = mobility_bounds(cls)
+            bounds = from_points.mobility_bounds(cls)
             cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
@@ -346,6 +345,6 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
         },
     }
     if sliders:
-        made["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
+        made["held_dynamics"] = staticmethod(derived.forward_dynamics(n, sliders))
         made["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
     return made

@@ -76,11 +76,13 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
     if not given.issuperset(points.positions):
         return []
     masses, n = points.count, points.joints
-    tip, turning = ([f"{form}{masses}" for form in forms] for forms in (("X", "Y"), ("Xdqd", "Ydqd")))
+    tip = [f"{axis}{masses}{j + 1}" for axis in "XY" for j in range(n)]
+    turning = [f"{axis}dqd{k + 1}" for axis in "XY" for k in range(masses)]
     made = {
-        "J11": identity(entries("J", 2, n), [f"{name}{j + 1}" for name in tip for j in range(n)]),
-        "Jdqd1": identity(("Jdqd1", "Jdqd2"), turning), "M11": mass_matrix(masses, n),
-        "h1": bias_forces(masses, n), "G1": gravity_forces(masses, n), "Lz": angular_momentum(masses),
+        "J11": identity(entries("J", 2, n), tip),
+        "Jdqd1": identity(("Jdqd1", "Jdqd2"), (f"Xdqd{masses}", f"Ydqd{masses}")),
+        "M11": mass_matrix(masses, n), "h1": forces("h{}", masses, n, turning),
+        "G1": forces("G{}", masses, n, ("ax", "ay")), "Lz": angular_momentum(masses),
         "C11": coriolis_matrix(points),
     }  # fmt: skip
     return [*point_motion(points, given), *(f for name, f in made.items() if name not in given)]
@@ -130,16 +132,18 @@ def mass_matrix(masses: int, n: int) -> Function:
     return mass_matrix
 
 
-def bias_forces(masses: int, n: int) -> Function:
-    accelerations = [*numbered("Xdqd{}", masses), *numbered("Ydqd{}", masses)]
+def forces(form: str, masses: int, n: int, accelerations: Sequence[str]) -> Function:
+    """The forces of accelerations (x of all points, then y), or of one that all points have."""
+    count = len(accelerations) // 2
 
-    @physics(gives=numbered("h{}", n), takes=(*_masses_and_slopes(masses, n), *accelerations))
-    def bias_forces(*values):
-        """The sum of J_k^T m_k (J_k' qd)."""
-        m, X, Y = _by_point(values[: -2 * masses], masses, n)
-        return _at_coordinates(X, Y, *(_scaled(m, a) for a in rows(values[-2 * masses :], masses)))
+    @physics(gives=numbered(form, n), takes=(*_masses_and_slopes(masses, n), *accelerations))
+    def forces(*values):
+        """The sum of J_k^T m_k a_k."""
+        m, X, Y = _by_point(values[: -2 * count], masses, n)
+        along = [_scaled(m, a * (masses // count)) for a in rows(values[-2 * count :], count)]
+        return tuple(_sum(_scaled(column, (*along[0], *along[1]))) for column in zip(*X, *Y, strict=True))
 
-    return bias_forces
+    return forces
 
 
 def coriolis_matrix(points: Points) -> Function:
@@ -157,17 +161,6 @@ def coriolis_matrix(points: Points) -> Function:
         return tuple(_sum(_scaled(column, f)) for column in slopes for f in forces)
 
     return coriolis_matrix
-
-
-def gravity_forces(masses: int, n: int) -> Function:
-    @physics(gives=numbered("G{}", n), takes=(*_masses_and_slopes(masses, n), "ax", "ay"))
-    def gravity_forces(*values):
-        """The sum of J_k^T m_k (ax, ay)."""
-        *bare, ax, ay = values
-        m, X, Y = _by_point(bare, masses, n)
-        return _at_coordinates(X, Y, _scaled(m, [ax] * masses), _scaled(m, [ay] * masses))
-
-    return gravity_forces
 
 
 def angular_momentum(masses: int) -> Function:
@@ -193,11 +186,6 @@ def _by_point(values: Sequence[Any], masses: int, n: int) -> tuple[Sequence[Any]
 
 def _scaled(m: Sequence[Any], values: Sequence[Any]) -> list[Any]:
     return [times(mass, value) for mass, value in zip(m, values, strict=True)]
-
-
-def _at_coordinates(X: Sequence[Any], Y: Sequence[Any], fx: Sequence[Any], fy: Sequence[Any]) -> Any:
-    """J^T f, summed over the points."""
-    return tuple(_sum(_scaled(column, (*fx, *fy))) for column in zip(*X, *Y, strict=True))
 
 
 def _sum(terms: Iterable[Any]) -> Any:
