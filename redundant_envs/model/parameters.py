@@ -106,9 +106,8 @@ def lane_values(
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    if not fresh:
-        values = _present(memory, lanes, nominal)
+    fixed = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    values = fixed if fresh else _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
@@ -124,26 +123,14 @@ def lane_values(
     return values
 
 
-def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp], task: Task | None = None) -> None:
-    """ValueError unless the parameters of lanes are some that they could be given."""
-    if task is not None:
-        _check_task(task, _present(memory, lanes, task.parameters()))
-    values = _present(memory, lanes, scene.parameters())
-    for name in ("masses", "lengths"):
-        _check_positive(name, np.stack([values[p] for p in names_of(scene, name)], axis=1))
-    changed = [p for p, own in scene.parameters().items() if (values[p] != own).any()]
-    _check_fitting(scene, values, changed)
-
-
 def _present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
     names = tuple(names)
     present = memory.read(tuple(memory.dynamics.field_of(p) for p in names), lanes)
     return {p: present[:, k] for k, p in enumerate(names)}
 
 
-def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
+def _check_fitting(scene: Scene, values: Table, changed: list[str]) -> None:
     """ValueError unless all masses, and the numbers of each effect of which some change, fit together."""
-    changed = list(changed)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)
@@ -372,7 +359,13 @@ def check_numbers(
     taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
     try:
         if not np.array_equal(given, own["parameters"]):
-            check_lanes(scene, taken, taken.index, task)
+            if task is not None:
+                _check_task(task, _present(taken, taken.index, task.parameters()))
+            values = _present(taken, taken.index, scene.parameters())
+            for kind in ("masses", "lengths"):
+                _check_positive(kind, np.stack([values[p] for p in names_of(scene, kind)], axis=1))
+            changed = [p for p, number in scene.parameters().items() if (values[p] != number).any()]
+            _check_fitting(scene, values, changed)
         q = taken.read(scene.robot.coordinates)
         check_stops(scene, taken, taken.index, q, None)
     except ValueError as error:

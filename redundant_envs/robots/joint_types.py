@@ -8,7 +8,7 @@ and has a mass at its end. Revolute joints and sliders are counted each on their
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from redundant_envs.algebra import arguments_of, gives_of, numbered, physics
@@ -86,19 +86,21 @@ def _joint_maps(types: str) -> list[Function]:
     link of its joint and the part before it."""
     n, revolute = len(types), [k for k, kind in enumerate(types) if kind == "R"]
     before = dict(zip(revolute[1:], revolute, strict=False))
+    behind = {k: j for j, k in before.items()}
 
-    def differences(form: str, takes: Sequence[str], other: Mapping[int, int]) -> Function:
-        @physics(gives=numbered(form, n), takes=takes)
-        def of_joints(*values):
-            return tuple(x - values[other[k]] if k in other else x for k, x in enumerate(values))
+    @physics(gives=numbered("phi{}", n), takes=_counted(types, "theta{}", "r{}"))
+    def joint_positions(*q):
+        return tuple(x - q[before[k]] if k in before else x for k, x in enumerate(q))
 
-        return of_joints
+    @physics(gives=numbered("phid{}", n), takes=_counted(types, "w{}", "v{}"))
+    def joint_rates(*qd):
+        return tuple(x - qd[before[k]] if k in before else x for k, x in enumerate(qd))
 
-    return [
-        differences("phi{}", _counted(types, "theta{}", "r{}"), before),
-        differences("phid{}", _counted(types, "w{}", "v{}"), before),
-        differences("Q{}", numbered("t{}", n), {k: j for j, k in before.items()}),
-    ]
+    @physics(gives=numbered("Q{}", n), takes=numbered("t{}", n))
+    def motor_map(*t):
+        return tuple(x - t[behind[k]] if k in behind else x for k, x in enumerate(t))
+
+    return [joint_positions, joint_rates, motor_map]
 
 
 def _points(types: str) -> Function:
