@@ -34,11 +34,8 @@ Load = Callable[[Array], Array]  # poses (..., joints) -> largest effort / limit
 
 
 def static_efforts(scene: Scene, q: ArrayLike) -> Array:
-    """Joint efforts t, (..., joints), that balance gravity and springs at rest, without the help of stops.
-
-    In N m and N; B (t + f) = G(q), where f are the forces of the other effects on the joints at rest.
-    ValueError unless the scene's efforts act at joints, or for another shape of q, (..., joints).
-    """
+    """Joint efforts t at rest [N m, N], (..., joints), without the help of stops: B (t + f) = G(q) with the
+    forces f of the other effects. ValueError unless efforts act at joints, or for another shape of q."""
     arm = scene.robot
     place = np.asarray(q, dtype=np.float64)
     joints = len(arm.joints)
@@ -55,11 +52,8 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
 
 
 def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
-    """The smallest motor efforts at rest, (..., joints): a slider at a stop leans on it where that helps.
-
-    A lower stop pushes its slider outwards, an upper one inwards; neither pulls. A slider is at a stop if its
-    position in ``q`` is equal to it, or beyond it.
-    """
+    """The smallest motor efforts at rest, (..., joints): a slider at or beyond a stop leans on it where that
+    helps. A lower stop pushes its slider outwards, an upper one inwards; neither pulls."""
     efforts = static_efforts(scene, q)
     joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map
     for k, (low, high) in stops(scene).items():
@@ -91,11 +85,8 @@ def slider_travel(scene: Scene) -> Travel:
 
 
 def effort_limits(scene: Scene) -> Array:
-    """Effort limits of the joints, (joints,), N m and N.
-
-    ValueError if the scene has none, or an effect whose part at rest is not known: another actuation, or a
-    spring on a revolute joint, whose force depends on how often the joint has turned.
-    """
+    """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or a
+    spring on a revolute joint, whose force depends on how often the joint has turned."""
     for a in scene.attached:
         if isinstance(a.hook, Force):
             turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]
@@ -352,10 +343,8 @@ def _between(low: Any, high: Any, psi: Any) -> Any:
 
 
 def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
-    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle.
-
-    With its base at the goal a link may point anywhere: then it is psi.
-    """
+    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle; with
+    its base at the goal a link may point anywhere: then it is psi."""
     product = 2.0 * distance * length
     squares = distance**2 + length**2 - rest**2
     cosine = np.divide(squares, product, out=np.zeros_like(squares * product), where=product > 0.0)

@@ -29,10 +29,7 @@ ROUNDING = 1e-12
 
 
 def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
-    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1].
-
-    Numbers of a task are their own names.
-    """
+    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
     parameters = scene.parameters()
     if isinstance(name, str) and name in of_task:
         return [name]
@@ -65,10 +62,7 @@ def _holds_truth(values: Any) -> bool:
 
 
 def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-    """Finite numbers of shape (lanes, width), from one number, (width,) or (lanes, width).
-
-    A parameter that is a single number also takes (lanes,).
-    """
+    """Finite numbers (lanes, width) from one, (width,) or (lanes, width); with a width of 1 also (lanes,)."""
     array = numbers(name, values)
     if array.ndim == 0:
         array = np.full(width, array)
@@ -98,10 +92,8 @@ def lane_values(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
     task: Task | None = None,
 ) -> Table:  # fmt: skip
-    """All parameters of some lanes once the given ones are set; ValueError if one is not valid.
-
-    ``fresh`` starts from the numbers of the scene, and of the task, instead of the present ones.
-    """
+    """All parameters of some lanes once the given ones are set; ValueError if one is not valid. The others
+    are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
@@ -144,10 +136,8 @@ def check_stops(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None,
     where: str = "",
 ) -> None:  # fmt: skip
-    """ValueError if a slider is beyond a hard end of its travel, which no motion can reach.
-
-    ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
-    """
+    """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel, with the
+    parameters ``values`` of the lanes, or the present ones."""
     for joint, *names in hard_stops(scene):
         present = memory.read(names, lanes).T
         low, high = present if values is None else (values[n] for n in names)

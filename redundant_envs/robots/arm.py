@@ -6,6 +6,7 @@ must define, and what follows from that.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -137,7 +138,10 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
-        checks.check_of_classes(cls)
+        for name in checks.OF_CLASSES:
+            if isinstance(value := vars(cls).get(name), property | functools.cached_property):
+                kind = type(value).__name__
+                raise ValueError(f"{cls.__name__}.{name} is a {kind}; {checks.INSTEAD}")
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()

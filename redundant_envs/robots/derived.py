@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import entries, numbered, physics, sqrt, where
+from redundant_envs.algebra import entries, numbered, physics, sqrt, total, where
 
 Function = Callable[..., Any]
 
@@ -177,5 +177,4 @@ def rows(values: Sequence[Any], length: int) -> list[Sequence[Any]]:
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    products = [x * y for x, y in zip(a, b, strict=True)]
-    return sum(products[1:], products[0])
+    return total(x * y for x, y in zip(a, b, strict=True))

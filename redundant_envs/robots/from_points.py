@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.algebra import entries, gives_of, minimum, numbered, physics, sqrt
+from redundant_envs.algebra import entries, gives_of, minimum, numbered, physics, sqrt, total
 from redundant_envs.dual import Dual, dual, is_zero, times
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.derived import identity, rows
@@ -191,7 +191,7 @@ def _scaled(m: Sequence[Any], values: Sequence[Any]) -> list[Any]:
 def _sum(terms: Iterable[Any]) -> Any:
     """Without the terms that are 0 in every pose."""
     there = [term for term in terms if not is_zero(term)]
-    return sum(there[1:], there[0]) if there else 0.0
+    return total(there) if there else 0.0
 
 
 # ---- mobilities ------------------------------------------------------------------------------------
@@ -298,10 +298,10 @@ def _between(lines: Sequence[Line], row: Array) -> Iterator[Bound]:
         ends = [(k, point) for k in chosen for point in (lines[k].near, lines[k].far) if point]
 
         def bound(m: Sequence[Any], distances: Sequence[Any], ends: Any = ends) -> Any:
-            total: dict[int, list[Any]] = {}
+            by_point: dict[int, list[Any]] = {}
             for k, point in ends:
-                total.setdefault(point, []).append(1.0 / distances[k])
-            return _total([_total(shares) * _total(shares) / m[point - 1] for point, shares in total.items()])
+                by_point.setdefault(point, []).append(1.0 / distances[k])
+            return total([total(shares) * total(shares) / m[point - 1] for point, shares in by_point.items()])
 
         yield bound
 
@@ -327,7 +327,7 @@ def _along(slopes: Array, j: int, row: Array) -> Iterator[Bound]:
             continue
 
         def bound(m: Sequence[Any], distances: Sequence[Any], two: Any = (near, far)) -> Any:
-            return _total([1.0 / _total([m[k - 1] for k in group]) for group in two if 0 not in group])
+            return total([1.0 / total([m[k - 1] for k in group]) for group in two if 0 not in group])
 
         yield bound
 
@@ -346,7 +346,3 @@ def _distances(points: Points, known: dict[str, Any], lines: Sequence[Line]) -> 
         x, y = (moved[2 * far + axis] - moved[2 * near + axis] for axis in range(2))
         made.append(sqrt(x * x + y * y) / abs(float(rate[j])))
     return made
-
-
-def _total(values: Sequence[Any]) -> Any:
-    return sum(values[1:], values[0])
