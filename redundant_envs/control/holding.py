@@ -85,8 +85,8 @@ def slider_travel(scene: Scene) -> Travel:
 
 
 def effort_limits(scene: Scene) -> Array:
-    """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or a
-    spring on a revolute joint, whose force depends on how often the joint has turned."""
+    """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or
+    a spring on a revolute joint, whose force depends on how often the joint has turned."""
     for a in scene.attached:
         if isinstance(a.hook, Force):
             turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]

@@ -259,8 +259,7 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
 def energy_run(
     name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
-    """Release the arm at q, with velocities qd or at rest, without motor efforts, and record its motion for
-    some seconds."""
+    """The motion of an arm released at q, with velocities qd or at rest, without motor efforts."""
     qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
     check_start(scene, seconds, q, qd)
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from redundant_envs.algebra import clamp, gives_of, maximum, minimum, physics, where
+from redundant_envs.algebra import clamp, gives_of, maximum, minimum, physics, total, where
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
@@ -223,11 +223,9 @@ class Task:
 def full_reach(arm: Arm) -> Function:
     """Reach of the stretched arm."""
 
-    @physics(gives="reach", takes=" ".join(arm.extent))
-    def full_reach(first, *rest):
-        for length in rest:
-            first = first + length
-        return first
+    @physics(gives="reach", takes=arm.extent)
+    def full_reach(*lengths):
+        return total(lengths)
 
     return full_reach
 
@@ -276,10 +274,8 @@ def narrowed(low, high, lower, upper):
 def range_of_starts(task: Any, scene: Scene, joint: int, value: Callable[[str], Any]) -> tuple[Any, Any]:
     """Range of the starts of a joint inside its limits; ``value`` gives a parameter by its name."""
 
-    def signed(text: str) -> Any:
-        return -value(text[1:]) if text.startswith("-") else value(text)
-
-    low, high = map(signed, task.start_range(scene, joint))
+    texts = task.start_range(scene, joint)
+    low, high = (-value(text[1:]) if text.startswith("-") else value(text) for text in texts)
     for limited, lower, upper in (*spring_limits(scene), *hard_stops(scene)):  # the last word is a stop's
         if limited == joint:
             low, high = narrowed(low, high, value(lower), value(upper))
