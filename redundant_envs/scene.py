@@ -121,15 +121,14 @@ class Scene:
             one = shown(self.effects)
             raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
-            raise ValueError(
-                f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
-            )
+            given = shown(self.effects)
+            raise ValueError(f"effects is {given}; give a sequence of effects, such as effects=(Gravity(),)")
         fitted: dict[str, Effect] = {}
         for i, given in enumerate(self.effects):
             if not isinstance(given, Effect):
+                known = ", ".join(sorted(EFFECTS))
                 raise ValueError(
-                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): "
-                    f"{', '.join(sorted(EFFECTS))}"
+                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
                 )
             effect = given.fitted(self.robot)
             check_attached(f"effects[{i}]", effect, self.robot)

@@ -83,9 +83,8 @@ def check_start(name: str, columns: NDArray[np.float64]) -> None:
     """ValueError if a start is so far or so fast that its observation would be meaningless."""
     most = float(np.abs(columns).max(initial=0.0))
     if most > LARGEST_START[name]:
-        raise ValueError(
-            f"options[{name!r}] has an entry of size {most:g}; give at most {LARGEST_START[name]:g}"
-        )
+        largest = LARGEST_START[name]
+        raise ValueError(f"options[{name!r}] has an entry of size {most:g}; give at most {largest:g}")
 
 
 def lane_values(
@@ -154,11 +153,10 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         return
     if not (columns > 0.0).all():
         raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
-    if columns.min() < SMALLEST or columns.max() > LARGEST:
-        raise ValueError(
-            f"{name} has entries from {columns.min()} to {columns.max()}; they must lie in "
-            f"{SMALLEST} to {LARGEST}: choose units in which they do"
-        )
+    least, most = columns.min(), columns.max()
+    if least < SMALLEST or most > LARGEST:
+        allowed = f"{SMALLEST} to {LARGEST}: choose units in which they do"
+        raise ValueError(f"{name} has entries from {least} to {most}; they must lie in {allowed}")
     ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
     if ratio > LARGEST_RATIO:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")

@@ -160,9 +160,11 @@ class Arm:
             cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
             cls._say({"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))})
         elif "phi1" not in cls._given():
-            cls._follow(derived.joint_coordinates(cls.coordinates, cls.rates))
-            same = derived.identity(cls.coordinates, numbered("phi{}", len(cls.coordinates)))
-            cls._say({"coordinates_of_joints": staticmethod(same)})
+            n = len(cls.coordinates)
+            same = {"phi{}": cls.coordinates, "phid{}": cls.rates, "Q{}": numbered("t{}", n)}
+            cls._follow(derived.identity(numbered(form, n), taken) for form, taken in same.items())
+            back = derived.identity(cls.coordinates, numbered("phi{}", n))
+            cls._say({"coordinates_of_joints": staticmethod(back)})
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)

@@ -24,13 +24,6 @@ def identity(gives: Sequence[str], takes: Sequence[str]) -> Function:
     return identity
 
 
-def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
-    """For an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
-    n = len(coordinates)
-    pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
-    return [identity(numbered(form, n), taken) for form, taken in pairs]
-
-
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
     """Functions that follow from the mass points, the Jacobian, the mass matrix and the forces of an arm's
     class, and are not yet ``given``."""

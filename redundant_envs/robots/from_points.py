@@ -71,7 +71,9 @@ class Points:
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
     """Functions that follow from the mass points of an arm's class, and are not yet ``given``; none if mass
-    points are missing."""
+    points are missing. For every point k they give its velocity ``vx<k> vy<k>``, the derivatives of its
+    position by the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration at constant rates, ``Xdqd<k>
+    Ydqd<k>``."""
     points = Points(arm)
     if not given.issuperset(points.positions):
         return []
@@ -85,22 +87,14 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
         "G1": forces("G{}", masses, n, ("ax", "ay")), "Lz": angular_momentum(masses),
         "C11": coriolis_matrix(points),
     }  # fmt: skip
-    return [*point_motion(points, given), *(f for name, f in made.items() if name not in given)]
-
-
-def point_motion(points: Points, given: Collection[str]) -> list[Function]:
-    """For every mass point k, counted from 1, its velocity ``vx<k> vy<k>``, the derivatives of its position
-    by the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration at constant rates, ``Xdqd<k> Ydqd<k>``;
-    except those that the arm has ``given``."""
     pose = [*points.pose, *points.numbers]
-    moving = [*pose, *points.rates]
-    made = [_named([f"v{p}" for p in points.positions], moving, points.velocities, given)]
-    for j in range(points.joints):
-        names = [f"{p.upper()}{j + 1}" for p in points.positions]
-        made.append(_named(names, pose, functools.partial(points.column, j=j), given))
-    names = [f"{p[0].upper()}dqd{p[1:]}" for p in points.positions]
-    made.append(_named(names, moving, points.accelerations, given))
-    return [f for f in made if gives_of(f)]
+    moving, ends = [*pose, *points.rates], points.positions
+    motion = [_named([f"v{p}" for p in ends], moving, points.velocities, given)]
+    for j in range(n):
+        of_column = functools.partial(points.column, j=j)
+        motion.append(_named([f"{p.upper()}{j + 1}" for p in ends], pose, of_column, given))
+    motion.append(_named([f"{p[0].upper()}dqd{p[1:]}" for p in ends], moving, points.accelerations, given))
+    return [*(f for f in motion if gives_of(f)), *(f for name, f in made.items() if name not in given)]
 
 
 def _named(
