@@ -121,8 +121,8 @@ class Scene:
             one = shown(self.effects)
             raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
-            given = shown(self.effects)
-            raise ValueError(f"effects is {given}; give a sequence of effects, such as effects=(Gravity(),)")
+            what = shown(self.effects)
+            raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
         fitted: dict[str, Effect] = {}
         for i, given in enumerate(self.effects):
             if not isinstance(given, Effect):
