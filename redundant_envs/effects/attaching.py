@@ -240,7 +240,7 @@ def _check_place(hook: Hook, arm: Arm) -> None:
     joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
     if at_point:
         k = getattr(place, "number", place)
-        if not isinstance(place, Point) or type(k) is not int or k not in range(arm.num_masses):
+        if not isinstance(place, Point) or not _is_one_of(arm.num_masses, k):
             last = arm.num_masses - 1
             raise ValueError(f"the number of the Point is {k!r}; give Point(0) to Point({last}), the tip")
     if isinstance(hook, Inertia):
@@ -248,7 +248,7 @@ def _check_place(hook: Hook, arm: Arm) -> None:
         if not isinstance(joints, tuple) or not joints or len({*joints}) < len(joints):
             raise ValueError(f"joints is {joints!r}; give a tuple of joints, each once, such as (0,)")
     for joint in joints:
-        if type(joint) is not int or joint not in range(len(arm.joints)):
+        if not _is_one_of(len(arm.joints), joint):
             last = len(arm.joints) - 1
             raise ValueError(f"joint is {joint!r}; give 0 to {last} ({', '.join(arm.joints)})")
     if len({arm.prismatic[k] for k in joints}) > 1:
@@ -265,6 +265,10 @@ def _check_place(hook: Hook, arm: Arm) -> None:
                 "switch is given, and the force acts at a Point; a change of law is located along a joint "
                 "only"
             )
+
+
+def _is_one_of(count: int, index: Any) -> bool:
+    return isinstance(index, int) and not isinstance(index, bool) and 0 <= index < count
 
 
 def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> None:
