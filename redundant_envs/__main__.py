@@ -173,10 +173,14 @@ def list_names(options: argparse.Namespace) -> None:
     from redundant_envs.numerics.tableaus import METHODS
     from redundant_envs.scene import scene_names
 
+    def numbers(effect: type[Any]) -> list[str]:
+        fields = {f.name: f.default for f in dataclasses.fields(effect)}
+        return [n if value is dataclasses.MISSING else f"{n}={value}" for n, value in fields.items()]
+
     groups = {
         "environments": ids(),
         "scenes": scene_names(),
-        "effects": [_signature(effect) for _, effect in sorted(effects.REGISTRY.items())],
+        "effects": [f"{name}({', '.join(numbers(kind))})" for name, kind in sorted(effects.REGISTRY.items())],
         "integrators": list(METHODS),
     }
     with contextlib.suppress(ModuleNotFoundError):
@@ -184,15 +188,6 @@ def list_names(options: argparse.Namespace) -> None:
 
         groups["studies"] = list(STUDIES)
     print("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
-
-
-def _signature(effect: type[Any]) -> str:
-    """An effect with its numbers, and their defaults."""
-    fields = [
-        f.name if f.default is dataclasses.MISSING else f"{f.name}={f.default}"
-        for f in dataclasses.fields(effect)
-    ]
-    return f"{effect.__name__}({', '.join(fields)})"
 
 
 def show_scene(options: argparse.Namespace) -> None:

@@ -49,6 +49,10 @@ _found: dict[type, Primitives] = {}
 """Operations of every class met so far, found by searching its bases."""
 
 
+def _as_zero(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    return lambda self, other: compare(0.0, other)
+
+
 class Absent:
     """An absent number, such as the field of a scene without gravity.
 
@@ -74,24 +78,9 @@ class Absent:
     def __float__(self) -> float:
         return 0.0
 
-    def __lt__(self, other: Any) -> Any:
-        return other > 0.0
-
-    def __le__(self, other: Any) -> Any:
-        return other >= 0.0
-
-    def __gt__(self, other: Any) -> Any:
-        return other < 0.0
-
-    def __ge__(self, other: Any) -> Any:
-        return other <= 0.0
-
-    def __eq__(self, other: Any) -> Any:
-        return True if isinstance(other, Absent) else other == 0.0
-
-    def __ne__(self, other: Any) -> Any:
-        return False if isinstance(other, Absent) else other != 0.0
-
+    __lt__, __le__ = _as_zero(operator.lt), _as_zero(operator.le)
+    __gt__, __ge__ = _as_zero(operator.gt), _as_zero(operator.ge)
+    __eq__, __ne__ = _as_zero(operator.eq), _as_zero(operator.ne)
     __hash__ = None  # type: ignore[assignment]
     __radd__ = __add__
     __mul__ = __rmul__ = __truediv__ = __pow__ = __neg__ = __abs__ = _same

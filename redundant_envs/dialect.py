@@ -6,7 +6,7 @@ import dis
 import functools
 import random
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -118,9 +118,10 @@ def _trace(function: Any) -> tuple[int, str]:
         called = next((n for n in _called(error) if n in _INSTEAD), None)
         what = str(error) if called is None or isinstance(error, NameError) else f"it calls {called}"
         fix = "write" if called is None else f"{_INSTEAD[called]}. Write"
-        raise ValueError(
-            f"{name}{_place(error, function)} is outside the physics dialect: {what}; {fix} {ALLOWED}"
-        ) from None
+        file = getattr(getattr(function, "__code__", None), "co_filename", None)
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
+        place = f" ({file}:{lines[-1]})" if lines else ""
+        raise ValueError(f"{name}{place} is outside the physics dialect: {what}; {fix} {ALLOWED}") from None
     values = results if isinstance(results, tuple) else (results,)
     for value in values:
         if isinstance(value, bool | Condition):
@@ -185,10 +186,3 @@ def _called_at(code: Any, offset: int) -> str | None:
         if step.opname.startswith("LOAD") and isinstance(step.argval, str):
             loaded[begin] = step.argval
     return None
-
-
-def _place(error: Exception, function: Callable[..., Any]) -> str:
-    """File and line within the function at which it failed."""
-    file = getattr(getattr(function, "__code__", None), "co_filename", None)
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    return f" ({file}:{lines[-1]})" if lines else ""

@@ -61,19 +61,13 @@ class _Reader(yaml.SafeLoader):
             table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
         return table
 
-    def whole_number(self, node: yaml.ScalarNode) -> int:
-        return int(self._digits(node))
-
-    def real_number(self, node: yaml.ScalarNode) -> float:
-        text = self._digits(node).lower()
-        return float(text.replace(".inf", "inf").replace(".nan", "nan"))
-
-    @staticmethod
-    def _digits(node: yaml.ScalarNode) -> str:
-        text = str(node.value).replace("_", "")
+    def number(self, node: yaml.ScalarNode) -> float:
+        """A whole number, or a float, as the tag of the node says."""
+        text = str(node.value).replace("_", "").lower()
         if len(text) > MOST_DIGITS:
             raise _Mistake(_line(node), f"a number has {len(text)} digits; write a shorter one")
-        return text
+        whole = node.tag.endswith("int")
+        return int(text) if whole else float(text.replace(".inf", "inf").replace(".nan", "nan"))
 
 
 def _line(part: Any) -> int:
@@ -82,8 +76,8 @@ def _line(part: Any) -> int:
 
 
 _Reader.add_constructor("tag:yaml.org,2002:map", _Reader.table)
-_Reader.add_constructor("tag:yaml.org,2002:int", _Reader.whole_number)
-_Reader.add_constructor("tag:yaml.org,2002:float", _Reader.real_number)
+_Reader.add_constructor("tag:yaml.org,2002:int", _Reader.number)
+_Reader.add_constructor("tag:yaml.org,2002:float", _Reader.number)
 for _kind, _pattern, _first in (
     ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
     ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
@@ -95,10 +89,8 @@ for _kind, _pattern, _first in (
 
 
 def read_yaml(path: Path, what: str) -> Any:
-    """The content of a YAML file, as plain data; messages call it the "scene", or ``what`` else it is.
-
-    A ValueError with file and line if it is unreadable, longer than 32 KiB, not UTF-8 or not plain data.
-    """
+    """The content of a YAML file, such as a "scene", as plain data; a ValueError with file and line if it is
+    unreadable, longer than 32 KiB, not UTF-8 or not plain data."""
     return parse_yaml(read_text(path, what), str(path))
 
 
@@ -178,10 +170,8 @@ def exists(path: Path) -> bool:
 
 @contextlib.contextmanager
 def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
-    """Put the file before the message of a ValueError about its data, and the line if it is known.
-
-    The file is read again for that; not if the data is no longer ``as_it_stands`` there.
-    """
+    """Put the file before the message of a ValueError about its data, and the line if it is known, for which
+    the file is read again; not if the data is no longer ``as_it_stands`` there."""
     try:
         yield
     except ValueError as error:
@@ -201,10 +191,14 @@ def _line_of(message: str, root: Any) -> int | None:
         node = waiting.pop(0)
         entries = _entries(node)
         waiting += [value for _, value in entries.values()]
-        if "type" in entries and entries["type"][1].value == path[0]:
-            line = _walk(node, path[1:], key)
-        else:
-            line = _walk(node, path, key) if path[0] in entries else _unknown(node, key)
+        is_type = "type" in entries and entries["type"][1].value == path[0]
+        if not is_type and path[0] not in entries:
+            line = _unknown(node, key)
+        else:  # the last part of the path that there is, or an unknown key there
+            line = _line(node)
+            for part in path[is_type:]:
+                line, node = _entries(node).get(part, (line, node))
+            line = _unknown(node, key) or line
         if line:
             return line
     return None
@@ -222,11 +216,3 @@ def _entries(node: Any) -> dict[str, tuple[int, Any]]:
 def _unknown(node: Any, key: re.Match[str] | None) -> int | None:
     """The line of the key of a mapping that a message calls unknown."""
     return next((line for k, (line, _) in _entries(node).items() if key and key[1] in (k, shown(k))), None)
-
-
-def _walk(node: Any, path: list[str], key: re.Match[str] | None) -> int | None:
-    """The line of the last part of a path that a value has, or of an unknown key there."""
-    line = _line(node)
-    for part in path:
-        line, node = _entries(node).get(part, (line, node))
-    return _unknown(node, key) or line

@@ -95,7 +95,7 @@ class Moving:
 
     def __abs__(self) -> Moving:
         own = (Kink(self.value),) if self.moves else ()
-        return Moving(abs(self.value), self.moves, _union(self.kinks, own))
+        return Moving(abs(self.value), self.moves, (*self.kinks, *own))
 
 
 class Choice:
@@ -164,13 +164,10 @@ def _sincos(x: Moving) -> tuple[Moving, Moving]:
     return Moving(s, x.moves, x.kinks), Moving(c, x.moves, x.kinks)
 
 
-def _negation(x: Choice) -> Choice:
-    return Choice(algebra.logical_not(x.condition), x.kinks)
-
-
 register_numbers(
-    Primitives(_smooth(algebra.sqrt), _smooth(algebra.exp), _floor, _sincos, where, _negation),
-    Moving,
-    Choice,
-    wrap=True,
-)
+    Primitives(
+        _smooth(algebra.sqrt), _smooth(algebra.exp), _floor, _sincos, where,
+        lambda x: Choice(algebra.logical_not(x.condition), x.kinks),
+    ),
+    Moving, Choice, wrap=True,
+)  # fmt: skip

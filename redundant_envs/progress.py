@@ -31,10 +31,8 @@ def progress_bars() -> Progress:
 
 @contextlib.contextmanager
 def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
-    """A function that counts one more finished part of ``total`` and takes its description.
-
-    On a terminal it moves a bar if rich is installed; elsewhere every ``each`` counts it writes a line.
-    """
+    """A function that counts one more finished part of ``total`` and takes its description: it moves a bar on
+    a terminal, if rich is installed, or writes a line every ``each`` counts."""
     if sys.stderr.isatty() and importlib.util.find_spec("rich"):
         with progress_bars() as bars:
             task = bars.add_task(name, total=total, note="")

@@ -27,10 +27,7 @@ def givers_of(functions: tuple[Function, ...]) -> dict[str, Function]:
 
 
 def check_names(field: str, names: Iterable[str], owners: Mapping[str, str]) -> None:
-    """ValueError if a name that a field such as "TrackTask.memory" gives has an owner already.
-
-    ``owners`` are names, and whose they are, such as "of the arm FourR".
-    """
+    """ValueError if a name of a field such as "Reach.memory" has one of the owners, "of the arm FourR"."""
     for name in sorted(set(names) & owners.keys()):
         raise ValueError(f"{field} has {name!r}, a name {owners[name]}; rename it")
 

@@ -80,7 +80,14 @@ class Scene:
             )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
-        self._check_identifiers()
+        taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
+        for name in (*self._parameters, *self.states()):
+            other = taken.setdefault(identifier(name), name)
+            if other != name:
+                raise ValueError(
+                    f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
+                    f"({identifier(name)}); rename a field, or give one effect another 'key'"
+                )
         if isinstance(self.robot, Loaded):
             raise ValueError(
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
@@ -103,7 +110,8 @@ class Scene:
         object.__setattr__(self, "substeps", int(self.substeps))
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
-        self._check_tolerance()
+        if self.tolerance is not None:
+            object.__setattr__(self, "tolerance", self._checked_tolerance())
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
 
@@ -113,15 +121,14 @@ class Scene:
             one = shown(self.effects)
             raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
-            raise ValueError(
-                f"effects is {shown(self.effects)}; give a sequence of effects, such as effects=(Gravity(),)"
-            )
+            what = shown(self.effects)
+            raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
         fitted: dict[str, Effect] = {}
         for i, given in enumerate(self.effects):
             if not isinstance(given, Effect):
+                known = ", ".join(sorted(EFFECTS))
                 raise ValueError(
-                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): "
-                    f"{', '.join(sorted(EFFECTS))}"
+                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
                 )
             effect = given.fitted(self.robot)
             check_attached(f"effects[{i}]", effect, self.robot)
@@ -133,20 +140,7 @@ class Scene:
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
 
-    def _check_identifiers(self) -> None:
-        """Every parameter is a row of its own in the compiled core."""
-        taken: dict[str, str] = {}
-        for name in (*self._parameters, *self.states()):
-            other = taken.setdefault(identifier(name), name)
-            if other != name:
-                raise ValueError(
-                    f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
-                    f"({identifier(name)}); rename a field, or give one effect another 'key'"
-                )
-
-    def _check_tolerance(self) -> None:
-        if self.tolerance is None:
-            return
+    def _checked_tolerance(self) -> float:
         tolerance = number("tolerance", self.tolerance)
         if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise ValueError(
@@ -163,7 +157,7 @@ class Scene:
                 f"tolerance is {tolerance} m with {self.substeps} substeps; error control chooses the "
                 "steps itself: leave substeps at 1"
             )
-        object.__setattr__(self, "tolerance", tolerance)
+        return tolerance
 
     def parameters(self) -> dict[str, float]:
         """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
@@ -253,10 +247,8 @@ def scene_names() -> list[str]:
 
 
 def load_scene(scene: str | Path | Mapping[str, Any] | Scene) -> Scene:
-    """A scene by its name, the path of a YAML file, or as plain data.
-
-    A ValueError has the file and, where it is known, the line of the mistake.
-    """
+    """A scene by its name, the path of a YAML file, or as plain data; a ValueError has the file and, where it
+    is known, the line of the mistake."""
     if isinstance(scene, Scene):
         return scene
     if isinstance(scene, Mapping):

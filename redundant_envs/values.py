@@ -22,16 +22,13 @@ WIDEST_INTEGER = 256
 class _Short(reprlib.Repr):
     """Representations of bounded length, for any value that a user may pass."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.maxstring = self.maxother = 80
-        self.maxlevel = 3
-
     def repr_int(self, x: int, level: int) -> str:
         return repr(x) if x.bit_length() <= WIDEST_INTEGER else f"an integer of {x.bit_length()} bits"
 
 
 _short = _Short()
+_short.maxstring = _short.maxother = 80
+_short.maxlevel = 3
 
 
 def shown(value: Any) -> str:

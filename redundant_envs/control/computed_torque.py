@@ -28,8 +28,7 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
 
     Damped Gauss-Newton in joint coordinates; if it does not converge, the nearest pose that it found.
     """
-    robot: Any = scene.robot
-    b = robot.motor_map
+    robot, b = scene.robot, scene.robot.motor_map
     inverse = np.linalg.inv(b)  # q = B^-T phi
     phi = start @ b
     best, best_error = phi.copy(), np.full(len(phi), np.inf)
@@ -46,7 +45,9 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
         jacobian = robot.jacobian(q) @ inverse.T  # with respect to phi
         free = np.ones_like(phi)
         for _ in range(3):  # joints at the end of their travel are held, the others make up for it
-            step = _damped(jacobian * free[:, None, :], error)
+            freed = jacobian * free[:, None, :]
+            across = freed.transpose(0, 2, 1)  # damped least squares
+            step = (across @ np.linalg.solve(freed @ across + DAMPING * np.eye(2), error[..., None]))[..., 0]
             for joint, (low, high) in travel.items():
                 inward = (phi[:, joint] > low) | (step[:, joint] > 0.0)
                 inward &= (phi[:, joint] < high) | (step[:, joint] < 0.0)
@@ -63,8 +64,7 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
 
     Arguments and result are those of :func:`pose_at`, whose pose it returns if the goal is out of reach.
     """
-    robot: Any = scene.robot
-    b = robot.motor_map
+    robot, b = scene.robot, scene.robot.motor_map
     found, _ = holding_poses(scene, goal)
     out = np.isnan(found).any(axis=1)
     found[out] = pose_at(scene, start[out], goal[out])
@@ -73,13 +73,6 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     turns[out] = 0.0
     pose: Array = found + 2.0 * np.pi * turns @ np.linalg.inv(b)
     return pose
-
-
-def _damped(jacobian: Array, error: Array) -> Array:
-    """Damped least-squares step, (n, joints)."""
-    transposed = jacobian.transpose(0, 2, 1)
-    gram = jacobian @ transposed + DAMPING * np.eye(2)
-    return (transposed @ np.linalg.solve(gram, error[..., None]))[..., 0]  # type: ignore[no-any-return]
 
 
 class ComputedTorque:
@@ -100,22 +93,19 @@ class ComputedTorque:
         self, scene: Scene, duration: float = 1.3, frequency: float = 12.0,
         pose: Callable[[Scene, Array, Array], Array] = pose_at,
     ) -> None:  # fmt: skip
-        self.scene = scene
-        self.pose = pose
-        self.duration = duration
-        self.frequency = frequency
-        limits = [e for e in scene.effects if isinstance(e, EffortLimits)]
-        if not limits:
+        self.scene, self.pose, self.duration, self.frequency = scene, pose, duration, frequency
+        joints, kinds = len(scene.robot.joints), (EffortLimits, ViscousFriction, Gravity)
+        found: Any = [next((e for e in scene.effects if isinstance(e, kind)), None) for kind in kinds]
+        limits, friction, gravity = found
+        if limits is None:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
-        self.limits = np.array(limits[0].limits)
-        friction = [e for e in scene.effects if isinstance(e, ViscousFriction)]
-        self.friction = np.array(friction[0].coefficients) if friction else np.zeros(len(scene.robot.joints))
-        gravity = [e for e in scene.effects if isinstance(e, Gravity)]
-        if gravity and gravity[0].down[0] != 0.0:
+        self.limits = np.array(limits.limits)
+        self.friction = np.array(friction.coefficients) if friction else np.zeros(joints)
+        if gravity and gravity.down[0] != 0.0:
             raise ValueError("scene has gravity along x; the expert handles gravity along -y")
-        self.g = -gravity[0].g * gravity[0].down[1] if gravity else 0.0
-        self._start: Array = np.zeros((0, len(scene.robot.joints)))
-        self._end: Array = np.zeros((0, len(scene.robot.joints)))
+        self.g = -gravity.g * gravity.down[1] if gravity else 0.0
+        self._start: Array = np.zeros((0, joints))
+        self._end: Array = np.zeros((0, joints))
 
     def begin(self, q: Array, goal: Array, index: NDArray[np.intp] | None = None) -> None:
         """Plan new episodes from poses (n, joints) to goals (n, 2), of all lanes or those in ``index``."""
@@ -127,16 +117,14 @@ class ComputedTorque:
 
     def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
         """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each episode began."""
-        s = np.clip(np.asarray(t, dtype=np.float64) / self.duration, 0.0, 1.0)
-        s = np.broadcast_to(s, len(q))[:, None]
+        s = np.broadcast_to(np.clip(np.divide(t, self.duration), 0.0, 1.0), len(q))[:, None]
         distance = self._end - self._start
         place = self._start + distance * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
         rate = distance * 30.0 * s**2 * (1.0 - s) ** 2 / self.duration
         wanted = distance * 60.0 * s * (1.0 - 3.0 * s + 2.0 * s**2) / self.duration**2
         w = self.frequency
         qdd = wanted + 2.0 * w * (rate - qd) + w * w * (place - q)
-        robot: Any = self.scene.loaded_robot
+        robot, b = self.scene.loaded_robot, self.scene.robot.motor_map
         forces = robot.inverse_dynamics(q, qd, qdd, g=self.g)
-        b = robot.motor_map
         efforts = np.linalg.solve(b, forces.T).T + self.friction * (qd @ b)
         return np.clip(efforts / self.limits, -1.0, 1.0).astype(np.float32)

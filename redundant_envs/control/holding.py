@@ -11,19 +11,103 @@ fifth of a second need not be at rest. So an arm may hold a few more goals than 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.control.statics import Travel, effort_limits, motor_efforts, slider_travel
+from redundant_envs.algebra import numbered
+from redundant_envs.effects import EffortLimits
+from redundant_envs.effects.hooks import Actuation, Force, Point
+from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
+from redundant_envs.tasks.base import hard_stops
 from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
+Travel = dict[int, tuple[float, float]]
 Load = Callable[[Array], Array]  # poses (..., joints) -> largest effort / limit (...)
+
+# ---- efforts at rest: the loads of gravity and springs on the motors, and the share of the stops ---------
+
+
+def static_efforts(scene: Scene, q: ArrayLike) -> Array:
+    """Joint efforts t at rest [N m, N], (..., joints), without the help of stops: B (t + f) = G(q) with the
+    forces f of the other effects. ValueError unless efforts act at joints, or for another shape of q."""
+    arm = scene.robot
+    place = np.asarray(q, dtype=np.float64)
+    joints = len(arm.joints)
+    if place.shape[-1:] != (joints,):
+        raise ValueError(f"q has shape {place.shape}; the last axis must have {joints} entries")
+    if scene.actuation != "joint":
+        raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
+    x = scene_quantities(scene, place)
+    gravity = np.stack(np.broadcast_arrays(*x.each(numbered("G{}", joints))), axis=-1)
+    efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
+    for a in scene.attached.of(Force):
+        efforts -= at_joints(scene, a, "function", x)
+    return efforts
+
+
+def motor_efforts(scene: Scene, q: ArrayLike) -> Array:
+    """The smallest motor efforts at rest, (..., joints): a slider at or beyond a stop leans on it where that
+    helps. A lower stop pushes its slider outwards, an upper one inwards; neither pulls."""
+    efforts = static_efforts(scene, q)
+    joints = np.asarray(q, dtype=np.float64) @ scene.robot.motor_map
+    for k, (low, high) in stops(scene).items():
+        share = efforts[..., k]
+        share = np.where(joints[..., k] <= low, np.minimum(share, 0.0), share)
+        efforts[..., k] = np.where(joints[..., k] >= high, np.maximum(share, 0.0), share)
+    return efforts
+
+
+def stops(scene: Scene) -> Travel:
+    """Hard ends of the travel, joint -> lower and upper [m]; infinite where there is none."""
+    values = scene.parameters()
+    return {joint: (values[lower], values[upper]) for joint, lower, upper in hard_stops(scene)}
+
+
+def slider_travel(scene: Scene) -> Travel:
+    """The stops of every slider; ValueError where the travel has an end without a stop."""
+    travel = stops(scene)
+    lengths = iter(scene.robot.lengths)
+    for k in scene.robot.sliders():
+        low, high = travel.get(k, (-np.inf, np.inf))
+        least = -next(lengths)
+        if not (least <= low and high < np.inf):
+            raise ValueError(
+                f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
+                f"both ends, the lower at least {least} m (a link cannot have a negative length)"
+            )
+    return travel
+
+
+def effort_limits(scene: Scene) -> Array:
+    """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or
+    a spring on a revolute joint, whose force depends on how often the joint has turned."""
+    for a in scene.attached:
+        if isinstance(a.hook, Force):
+            turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]
+            known = a.hook.potential is None or not turns
+        else:
+            known = not isinstance(a.hook, Actuation) or isinstance(a.effect, EffortLimits)
+        if not known:
+            raise ValueError(
+                f"effects[{scene.effects.index(a.effect)}] is {shown(a.effect)}; the load at rest is known "
+                "with gravity, friction, effort limits, stops, and springs on sliders: leave this effect out"
+            )
+    limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
+    given = np.atleast_1d(limits)
+    if not given.size or given.min() <= 0.0:
+        raise ValueError(
+            f"EffortLimits.limits is {limits or None}; loads are shares of them: give positive numbers"
+        )
+    return given
+
+
+# ---- the pose of least load ------------------------------------------------------------------------------
 
 PARAMETERS = 2  # number of parameters of the poses at a goal
 GRID = 25
@@ -43,11 +127,7 @@ CHUNK = 100_000  # number of poses of a batch: its arrays stay below 100 MB
 
 
 def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Array:
-    """Least load, (n,), at which the arm can rest with its tip at a goal; inf where it is out of reach.
-
-    It is the second result of :func:`holding_poses`: with limits times f, the arm can hold the goals whose
-    load is at most f.
-    """
+    """Least load, (n,), of :func:`holding_poses`: with limits times f, goals of at most f can be held."""
     return holding_poses(scene, goals, tolerance)[1]
 
 
@@ -107,17 +187,18 @@ def holding_poses(
     q, best = np.full((len(points), joints), np.nan), np.full(len(points), np.inf)
     for start in range(0, len(points), size):
         part = slice(start, start + size)
-        search = _Search(scene, travel, load, points[part], margin)
-        q[part], best[part] = search.run(sheets, grid)
+        q[part], best[part] = _Search(scene.robot, travel, load, points[part], margin).run(sheets, grid)
     return q, best
 
 
-class _Search:
+class _Search(NamedTuple):
     """Least load over the poses at some goals: x = (psi1, psi2, and with a tolerance the point near it)."""
 
-    def __init__(self, scene: Scene, travel: Travel, load: Load, goals: Array, margin: float) -> None:
-        self.arm, self.travel, self.load = scene.robot, travel, load
-        self.goals, self.margin = goals, margin
+    arm: Arm
+    travel: Travel
+    load: Load
+    goals: Array
+    margin: float
 
     def poses(self, x: Array, sheet: NDArray[np.int64], goals: Array) -> Array:
         return goal_poses(self.arm, self.travel, goals + self.margin * x[..., 2:], x[..., :2], sheet)
@@ -134,7 +215,13 @@ class _Search:
         x[..., 2:] = near[:, None, None, None]
         sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
         load = self.load(self.poses(x, sheet, self.goals[:, None, None, None, None]))
-        minima = _local_minima(load).reshape(len(self.goals), -1)
+        least = load
+        for axis in (-2, -1):
+            sides = [np.roll(least, way, axis) for way in (-1, 1)]
+            for side, end in zip(sides, (-1, 0), strict=True):
+                np.moveaxis(side, axis, 0)[end] = np.inf
+            least = np.minimum(least, np.minimum(*sides))
+        minima = np.where(load <= least, load, np.inf).reshape(len(self.goals), -1)
         chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
         best = np.take_along_axis(minima, chosen, axis=-1)
         return self.descend(x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best, psi[1])
@@ -162,17 +249,6 @@ class _Search:
         first = best.argmin(axis=-1)[:, None]
         q = np.take_along_axis(self.poses(x, sheet, goals), first[..., None], axis=1)[:, 0]
         return q, np.take_along_axis(best, first, axis=-1)[:, 0]
-
-
-def _local_minima(load: Array) -> Array:
-    """Loads (..., p, p) at local minima, inf elsewhere."""
-    least = load
-    for axis in (-2, -1):
-        sides = [np.roll(least, way, axis) for way in (-1, 1)]
-        for side, end in zip(sides, (-1, 0), strict=True):
-            np.moveaxis(side, axis, 0)[end] = np.inf
-        least = np.minimum(least, np.minimum(*sides))
-    return np.where(load <= least, load, np.inf)
 
 
 # ---- all poses of an arm with its tip at a goal, as a function of parameters and a sheet -----------------
@@ -267,10 +343,8 @@ def _between(low: Any, high: Any, psi: Any) -> Any:
 
 
 def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
-    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle.
-
-    With its base at the goal a link may point anywhere: then it is psi.
-    """
+    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle; with
+    its base at the goal a link may point anywhere: then it is psi."""
     product = 2.0 * distance * length
     squares = distance**2 + length**2 - rest**2
     cosine = np.divide(squares, product, out=np.zeros_like(squares * product), where=product > 0.0)

@@ -23,10 +23,9 @@ from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity",
-    "Impact",
-    "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop",
-    "Reading", "Sensing", "State", "ViscousFriction",
+    "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
+    "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "Reading", "Sensing", "State",
+    "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {

@@ -32,10 +32,8 @@ Kind = TypeVar("Kind", covariant=True)
 
 
 def identifier(parameter: str) -> str:
-    """A parameter of an effect as the argument of a task's function: "gravity.down[0]" -> gravity_down_0.
-
-    Effects of users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has.
-    """
+    """A parameter of an effect as an argument of a task: "gravity.down[0]" -> gravity_down_0; effects of
+    users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has."""
     dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
     return parameter.replace(".", dot).replace("[", dot).replace("]", "")
 
@@ -123,10 +121,8 @@ class Attachments(tuple[Attached[Hook], ...]):
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
         """The hooks of effects on an arm."""
-        found = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
-        laws = (f"switch{n}" for n in itertools.count(1))
-        changes = [getattr(hook, "switch", None) is not None for _, hook in found]
-        made = cls(_attached(*both, next(laws) if c else "") for both, c in zip(found, changes, strict=True))
+        laws = itertools.count(1)
+        made = cls(_attached(effect, hook, laws) for effect in effects for hook in effect.hooks(arm))
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
 
@@ -175,10 +171,8 @@ class Attachments(tuple[Attached[Hook], ...]):
         return loads
 
     def check_inertias(self, arm: Arm, values: Mapping[str, Any]) -> None:
-        """ValueError unless inertias are not negative, and not so large that rounding hides the arm.
-
-        ``values`` are all parameters, numbers or arrays of lanes.
-        """
+        """ValueError if one of the parameters, numbers or arrays of lanes, is a negative inertia, or one so
+        large that rounding hides the arm."""
         for a in self.of(Inertia):
             name, slides = a.parameter(a.hook.inertia), arm.prismatic[a.hook.joints[0]]
             least = np.min([values[f"m{k + 1}"] for k in range(arm.num_masses)], axis=0)
@@ -200,10 +194,8 @@ class Attachments(tuple[Attached[Hook], ...]):
         return tuple((a.hook.joints, a.parameter(a.hook.inertia)) for a in self.of(Inertia))
 
     def loaded(self, arm: Arm, values: Mapping[str, float]) -> Arm:
-        """The arm with the masses and inertias that effects add to its own, from all parameters.
-
-        ValueError if a mass is not positive then, or an inertia negative.
-        """
+        """The arm with the masses and inertias that effects add to its own, from all parameters; ValueError
+        if a mass is not positive then, or an inertia negative."""
         if self.carried:
             own = {f"m{k + 1}": mass for k, mass in enumerate(arm.masses)}
             masses = tuple(sum((values[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
@@ -214,8 +206,8 @@ class Attachments(tuple[Attached[Hook], ...]):
         return with_inertias(arm, self.inertias, found) if found else arm
 
 
-def _attached(effect: Effect, hook: Any, law: str) -> Attached[Any]:
-    key = effect.key
+def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:
+    key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(laws)}"
 
     def name_of(source: str) -> str:
         if source == hooks.SIDE and law:

@@ -82,10 +82,6 @@ RULES: dict[type, dict[str, Rule]] = {
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
 AXES = "function", "conservative"
-NOT_ALL = (
-    "{name} has a potential and depends on {more}, so not all of it is the derivative of the potential; give "
-    "the part that is as a separate function, conservative="
-)
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
 """Fields of hooks that name numbers of the effect, none of them a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
@@ -98,12 +94,8 @@ KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
 def check_attached(where: str, effect: Effect, arm: Arm) -> None:
     """Check the hooks of an effect on an arm.
 
-    Raises
-    ------
-    ValueError
-        If the effect does not fit the arm, a function is outside the physics dialect, a name is unknown,
-        or the potential and the force of the effect cannot belong together. ``where`` names the
-        effect in the message.
+    ValueError if the effect, called ``where``, does not fit the arm, a function is outside the physics
+    dialect, a name is unknown, or a potential and a force cannot belong together.
     """
     kind = type(effect).__name__
     check_declared(where, effect, Effect)
@@ -286,10 +278,10 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
     roots = dict(_roots(field, function, part, own, arm))
     at_point = isinstance(part, Force) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
-    if values != wanted and field == "function":
-        kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
-        raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
     if values != wanted:
+        kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
+        if field == "function":
+            raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
         raise ValueError(f"{field} {name} must return {'two values' if wanted == 2 else 'one value'}")
     may = May.PARAMETERS if rule.may is May.OWN_JOINT and at_point else rule.may
     allowed = {*arm.parameter_values()}
@@ -298,9 +290,12 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
     free = {*part.motion} if may is May.OWN_JOINT else set()
     more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
     if more and may is not May.ANYTHING:
-        whole = field == "conservative" and function is part.function
-        refused = NOT_ALL if whole else rule.refused
-        raise ValueError(refused.format(field=field, name=name, more=more, may=may.value))
+        if field == "conservative" and function is part.function:
+            raise ValueError(
+                f"{name} has a potential and depends on {more}, so not all of it is the derivative of the "
+                "potential; give the part that is as a separate function, conservative="
+            )
+        raise ValueError(rule.refused.format(field=field, name=name, more=more, may=may.value))
     if isinstance(part, Gap) and all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
         raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
 

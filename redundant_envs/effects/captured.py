@@ -53,8 +53,8 @@ class Owner(NamedTuple):
 
 
 def check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
-    """ValueError if what the first owner makes depends on a number of one of the owners, or is not the same
-    again; ``described`` says what is made, from the things of the owners."""
+    """ValueError if what the first owner makes, which ``described`` says of the things of the owners, depends
+    on one of their numbers, or is not the same again."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of its class, about numbers that nobody gave
         _Maker(owners, described).check()
@@ -83,8 +83,12 @@ class _Maker:
         for values in (*trials, *_far_apart(self.values)):
             for place in self.tried(values):
                 accepted[place] += 1
-        for n, (place, seen) in enumerate(self.compared().items()):
-            near = _across(seen, self.values[place])
+        watched = {place: _Watched(value) for place, value in self.values.items()}
+        for number in watched.values():
+            number.seen = []
+        self.made(self.changed(watched, checked=False))
+        for n, place in enumerate(self.values):
+            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], self.values[place])
             for value in (*near, *(_other(k, n, self.values[place]) for k in range(KINDS))):
                 if accepted[place] >= FEW and value not in near:
                     break
@@ -106,7 +110,7 @@ class _Maker:
 
     def changed(self, values: Mapping[Place, Any], checked: bool = True) -> list[Any]:
         """All things, with other numbers; None for one that does not allow them, if its class checks them."""
-        made = []
+        made: list[Any] = []
         for o, thing in enumerate(self.things):
             fields: dict[str, Any] = {}
             for _, field, entry in (place for place in values if place.owner == o):
@@ -115,7 +119,15 @@ class _Maker:
                     others = fields.get(field, getattr(thing, field))
                     value = (*others[:entry], value, *others[entry + 1 :])
                 fields[field] = value
-            made.append(_replaced(thing, fields) if checked else _set(thing, fields))
+            if checked:
+                try:
+                    made.append(dataclasses.replace(thing, **fields) if fields else thing)
+                except Exception:  # as in :meth:`made`
+                    made.append(None)
+                continue
+            made.append(copy.copy(thing))
+            for name, value in fields.items():
+                object.__setattr__(made[-1], name, value)
         return made
 
     def made(self, things: Sequence[Any]) -> Described | None:
@@ -163,14 +175,6 @@ class _Maker:
                 f"{self.owners[0].fix(next(iter(values)))}"
             )
 
-    def compared(self) -> dict[Place, list[float]]:
-        """For each number, the first of those that it is compared with."""
-        watched = {place: _Watched(value) for place, value in self.values.items()}
-        for number in watched.values():
-            number.seen = []
-        self.made(self.changed(watched, checked=False))
-        return {place: list(dict.fromkeys(w.seen))[:THRESHOLDS] for place, w in watched.items()}
-
 
 def _noting(compare: Callable[[Any, Any], Any]) -> Any:
     """A comparison of a watched number that notes what it is compared with."""
@@ -206,22 +210,6 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
             for entry, number in entries:
                 if isinstance(number, int | float) and not isinstance(number, bool):
                     yield Place(o, f.name, entry), number
-
-
-def _replaced(thing: Any, fields: dict[str, Any]) -> Any:
-    """A thing with other fields; None if it does not allow them."""
-    try:
-        return dataclasses.replace(thing, **fields) if fields else thing
-    except Exception:  # as in :meth:`_Maker.made`
-        return None
-
-
-def _set(thing: Any, fields: dict[str, Any]) -> Any:
-    """The same without the checks of its class."""
-    made = copy.copy(thing)
-    for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
 
 
 KINDS = 12
@@ -267,15 +255,15 @@ def _across(seen: Sequence[float], value: float) -> list[float]:
 
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:
     """ValueError if the hooks of an effect would not follow when its numbers or those of the arm are set."""
-    name = f"{where} ({type(effect).__name__})"
-    check_captured((Owner(name, effect, _bind), Owner("the arm", arm, of_the_arm)), hooks_described)
 
+    def bind(place: Place) -> str:
+        return (
+            f"take it as an argument of the function and bind it, bind={{{place.field!r}: '.{place.name}'}}, "
+            f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
+        )
 
-def _bind(place: Place) -> str:
-    return (
-        f"take it as an argument of the function and bind it, bind={{{place.field!r}: '.{place.name}'}}, "
-        f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
-    )
+    own = Owner(f"{where} ({type(effect).__name__})", effect, bind)
+    check_captured((own, Owner("the arm", arm, of_the_arm)), hooks_described)
 
 
 def of_the_arm(place: Place) -> str:

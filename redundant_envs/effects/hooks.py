@@ -40,10 +40,8 @@ class State:
 
 @dataclass(frozen=True)
 class Field:
-    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2].
-
-    ``bind`` says what its arguments stand for, see :class:`Effect`.
-    """
+    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2];
+    ``bind`` says what its arguments stand for, see :class:`Effect`."""
 
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
@@ -155,10 +153,8 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there.
-
-    Their numbers are fields of the effect (".lower[0]").
-    """
+    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there:
+    fields of the effect (".lower[0]")."""
 
     joint: int
     lower: str
@@ -324,10 +320,8 @@ class Effect:
         return {s.name: s for h in self.hooks(arm) for s in states_of(h)}
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
-        """Joints this effect limits: joint -> own fields of the lower and the upper limit.
-
-        These are its impacts with both ends; an effect that limits joints by forces overrides this.
-        """
+        """Joints this effect limits: joint -> own fields of the lower and the upper limit. These are its
+        impacts with both ends; an effect that limits joints by forces overrides this."""
         numbers = self.parameters()
         ends = {h.joint: (h.lower[1:], h.upper[1:]) for h in self.hooks(arm) if isinstance(h, Impact)}
         return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
@@ -337,10 +331,8 @@ class Effect:
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
-        """Units of its numbers, "field" or "field[k]" -> unit; of one that is not there none is known.
-
-        Those of masses, inertias and ends of travel follow from the hooks; an effect gives its others.
-        """
+        """Known units of its numbers, "field" or "field[k]" -> unit. Those of masses, inertias and ends of
+        travel follow from the hooks; an effect gives its others."""
         found: dict[str, str] = {}
         for hook in self.hooks(arm):
             if isinstance(hook, PointMass):

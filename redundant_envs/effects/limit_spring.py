@@ -52,6 +52,9 @@ def steepness(stiffness):
     return stiffness
 
 
+NUMBERS = ("lower", "upper", "stiffness", "damping")
+
+
 @dataclass(frozen=True)
 class LimitSpring(Effect):
     """Limited travel of one joint: the compliant form of the stop the report describes.
@@ -80,13 +83,12 @@ class LimitSpring(Effect):
     static = ("coordinate",)
 
     def __post_init__(self) -> None:
-        lower, upper = travel("LimitSpring.{}", self.lower, self.upper)
+        ends = travel("LimitSpring.{}", self.lower, self.upper)
         stiffness = strength("LimitSpring.stiffness", self.stiffness)
         if stiffness <= 0.0:
             raise ValueError(f"LimitSpring.stiffness is {stiffness}; it must be positive")
         damping = not_negative("LimitSpring.damping", number("LimitSpring.damping", self.damping))
-        checked = {"lower": lower, "upper": upper, "stiffness": stiffness, "damping": damping}
-        for name, value in checked.items():
+        for name, value in zip(NUMBERS, (*ends, stiffness, damping), strict=True):
             object.__setattr__(self, name, value)
 
     @property
@@ -99,13 +101,12 @@ class LimitSpring(Effect):
     def units(self, arm: Arm) -> dict[str, str]:
         slides = arm.prismatic[arm.joint_index(self.coordinate)]
         end, strength = ("m", "N") if slides else ("rad", "N m")
-        return {
-            "lower": end, "upper": end, "stiffness": f"{strength}/{end}", "damping": f"{strength} s/{end}^2"
-        }  # fmt: skip
+        units = (end, end, f"{strength}/{end}", f"{strength} s/{end}^2")
+        return dict(zip(NUMBERS, units, strict=True))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)
-        own = {name: f".{name}" for name in ("lower", "upper", "stiffness", "damping")}
+        own = {name: f".{name}" for name in NUMBERS}
         bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(

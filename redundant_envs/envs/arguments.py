@@ -13,8 +13,7 @@ from redundant_envs.lane.episode import Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.base import Task, full_reach
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import Task, full_reach, hard_stops
 from redundant_envs.values import check_keys, shown
 
 OPTION_KEYS = ["q", "qd", "goal", "parameters"]

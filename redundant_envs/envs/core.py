@@ -24,8 +24,8 @@ from redundant_envs.model.programs import Call, Copied, Simulator, Team, address
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
+from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tasks.limits import range_of_starts
 from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")

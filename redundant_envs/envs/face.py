@@ -21,7 +21,7 @@ from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
-from redundant_envs.tasks.limits import is_confined
+from redundant_envs.tasks.base import is_confined
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""

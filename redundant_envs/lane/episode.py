@@ -28,8 +28,7 @@ from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
-from redundant_envs.tasks.base import Task
-from redundant_envs.tasks.limits import depth_beyond, range_of_starts, spring_limits, start_position
+from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
 
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""

@@ -33,11 +33,8 @@ def potential_energy(scene: Scene, q: Array) -> Array:
 def scene_quantities(
     scene: Scene, q: Array, qd: Array | None = None, parameters: Mapping[str, Any] = MappingProxyType({})
 ) -> Quantities:
-    """Quantities that the functions of a scene's hooks take, in motions or at rest.
-
-    States of effects have their initial values; positions choose the laws of forces that have several.
-    ``parameters`` replace those of the scene.
-    """
+    """Quantities that the functions of a scene's hooks take, in motions or at rest, with other ``parameters``
+    if given. States of effects have their initial values; positions choose between the laws of a force."""
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}

@@ -52,9 +52,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
         efforts = blocks.interval.dynamics.commands
 
         def name_of(space: str, k: int) -> str:
-            if space == "efforts":
-                return efforts[k]
-            return names.get((space, k), f"{space}[{k}]")
+            return efforts[k] if space == "efforts" else names.get((space, k), f"{space}[{k}]")
 
         text = "\n".join(lines(Program([kernel]), name_of)) + "\n"
     return text.replace(f"{PACKAGE.parent}/", "")
@@ -77,9 +75,14 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
         more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
         counts.setdefault(key, Counter()).update(more)
         counts["arm"] -= more
+    arm = scene.robot
+    owners = dict.fromkeys((*arm.coordinates, *arm.rates, *arm.parameter_values()), "arm")
+    for effect in scene.effects:
+        own = (*effect.parameters(), *effect.states(arm))
+        owners |= dict.fromkeys((f"{effect.key}.{name}" for name in own), effect.key)
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
-            counts.setdefault(_owner_of_field(scene, name), Counter())["bytes"] += BYTES
+            counts.setdefault(owners.get(name, "interval"), Counter())["bytes"] += BYTES
     return {owner: Operations(**counts[owner]) for owner in sorted(counts)}
 
 
@@ -90,17 +93,14 @@ def _counts(scene: Scene, track_work: bool) -> tuple[dict[str, Counter[str]], Bl
         functions = blocks.functions
         step = next(functions[n] for n in ("interval", "step", "common") if n in functions)
         nodes = reached(step.results)
-        total, stages = _count(nodes), [n for n in nodes if n.name == "stage"]
-        for key, number in (_count(stages[0].extra.traced()[1]) if stages else {}).items():
-            total[key] += number * len(stages)
-    counts: dict[str, Counter[str]] = {"arm": Counter()}
-    for (owner, what), number in total.items():
-        counts.setdefault(owner, Counter())[what] += number
+        counts: dict[str, Counter[str]] = {"arm": Counter()}
+        _count(counts, nodes, 1)
+        if stages := [n for n in nodes if n.name == "stage"]:
+            _count(counts, stages[0].extra.traced()[1], len(stages))
     return counts, blocks
 
 
-def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
-    counts: Counter[tuple[str, str]] = Counter()
+def _count(counts: dict[str, Counter[str]], nodes: list[Operation], times: int) -> None:
     for n in nodes:
         if n.origin is None or n.name == "load":
             continue
@@ -108,16 +108,6 @@ def _count(nodes: list[Operation]) -> Counter[tuple[str, str]]:
         folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
         owner = n.origin.owner or PARTS.get(folder, "arm")
         if n.origin.function == "sincos":
-            counts[owner, "sine_pairs"] += n.name == "bit" and n.extra == 1
+            counts.setdefault(owner, Counter())["sine_pairs"] += times * (n.name == "bit" and n.extra == 1)
         elif n.name in COUNTED:
-            counts[owner, COUNTED[n.name]] += 1
-    return counts
-
-
-def _owner_of_field(scene: Scene, name: str) -> str:
-    arm = scene.robot
-    for effect in scene.effects:
-        if name in {f"{effect.key}.{k}" for k in (*effect.parameters(), *effect.states(arm))}:
-            return effect.key
-    of_arm = (*arm.coordinates, *arm.rates, *arm.parameter_values())
-    return "arm" if name in of_arm else "interval"
+            counts.setdefault(owner, Counter())[COUNTED[n.name]] += times

@@ -19,8 +19,7 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.base import Task
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import Task, hard_stops
 from redundant_envs.values import shown
 
 Table = dict[str, NDArray[np.float64]]
@@ -30,10 +29,7 @@ ROUNDING = 1e-12
 
 
 def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
-    """Scalar parameters behind a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1].
-
-    Numbers of a task are their own names.
-    """
+    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
     parameters = scene.parameters()
     if isinstance(name, str) and name in of_task:
         return [name]
@@ -66,10 +62,7 @@ def _holds_truth(values: Any) -> bool:
 
 
 def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-    """Finite numbers of shape (lanes, width), from one number, (width,) or (lanes, width).
-
-    A parameter that is a single number also takes (lanes,).
-    """
+    """Finite numbers (lanes, width) from one, (width,) or (lanes, width); with a width of 1 also (lanes,)."""
     array = numbers(name, values)
     if array.ndim == 0:
         array = np.full(width, array)
@@ -90,26 +83,22 @@ def check_start(name: str, columns: NDArray[np.float64]) -> None:
     """ValueError if a start is so far or so fast that its observation would be meaningless."""
     most = float(np.abs(columns).max(initial=0.0))
     if most > LARGEST_START[name]:
-        raise ValueError(
-            f"options[{name!r}] has an entry of size {most:g}; give at most {LARGEST_START[name]:g}"
-        )
+        largest = LARGEST_START[name]
+        raise ValueError(f"options[{name!r}] has an entry of size {most:g}; give at most {largest:g}")
 
 
 def lane_values(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
     task: Task | None = None,
 ) -> Table:  # fmt: skip
-    """All parameters of some lanes once the given ones are set; ValueError if one is not valid.
-
-    ``fresh`` starts from the numbers of the scene, and of the task, instead of the present ones.
-    """
+    """All parameters of some lanes once the given ones are set; ValueError if one is not valid. The others
+    are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    values = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    if not fresh:
-        values = _present(memory, lanes, nominal)
+    fixed = {p: np.full(len(lanes), v) for p, v in nominal.items()}
+    values = fixed if fresh else _present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
@@ -125,26 +114,14 @@ def lane_values(
     return values
 
 
-def check_lanes(scene: Scene, memory: Memory, lanes: NDArray[np.intp], task: Task | None = None) -> None:
-    """ValueError unless the parameters of lanes are some that they could be given."""
-    if task is not None:
-        _check_task(task, _present(memory, lanes, task.parameters()))
-    values = _present(memory, lanes, scene.parameters())
-    for name in ("masses", "lengths"):
-        _check_positive(name, np.stack([values[p] for p in names_of(scene, name)], axis=1))
-    changed = [p for p, own in scene.parameters().items() if (values[p] != own).any()]
-    _check_fitting(scene, values, changed)
-
-
 def _present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
     names = tuple(names)
     present = memory.read(tuple(memory.dynamics.field_of(p) for p in names), lanes)
     return {p: present[:, k] for k, p in enumerate(names)}
 
 
-def _check_fitting(scene: Scene, values: Table, changed: Iterable[str]) -> None:
+def _check_fitting(scene: Scene, values: Table, changed: list[str]) -> None:
     """ValueError unless all masses, and the numbers of each effect of which some change, fit together."""
-    changed = list(changed)
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)
@@ -158,10 +135,8 @@ def check_stops(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None,
     where: str = "",
 ) -> None:  # fmt: skip
-    """ValueError if a slider is beyond a hard end of its travel, which no motion can reach.
-
-    ``values`` are all parameters of the lanes, or None for the present ones; ``where`` begins a message.
-    """
+    """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel, with the
+    parameters ``values`` of the lanes, or the present ones."""
     for joint, *names in hard_stops(scene):
         present = memory.read(names, lanes).T
         low, high = present if values is None else (values[n] for n in names)
@@ -178,11 +153,10 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         return
     if not (columns > 0.0).all():
         raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
-    if columns.min() < SMALLEST or columns.max() > LARGEST:
-        raise ValueError(
-            f"{name} has entries from {columns.min()} to {columns.max()}; they must lie in "
-            f"{SMALLEST} to {LARGEST}: choose units in which they do"
-        )
+    least, most = columns.min(), columns.max()
+    if least < SMALLEST or most > LARGEST:
+        allowed = f"{SMALLEST} to {LARGEST}: choose units in which they do"
+        raise ValueError(f"{name} has entries from {least} to {most}; they must lie in {allowed}")
     ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
     if ratio > LARGEST_RATIO:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
@@ -373,7 +347,13 @@ def check_numbers(
     taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
     try:
         if not np.array_equal(given, own["parameters"]):
-            check_lanes(scene, taken, taken.index, task)
+            if task is not None:
+                _check_task(task, _present(taken, taken.index, task.parameters()))
+            values = _present(taken, taken.index, scene.parameters())
+            for kind in ("masses", "lengths"):
+                _check_positive(kind, np.stack([values[p] for p in names_of(scene, kind)], axis=1))
+            changed = [p for p, number in scene.parameters().items() if (values[p] != number).any()]
+            _check_fitting(scene, values, changed)
         q = taken.read(scene.robot.coordinates)
         check_stops(scene, taken, taken.index, q, None)
     except ValueError as error:

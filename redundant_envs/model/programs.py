@@ -86,15 +86,11 @@ _kept: OrderedDict[str, Simulator] = OrderedDict()
 
 
 def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A cached simulator, for scenes whose parts all belong to this package.
-
-    Classes of users are traced each time: a function may have been defined again. Keys are texts, because
-    these distinguish the sign of a zero, which equality does not.
-    """
+    """A cached simulator, if all parts of the scene are of this package: others may be defined again."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
     if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
         return make()
-    name = repr((scene, *more, llvm.processor()))
+    name = repr((scene, *more, llvm.processor()))  # a text shows the sign of a zero, which equality does not
     if name not in _kept:
         _kept[name] = make()
     _kept.move_to_end(name)
@@ -208,9 +204,8 @@ class Worker:
     def __init__(self) -> None:
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._done: SimpleQueue[BaseException | None] = SimpleQueue()
-        threading.Thread(
-            target=_serve, args=(self._asked, self._done), name="redundant-envs worker", daemon=True
-        ).start()
+        queues = self._asked, self._done
+        threading.Thread(target=_serve, args=queues, name="redundant-envs worker", daemon=True).start()
         weakref.finalize(self, self._asked.put, None)
 
     def begin(self, call: Callable[[], None]) -> None:

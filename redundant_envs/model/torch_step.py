@@ -48,19 +48,17 @@ def torch_step(scene: Scene) -> Step:
     check_scene(scene)
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
-    if interval.dynamics.stops:
+    if dynamics.stops:
         raise ValueError(
             "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
-    if interval.dynamics.control is Control.ADAPTIVE:
+    if dynamics.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
             "tolerance if errors are to be controlled"
         )
-    count, layout = dynamics.count, interval.layout()
-
-    of_effects = tuple(dynamics.effect_states)
+    count, layout, of_effects = dynamics.count, interval.layout(), tuple(dynamics.effect_states)
 
     def step(
         q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None
@@ -117,9 +115,6 @@ def _named(dynamics: Dynamics, parameters: Mapping[str, Any]) -> dict[str, torch
         names, tensor = names_of(dynamics.scene, name), number(given)
         if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
             tensor = tensor.unsqueeze(-1)
-        if tensor.dtype is torch.bool or tensor.ndim == 0 or tensor.shape[-1] != len(names):
-            raise ValueError(
-                f"{name} has shape {tuple(tensor.shape)}; the last axis must have {len(names)} numbers"
-            )
-        values.update({dynamics.field_of(n): x for n, x in zip(names, tensor.unbind(-1), strict=True)})
+        entries = _checked(name, tensor, len(names)).unbind(-1)
+        values.update({dynamics.field_of(n): x for n, x in zip(names, entries, strict=True)})
     return values

@@ -97,7 +97,16 @@ def simulate(
 
     @functools.lru_cache(maxsize=1)
     def command(step: int) -> Array:
-        return _command(efforts, step, dt, batch, shape)
+        """Efforts of a control interval, (count, joints)."""
+        given = efforts
+        if callable(given):
+            given = given(step * dt, *(x.reshape(*shape, joints) for x in (batch.q, batch.qd)))
+        table = numbers("efforts", np.zeros(joints) if given is None else given)
+        if table.shape != (joints,) and table.shape != (*shape, joints):
+            raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
+        if not np.isfinite(table).all():
+            raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
+        return np.broadcast_to(table, (*shape, joints)).reshape(count, joints)
 
     q_all, qd_all, applied = np.empty((3, len(t), count, joints))
     work = np.empty((len(t), count))
@@ -166,21 +175,6 @@ def _check(status: Status, time: float) -> None:
             "control_dt or a softer scene",
             stacklevel=3,
         )
-
-
-def _command(efforts: Efforts, step: int, dt: float, batch: BatchSimulator, shape: tuple[int, ...]) -> Array:
-    """Efforts of the control interval ``step``, (num_envs, joints)."""
-    joints = len(batch.scene.robot.joints)
-    if callable(efforts):
-        efforts = efforts(step * dt, batch.q.reshape(*shape, joints), batch.qd.reshape(*shape, joints))
-    elif efforts is None:
-        efforts = np.zeros(joints)
-    table = numbers("efforts", efforts)
-    if table.shape != (joints,) and table.shape != (*shape, joints):
-        raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
-    if not np.isfinite(table).all():
-        raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
-    return np.broadcast_to(table, (*shape, joints)).reshape(batch.num_envs, joints)
 
 
 # ---- energies over time, as in figures 1 and 2 of the report --------------------------------------
@@ -265,8 +259,7 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
 def energy_run(
     name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
 ) -> EnergyRun:
-    """Release the arm at q, with velocities qd or at rest, without motor efforts, and record its motion for
-    some seconds."""
+    """The motion of an arm released at q, with velocities qd or at rest, without motor efforts."""
     qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
     check_start(scene, seconds, q, qd)
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))

@@ -17,7 +17,7 @@ from typing import Any
 from redundant_envs.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.from_points import joint_rates
 
 Function = Callable[..., Any]
 Added = tuple[tuple[tuple[int, ...], str], ...]
@@ -50,7 +50,7 @@ def functions_with(arm: type[Arm], added: Added) -> tuple[Function, ...]:
 def held_functions(arm: type[Arm]) -> tuple[Function, Function]:
     """Dynamics with sliders at rest, and mobilities of the sliders, from any mass matrix."""
     n, sliders = len(arm.coordinates), arm.sliders()
-    return derived.held_dynamics(n, sliders), derived.slider_mobility(n, sliders)
+    return derived.forward_dynamics(n, sliders), derived.slider_mobility(n, sliders)
 
 
 class Loaded:

@@ -6,6 +6,7 @@ must define, and what follows from that.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -17,7 +18,6 @@ from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import checks, derived, from_points, joint_types
-from redundant_envs.robots.mobility import mobility_bounds
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 
@@ -138,7 +138,10 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
-        checks.check_of_classes(cls)
+        for name in checks.OF_CLASSES:
+            if isinstance(value := vars(cls).get(name), property | functools.cached_property):
+                kind = type(value).__name__
+                raise ValueError(f"{cls.__name__}.{name} is a {kind}; {checks.INSTEAD}")
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()
@@ -157,14 +160,16 @@ class Arm:
             cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
             cls._say({"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))})
         elif "phi1" not in cls._given():
-            cls._follow(derived.joint_coordinates(cls.coordinates, cls.rates))
-            same = derived.identity(cls.coordinates, numbered("phi{}", len(cls.coordinates)))
-            cls._say({"coordinates_of_joints": staticmethod(same)})
+            n = len(cls.coordinates)
+            same = {"phi{}": cls.coordinates, "phid{}": cls.rates, "Q{}": numbered("t{}", n)}
+            cls._follow(derived.identity(numbered(form, n), taken) for form, taken in same.items())
+            back = derived.identity(cls.coordinates, numbered("phi{}", n))
+            cls._say({"coordinates_of_joints": staticmethod(back)})
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)
         if not cls._has_said("mobility_bounds"):
-            bounds = mobility_bounds(cls)
+            bounds = from_points.mobility_bounds(cls)
             cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
@@ -346,6 +351,6 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
         },
     }
     if sliders:
-        made["held_dynamics"] = staticmethod(derived.held_dynamics(n, sliders))
+        made["held_dynamics"] = staticmethod(derived.forward_dynamics(n, sliders))
         made["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
     return made

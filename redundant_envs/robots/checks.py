@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from typing import Any
 
@@ -24,13 +23,6 @@ INSTEAD = "it belongs to the class: let its functions take m1, l1 and so on as a
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach")
 
 
-def check_of_classes(arm: Any) -> None:
-    """ValueError if the class of an arm leaves to each arm what is the same for all."""
-    for name in OF_CLASSES:
-        if isinstance(value := vars(arm).get(name), property | functools.cached_property):
-            raise ValueError(f"{arm.__name__}.{name} is a {type(value).__name__}; {INSTEAD}")
-
-
 def check_own(arm: Any) -> None:
     """ValueError if an arm has equations of its own, which could hold its masses and lengths."""
     for name in OF_CLASSES:
@@ -45,8 +37,7 @@ def check_functions(arm: Any) -> None:
     inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
     given = [("functions", f) for f in arm.functions if id(f) not in inherited]
     given += [("prepared", f) for f in vars(arm).get("prepared", ())]
-    own = [(name, getattr(arm, name)) for name in FUNCTIONS if name in vars(arm)]
-    given += [(name, function) for name, function in own if callable(function)]
+    given += [(name, getattr(arm, name)) for name in FUNCTIONS if callable(vars(arm).get(name))]
     for name, function in given:
         try:
             dialect.check(function)

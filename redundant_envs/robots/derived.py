@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import entries, numbered, physics, sqrt, where
+from redundant_envs.algebra import entries, numbered, physics, sqrt, total, where
 
 Function = Callable[..., Any]
 
@@ -22,13 +22,6 @@ def identity(gives: Sequence[str], takes: Sequence[str]) -> Function:
         return values
 
     return identity
-
-
-def joint_coordinates(coordinates: Sequence[str], rates: Sequence[str]) -> list[Function]:
-    """For an arm whose coordinates are those of its joints: positions, rates, motor map are the identity."""
-    n = len(coordinates)
-    pairs = (("phi{}", coordinates), ("phid{}", rates), ("Q{}", numbered("t{}", n)))
-    return [identity(numbered(form, n), taken) for form, taken in pairs]
 
 
 def functions_of(arm: Any, given: set[str]) -> list[Function]:
@@ -116,30 +109,24 @@ def kinetic_energy(rates: Sequence[str]) -> Function:
     return kinetic_energy
 
 
-def forward_dynamics(n: int) -> Function:
-    @physics(gives=numbered("qdd{}", n), takes=_of_motion(n))
+def forward_dynamics(n: int, sliders: Sequence[int] = ()) -> Function:
+    """Accelerations, while sliders with held > 0 rest on their links, and the forces that hold these [N]."""
+    held, hold = ([f"{name}{k + 1}" for k in sliders] for name in ("held", "hold"))
+    of_motion = [*entries("M", n, n), *(f"{letter}{k + 1}" for letter in "hGQ" for k in range(n))]
+
+    @physics(gives=(*numbered("qdd{}", n), *hold), takes=(*of_motion, *held))
     def forward_dynamics(*values):
         """M qdd = Q - h - G, by L D L^T."""
-        return tuple(solved(*_equations(values, n)))
-
-    return forward_dynamics
-
-
-def held_dynamics(n: int, sliders: Sequence[int]) -> Function:
-    """Accelerations while sliders with held > 0 rest on their links, and the forces that hold them [N]."""
-    held, hold = ([f"{name}{k + 1}" for k in sliders] for name in ("held", "hold"))
-
-    @physics(gives=(*numbered("qdd{}", n), *hold), takes=(*_of_motion(n), *held))
-    def held_dynamics(*values):
-        M, forces = _equations(values, n)
-        rests = dict(zip(sliders, (h > 0.0 for h in values[-len(sliders) :]), strict=True))
-        rows = [[*row] for row in M]
+        M, (h, G, Q) = rows(values[: n * n], n), rows(values[n * n : n * n + 3 * n], n)
+        forces = [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
+        rests = dict(zip(sliders, (h > 0.0 for h in values[n * n + 3 * n :]), strict=True))
+        left = [[*row] for row in M]
         for i, j in itertools.product(range(n), range(n)):
-            rows[i][j] = _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
-        qdd = solved(rows, [_unless(rests.get(i), f, 0.0) for i, f in enumerate(forces)])
+            left[i][j] = _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
+        qdd = solved(left, [_unless(rests.get(i), f, 0.0) for i, f in enumerate(forces)])
         return (*qdd, *(_dot(M[k], qdd) - forces[k] for k in sliders))
 
-    return held_dynamics
+    return forward_dynamics
 
 
 def slider_mobility(n: int, sliders: Sequence[int]) -> Function:
@@ -177,21 +164,10 @@ def _unless(condition: Any, value: Any, otherwise: float) -> Any:
     return value if condition is None else where(condition, otherwise, value)
 
 
-def _equations(values: Sequence[Any], n: int) -> tuple[list[Sequence[Any]], list[Any]]:
-    """M, and Q - h - G, from the values of :func:`_of_motion`."""
-    h, G, Q = (values[n * n + k * n : n * n + (k + 1) * n] for k in range(3))
-    return rows(values[: n * n], n), [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
-
-
 def rows(values: Sequence[Any], length: int) -> list[Sequence[Any]]:
     """Values in rows of a length."""
     return [values[i : i + length] for i in range(0, len(values), length)]
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    products = [x * y for x, y in zip(a, b, strict=True)]
-    return sum(products[1:], products[0])
-
-
-def _of_motion(n: int) -> list[str]:
-    return [*entries("M", n, n), *numbered("h{}", n), *numbered("G{}", n), *numbered("Q{}", n)]
+    return total(x * y for x, y in zip(a, b, strict=True))

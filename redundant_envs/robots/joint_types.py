@@ -112,27 +112,18 @@ def _points(types: str) -> Function:
     def points(*values):
         lengths, moved, cosines = values[:revolute], values[revolute : -revolute or None], values[-revolute:]
         links, made = iter(range(revolute)), []
-        start_x, start_y, s, c, reach = 0.0, 0.0, None, None, None
+        start, s, c, reach = [], None, None, None  # nothing is added to what begins at the base, along +x
         for kind, value in zip(types, moved, strict=True):
             if kind == "R":
-                link = next(links)
-                if made:
-                    start_x, start_y = made[-2:]
+                link, start = next(links), made[-2:]
                 s, c, reach = value, cosines[link], lengths[link]
             else:
                 reach = value if reach is None else reach + value
-            made += _ahead(start_x, start_y, reach, s, c)
+            ahead = (reach, 0.0) if c is None else (reach * c, reach * s)
+            made += [a + b for a, b in zip(start, ahead, strict=True)] if start else ahead
         return tuple(made)
 
     return points
-
-
-def _ahead(x: Any, y: Any, distance: Any, s: Any, c: Any) -> tuple[Any, Any]:
-    """A point at a distance from another, in the direction of an angle; None is +x."""
-    if c is None:
-        return distance, 0.0
-    across, up = distance * c, distance * s
-    return (across, up) if isinstance(x, float) else (x + across, y + up)
 
 
 def _angle_between(k: int) -> Function:

@@ -9,15 +9,9 @@ from typing import Any
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, gives_of, numbered
+from redundant_envs.effects import captured
 from redundant_envs.effects.attached import identifier
-from redundant_envs.effects.captured import (
-    Described,
-    Owner,
-    Place,
-    check_captured,
-    function_described,
-    of_the_arm,
-)
+from redundant_envs.effects.captured import Described, Owner, Place
 from redundant_envs.quantities import check_names, givers_of
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
@@ -49,11 +43,10 @@ def check_task(task: Task, scene: Scene) -> None:
         **dict.fromkeys(numbered("action{}", len(arm.joints)), "the action"),
         **dict.fromkeys(numbered("draw{}", task.draws), "a draw of the episode"),
         **dict.fromkeys(task.aliases(scene), "an end of the travel of a slider"),
-        "interval": "the control interval",
-        "steps": "control steps of the episode before this one",
+        "interval": "the control interval", "steps": "control steps of the episode before this one",
         "ended": "whether a fault ends the episode",
         "paid": "what the other terms of the reward have paid in the episode",
-    }
+    }  # fmt: skip
     reserved = {name: f"of the engine: {doc}" for name, doc in of_engine.items()}
     for effect in scene.effects:
         own = (f"{effect.key}.{name}" for name in (*effect.parameters(), *effect.states(arm)))
@@ -98,13 +91,6 @@ def check_task(task: Task, scene: Scene) -> None:
         _check_captured(task, scene)
 
 
-def _argument(place: Place) -> str:
-    return (
-        f"take it as the argument {place.field} of the function, or name {place.field!r} in 'static' if it "
-        "is part of the structure and is never set"
-    )
-
-
 def _check_captured(task: Task, scene: Scene) -> None:
     """ValueError if what a task says depends on numbers that are set per environment."""
 
@@ -116,12 +102,16 @@ def _check_captured(task: Task, scene: Scene) -> None:
         object.__setattr__(other, "effects", effects)
         return task_described(task, other)
 
+    def of_task(place: Place) -> str:
+        other = f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
+        return f"take it as the argument {place.field} of the function, {other}"
+
     def of_effect(key: str) -> Callable[[Place], str]:
         return lambda place: f"take it as the argument {identifier(f'{key}.{place.name}')} of the function"
 
-    owners = [Owner(type(task).__name__, task, _argument), Owner("the arm", scene.robot, of_the_arm)]
+    owners = [Owner(type(task).__name__, task, of_task), Owner("the arm", scene.robot, captured.of_the_arm)]
     owners += [Owner(f"the effect {e.key}", e, of_effect(e.key)) for e in scene.effects]
-    check_captured(owners, described)
+    captured.check_captured(owners, described)
 
 
 def task_described(task: Task, scene: Scene) -> Described:
@@ -129,7 +119,7 @@ def task_described(task: Task, scene: Scene) -> Described:
     functions = (*task.functions(scene), *task.begin_functions)
     found: Described = {"the number of functions": (str(len(functions)), "")}
     for f in functions:
-        found[f"the function of {', '.join(gives_of(f))}"] = function_described(f)
+        found[f"the function of {', '.join(gives_of(f))}"] = captured.function_described(f)
     names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
     told = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
     told |= {

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import numbered, physics, saturation, sqrt, squash, tolerance, where
+from redundant_envs.algebra import numbered, physics, saturation, sqrt, squash, tolerance, total, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
@@ -75,12 +76,9 @@ def precise_term(distance, reach, goal_tolerance):
 
 
 def effort_term(joints: int) -> Callable[..., Any]:
-    @physics(gives="effort_term", takes=" ".join(numbered("action{}", joints)))
+    @physics(gives="effort_term", takes=numbered("action{}", joints))
     def effort_term(*actions):
-        rest: Any = float(joints)
-        for action in actions:
-            rest = rest - action**2
-        return 0.04 / joints * rest
+        return 0.04 / joints * functools.reduce(lambda rest, action: rest - action**2, actions, float(joints))
 
     effort_term.__doc__ = f"{0.04 / joints:.4g} ({joints} - |action|^2)"
     return effort_term
@@ -93,12 +91,9 @@ def settle_term(distance, speed, reach):
 
 
 def rate_term(joints: int) -> Callable[..., Any]:
-    @physics(gives="rate_term", takes=" ".join(numbered("phid{}", joints)))
-    def rate_term(first, *others):
-        total = abs(first)
-        for rate in others:
-            total = total + abs(rate)
-        return 0.02 * (1.0 - saturation(total, 10.0 * joints))
+    @physics(gives="rate_term", takes=numbered("phid{}", joints))
+    def rate_term(*rates):
+        return 0.02 * (1.0 - saturation(total(map(abs, rates)), 10.0 * joints))
 
     rate_term.__doc__ = f"0.02 (1 - saturation(sum of |joint rates|, {10 * joints}))"
     return rate_term
@@ -131,9 +126,7 @@ def reached_term(goal_reward):
 def observed_rates(arm: Arm) -> Callable[..., Any]:
     n = len(arm.joints)
 
-    @physics(
-        gives=" ".join(numbered("rate{}_obs", n)), takes=" ".join((*numbered("phid{}", n), "rate_scale"))
-    )
+    @physics(gives=numbered("rate{}_obs", n), takes=(*numbered("phid{}", n), "rate_scale"))
     def observed_rates(*values):
         *rates, rate_scale = values
         return tuple(squash(rate, rate_scale) for rate in rates)
@@ -144,14 +137,15 @@ def observed_rates(arm: Arm) -> Callable[..., Any]:
 def observed_travel(arm: Arm) -> list[Callable[..., Any]]:
     """How far each slider is from the middle of its travel."""
 
-    def of_slider(joint: int) -> Callable[..., Any]:
-        @physics(gives=f"travel{joint}_obs", takes=f"phi{joint} low{joint} high{joint}")
+    made = []
+    for k in arm.sliders():
+
+        @physics(gives=f"travel{k + 1}_obs", takes=f"phi{k + 1} low{k + 1} high{k + 1}")
         def observed_travel(position, low, high):
             return squash(2.0 * position - low - high, high - low)
 
-        return observed_travel
-
-    return [of_slider(k + 1) for k in arm.sliders()]
+        made.append(observed_travel)
+    return made
 
 
 @physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")
@@ -164,13 +158,11 @@ def observed_tip(tip_x, tip_y, tip_vx, tip_vy, reach):
 def posture_and_tip(arm: Arm) -> dict[str, str]:
     """Names of these quantities and their meaning: positions and velocities of the joints and the tip."""
     rates = {f"rate{k + 1}_obs": f"squash(joint rate {k + 1} / rate_scale)" for k in range(len(arm.joints))}
-    travel = {
-        f"travel{k + 1}_obs": f"squash({arm.joints[k]} from mid-travel / half travel)" for k in arm.sliders()
-    }
+    half = "from mid-travel / half travel"
+    travel = {f"travel{k + 1}_obs": f"squash({arm.joints[k]} {half})" for k in arm.sliders()}
     return {
         **arm.posture, **travel, **rates,
-        "tip_x_obs": "squash(tip x / reach)",
-        "tip_y_obs": "squash(tip y / reach)",
+        "tip_x_obs": "squash(tip x / reach)", "tip_y_obs": "squash(tip y / reach)",
         "tip_vx_obs": "squash(tip velocity x / (0.5 reach per s))",
         "tip_vy_obs": "squash(tip velocity y / (0.5 reach per s))",
     }  # fmt: skip
@@ -232,14 +224,9 @@ class ReachTask(Task):
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
     units = {
-        **Task.units,
-        "goal_tolerance": "reaches",
-        "hold_speed": "reaches/s",
-        "hold_steps": "control steps",
-        "inner": "reaches",
-        "outer": "reaches",
-        "rate_scale": "rad/s or m/s",
-    }
+        **Task.units, **dict.fromkeys(("goal_tolerance", "inner", "outer"), "reaches"),
+        "hold_speed": "reaches/s", "hold_steps": "control steps", "rate_scale": "rad/s or m/s",
+    }  # fmt: skip
     # The squares of these numbers neither overflow nor vanish beside those of a motion.
     ranges = {
         "goal_tolerance": (1e-9, 2.0),  # the tip is never farther from a goal than two reaches

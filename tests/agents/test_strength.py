@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from run_folders import ROOT, change, says, write_run
 
-from redundant_envs.control.holding import holding_load
-from redundant_envs.control.statics import effort_limits
+from redundant_envs.control.holding import effort_limits, holding_load
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
 from redundant_envs.tables import write_rows

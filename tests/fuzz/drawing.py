@@ -7,7 +7,7 @@ import numpy as np
 from redundant_envs.effects import REGISTRY
 from redundant_envs.robots import RPRP, FourR
 from redundant_envs.scene import Scene
-from redundant_envs.tasks.limits import hard_stops, spring_limits
+from redundant_envs.tasks.base import hard_stops, spring_limits
 
 ARMS = ((RPRP, 2), (FourR, 4))
 """Arms and their numbers of lengths."""

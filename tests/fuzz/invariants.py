@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import hard_stops
 
 from .cases import ENVIRONMENTS, lanes_of, with_lanes, without_calls
 from .motions import the_energy_book_closes, tolerance_is_kept_or_flagged, values_of

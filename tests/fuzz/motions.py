@@ -12,7 +12,7 @@ import redundant_envs as rde
 from redundant_envs.effects.hooks import Force
 from redundant_envs.model import parameters
 from redundant_envs.model.energy import scene_quantities
-from redundant_envs.tasks.limits import hard_stops
+from redundant_envs.tasks.base import hard_stops
 from redundant_envs.verify.judging import agree, judge
 
 from .cases import numbers

@@ -14,7 +14,7 @@ from two_stage_spring import TwoStageSpring, energy
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.control.statics import static_efforts
+from redundant_envs.control.holding import static_efforts
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.verify import accuracy, forces, verify

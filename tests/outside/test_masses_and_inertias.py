@@ -14,7 +14,7 @@ from tether import Tether
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.control.computed_torque import ComputedTorque
-from redundant_envs.control.statics import static_efforts
+from redundant_envs.control.holding import static_efforts
 from redundant_envs.effects import Effect, Inertia, Point, PointMass
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.model.listing import _counts

@@ -69,6 +69,7 @@ def test_mass_points_are_where_the_joints_put_them(types):
         place = place + x * direction
         expected.append(np.stack([place.real, place.imag], axis=-1))
     np.testing.assert_allclose(chain.points(q), np.stack(expected, axis=1), atol=1e-14)
+    np.testing.assert_allclose([chain.points(one) for one in q], chain.points(q), atol=1e-14)
 
 
 @pytest.mark.parametrize("types", WORDS)

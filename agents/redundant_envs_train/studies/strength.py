@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.computed_torque import lightest_pose, pose_at
-from redundant_envs.control.holding import holding_load
-from redundant_envs.control.statics import effort_limits, slider_travel
+from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.figures import bare, new_figure, save_figure
