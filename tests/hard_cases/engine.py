@@ -4,10 +4,11 @@ import contextlib
 import functools
 
 import numpy as np
-from subject import Subject, commands, started, unfilled
 
 import redundant_envs as rde
 from redundant_envs.studies.peers import mujoco_model
+
+from .subject import Subject, commands, started, unfilled
 
 STEP = 1e-3
 
