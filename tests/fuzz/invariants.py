@@ -94,14 +94,13 @@ def a_refused_call_changes_nothing(played):
 
 def no_slider_is_beyond_its_stop(played):
     """After every call sliders are between their stops, to the last bit; a lost lane has no place."""
-    scene, lost = played.scene, played.case["face"] == "simulator"
+    scene, lost = played.scene, np.bool_(played.case["face"] == "simulator")
     for k, step in enumerate(played.steps):
         values = values_of(scene, step.after) if "values" in step.after else scene.parameters()
         for joint, low, high in hard_stops(scene):
-            x = step.after["q"][:, joint]
-            beyond = np.maximum(values[low] - x, x - values[high])
-            for lane in np.flatnonzero(~(beyond <= 0.0) & ~(lost & np.isnan(x))):
-                yield k, lane, f"{scene.robot.joints[joint]} is {beyond[lane]:.3g} m beyond its stop"
+            x, low, high = step.after["q"][:, joint], values[low], values[high]
+            for lane in np.flatnonzero((x < low) | (x > high) | (np.isnan(x) & ~lost)):
+                yield k, lane, f"{scene.robot.joints[joint]} is at {x[lane]} m, beyond its stop"
 
 
 def compared(played, steps, other, order):
