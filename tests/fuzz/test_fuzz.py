@@ -1,6 +1,9 @@
 """A minute of fuzzing: a fixed seed and a fresh one; failures once found are played again."""
 
+import json
 import secrets
+import subprocess
+import sys
 import time
 from itertools import count
 from pathlib import Path
@@ -46,6 +49,13 @@ def test_cases_of_a_fresh_seed():
     seed = secrets.randbelow(2**31)
     print(f"fuzz: seed {seed}")
     fuzzed(seed, count(), 10.0)
+
+
+def test_the_command_counts_what_it_did(tmp_path):
+    command = [sys.executable, "-m", "tests.fuzz", "--minutes", "0", "--seed", "1", "--out", tmp_path]
+    subprocess.run(command, cwd=HERE.parents[1], check=True, capture_output=True)
+    found = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert found == {"seed": 1, "minutes": 0.0, "files": []}
 
 
 @pytest.mark.usefixtures("kernels_of_its_own")

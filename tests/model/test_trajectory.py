@@ -143,7 +143,7 @@ every_step = pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
 def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
     scene = rde.Scene(SLIDING, STOPPED, **kwargs)
     order = 0.2 if scene.integrator == "euler" else 1e-3  # how far an end of its step moves otherwise than qd
-    for instant, gap in ((0.02, 5e-12), (0.02, 4e-10), (0.4, 3e-12), (4.0, 1e-11)):
+    for instant, gap in ((0.02, 4e-10), (0.4, 3e-12)):
         times = [instant - gap, instant, instant + gap]
         motion = rde.simulate(scene, (0.2, 0.1, 0.4, 0.1), (4.0, 0.2, -6.0, 0.1), times)
         for k in (0, 1):
