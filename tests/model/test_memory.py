@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import RPRP, SCENES, e
+from catalogue import COPIES, RPRP, SCENES, e
 
 import redundant_envs as rde
 from redundant_envs.batch.blocks import LANES
@@ -126,6 +126,13 @@ def test_a_new_motion_forgets_stops_that_hold_and_steps_that_were_chosen():
     kept = ~np.isin(np.arange(10), (2, 9))
     np.testing.assert_array_equal(memory.read(("active_stop_r1",))[:, 0], kept * 1.0)
     assert (memory.read(("theta1",)) == 1.0).all()
+
+
+def test_arrays_of_copies_begin_at_cache_lines_too():
+    """Kernels read whole vectors."""
+    memory = memory_of(9)
+    for twin in (memory, *(way(memory) for way in COPIES.values())):
+        assert all(array.ctypes.data % 64 == 0 for array in twin.arrays.values() if array.size)
 
 
 # ---- snapshots --------------------------------------------------------------------------
