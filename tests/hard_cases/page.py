@@ -70,10 +70,6 @@ def subnormal_time():
     )
 
 
-TIMED = {"18": subnormal_time}
-"""Sentences with a time, measured when the page is written."""
-
-
 def section(case, found):
     """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
@@ -87,8 +83,8 @@ def section(case, found):
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
     lines += ["", markdown(["", "promised", *found], rows), ""]
-    if case.number in TIMED:
-        lines += [TIMED[case.number](), ""]
+    if case.number == "18":
+        lines += [subnormal_time(), ""]
     if case.number in PICTURES:
         draw, what = PICTURES[case.number]
         lines += [f"![{what}](hard_cases/{draw.__name__}.png)", ""]

@@ -10,13 +10,20 @@ from . import naive, page
 from .hard_case import THEMES, Case, all_cases, at_least, at_most, check
 
 CASES = all_cases()
-PAIRS = [(case, variant) for case in CASES for variant in case.variants]
+PAIRS = [
+    pytest.param(
+        case, variant, id=f"{case.number}-{variant.name}", marks=[pytest.mark.long] * (k < len(case.variants))
+    )
+    for case in CASES
+    for k, variant in enumerate(case.variants, 1)
+]
+"""Cases with the variants that fail them; in quick runs the last one of a case."""
 OF_THE_INTERFACE = {"16", "17", "30", "47"}
 """Cases about refusals and flags, which no variant has."""
 TEXT = page.PAGE.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("case", "variant"), PAIRS, ids=[f"{c.number}-{v.name}" for c, v in PAIRS])
+@pytest.mark.parametrize(("case", "variant"), PAIRS)
 def test_a_naive_variant_fails_its_case(case, variant):
     with np.errstate(all="ignore"):
         passes = all(figure.kept for figure in case.measure(variant()))  # until the first that is missed
@@ -28,7 +35,7 @@ def test_the_catalogue_is_complete():
     that were found later. Every numerical case has a variant, and every variant a case."""
     assert {case.number for case in CASES} == {str(k) for k in range(1, 50) if k != 35} | {"27b"}
     assert {case.number for case in CASES if not case.caught and not case.waiting_for} == OF_THE_INTERFACE
-    assert {variant for _, variant in PAIRS} == set(naive.VARIANTS)
+    assert {variant for case in CASES for variant in case.variants} == set(naive.VARIANTS)
     for case in CASES:
         digits = case.number.zfill(2 + case.number.endswith("b"))
         assert case.measure.__name__.startswith(f"test_{digits}_")
