@@ -95,12 +95,12 @@ def summary(cases, results):
     """One row for each case."""
     head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it", "test"], []
     for case in cases:
-        own = results[case.number][Subject.name]
-        kept = f"{sum(f.kept for f in own)} of {len(own)}"
-        names = ", ".join(variant.name for variant in case.variants)
-        if case.waiting_for:
-            kept, names = f"waits for `{case.waiting_for}`", ""
-        rows.append([case.number, case.title, kept, names, f"`{case.measure.__name__}`"])
+        own, test = results.get(case.number, {}).get(Subject.name), ""
+        kept, names = f"waits for `{case.waiting_for}`", ""
+        if own is not None:
+            kept, test = f"{sum(f.kept for f in own)} of {len(own)}", f"`{case.measure.__name__}`"
+            names = ", ".join(variant.name for variant in case.variants)
+        rows.append([case.number, case.title, kept, names, test])
     return markdown(head, rows)
 
 
@@ -121,7 +121,7 @@ def text(themes, results, machine, date):
     for title, some in themes.items():
         lines += ["", f"## {title}", ""]
         for case in some:
-            lines += section(case, results[case.number])
+            lines += section(case, results.get(case.number))
         lines.pop()
     return "\n".join(lines) + "\n"
 

@@ -281,19 +281,3 @@ def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     scene = rde.Scene(arm, effects, control_dt=0.05, tolerance=1e-6)
     off = tip_error(arm, subject.motion(scene, q, qd, 1).q[-1], fine_end(scene, q, qd, 2000).q)
     yield at_most("the tip of 256 starts after an interval", off, 1e-6, "m off")
-
-
-@hard_case("33")
-def test_33_stiction_waits_for_its_effect(subject):
-    return waiting("CoulombFriction")
-
-
-@hard_case("34")
-def test_34_lugre_friction_waits_for_its_effect(subject):
-    return waiting("LuGreFriction")
-
-
-def waiting(effect):
-    """The case must be written when its effect exists."""
-    there = hasattr(e, effect)
-    yield at_most(f"the number of effects {effect} (with one, this case must be written)", there, 0)
