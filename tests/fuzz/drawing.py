@@ -159,23 +159,20 @@ def drawn_state(scene, kind, rng):
     n, size = len(arm.joints), sum(arm.lengths)
     limits = (*spring_limits(scene), *hard_stops(scene))
     ends = {joint: (values[low], values[high]) for joint, low, high in limits}
-    q, qd = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, decades(rng, 0.3, 8.0), n)
-    if kind == "folded":  # singular poses, exactly and nearly
-        q = rng.choice([0.0, 0.5 * np.pi, np.pi, -np.pi], n) + rng.choice([0.0, 1e-15, 1e-9, 1e-4])
-        qd = qd * rng.choice([0.0, 1.0])
-    elif kind == "at rest":
-        qd = np.zeros(n)
-    elif kind == "fast":
-        qd = rng.normal(0.0, 30.0, n)
-    elif kind == "huge":
-        qd = rng.normal(0.0, decades(rng, 50.0, 1e6), n)
-    elif kind == "denormal":
-        q, qd = rng.choice([0.0, 5e-324, -5e-324, 1e-310], n), rng.choice([0.0, 5e-324, -2e-308], n)
-    elif kind == "far":
-        q = q * decades(rng, 10.0, 1e6)
-    elif kind == "overflowing":
-        qd = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(20.0, 300.0, n)
-    elif kind == "nan":
+    q, rates = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, 1.0, n)
+    qd = rates * decades(rng, 0.3, 8.0)
+    turned = rng.choice([0.0, 0.5 * np.pi, np.pi, -np.pi], n) + rng.choice([0.0, 1e-15, 1e-9, 1e-4])
+    denormal = rng.choice([0.0, 5e-324, -5e-324, 1e-310], n), rng.choice([0.0, 5e-324, -2e-308], n)
+    q, qd = {
+        "folded": (turned, qd * rng.choice([0.0, 1.0])),  # singular poses, exactly and nearly
+        "at rest": (q, 0.0 * qd),
+        "fast": (q, 30.0 * rates),
+        "huge": (q, rates * decades(rng, 50.0, 1e6)),
+        "denormal": denormal,
+        "far": (q * decades(rng, 10.0, 1e6), qd),
+        "overflowing": (q, np.sign(rates) * 10.0 ** rng.uniform(20.0, 300.0, n)),
+    }.get(kind, (q, qd))
+    if kind == "nan":
         (q if rng.random() < 0.5 else qd)[rng.integers(n)] = rng.choice([np.nan, np.inf])
     for joint in (k for k in range(n) if arm.prismatic[k]):
         low, high = ends.get(joint, (-size, size))
