@@ -98,7 +98,7 @@ def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
 
 def test_every_effect_and_every_way_to_step_is_drawn():
     rng = np.random.default_rng(0)
-    scenes = [drawn_scene(rng) for _ in range(400)]
+    scenes = [drawn_scene(rng) for _ in range(200)]
     assert {type(e).__name__ for s in scenes for e in s.effects} == set(own_effects())
     assert {s.integrator for s in scenes} == {"euler", "rk4", "rk8", "dop853"}
     assert {s.tolerance is None for s in scenes} == {True, False}
