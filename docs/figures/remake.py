@@ -2,7 +2,7 @@
 
 It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
 figures are drawn from the tables in docs/results. Those of docs/hard_cases.md are drawn by
-``python tests/hard_cases --pictures``.
+``python -m tests.hard_cases --pictures``.
 """
 
 import re

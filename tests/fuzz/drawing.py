@@ -17,9 +17,9 @@ MOTORS = "EffortLimits"
 """Environments need it."""
 
 
-def decades(rng, low, high):
-    """Uniform in the logarithm."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+def decades(rng, low, high, count=None):
+    """Uniform in the logarithm: a number, or some of them."""
+    return np.exp(rng.uniform(np.log(low), np.log(high), count))
 
 
 def spread(rng, count, ratio):
@@ -52,72 +52,40 @@ def weight_of(arm):
     return 9.81 * sum(arm.masses) * sum(arm.lengths)
 
 
-def travel(rng, arm):
-    """Ends of the travel of a slider, from a hundredth of the arm to as long as it is."""
-    low = float(rng.choice([0.0, 0.0, -0.1, 0.05])) * sum(arm.lengths)
-    return low, low + sum(arm.lengths) * decades(rng, 0.01, 1.0)
-
-
-def draw_gravity(rng, arm):
-    angle, length = rng.uniform(-np.pi, np.pi), float(rng.choice([1.0, 1.0, 0.5, 0.0]))
+def drawn_effect(rng, kind, arm):
+    """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
+    n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
+    count = 1 if kind.__name__ == "LimitSpring" else len(arm.sliders())
+    if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
+        low = size * rng.choice([0.0, 0.0, -0.1, 0.05], count)
+        high = low + size * decades(rng, 0.01, 1.0, count)
+    else:
+        low, high = -decades(rng, 0.1, 2.0, 1), decades(rng, 0.1, 2.0, 1)
+    stiffness = weight * decades(rng, 1.0, 1e3, count)
+    unit = np.where(arm.prismatic, 1.0 / size, 1.0)
+    angle, length = rng.uniform(-np.pi, np.pi), rng.choice([1.0, 1.0, 0.5, 0.0])
     down = (0.0, -1.0) if rng.random() < 0.7 else (length * np.cos(angle), length * np.sin(angle))
-    return {"g": float(rng.choice([9.81, 9.81, 1.6, 0.0, -9.81, 1e3])), "down": down}
-
-
-def draw_friction(rng, arm):
-    scale = 0.02 * weight_of(arm) * rng.choice([0.0, 0.2, 0.2, 3.0])
-    return {"coefficients": tuple(float(x) for x in scale * rng.uniform(0.0, 1.0, len(arm.joints)))}
-
-
-def draw_limits(rng, arm):
-    strong = weight_of(arm) * decades(rng, 0.05, 5.0)
-    sliding = [1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic]
-    return {"limits": tuple(float(strong * s * rng.uniform(0.2, 1.0)) for s in sliding)}
-
-
-def draw_stop(rng, arm):
-    ends = [travel(rng, arm) for _ in arm.sliders()]
-    return {
-        "lower": tuple(low for low, _ in ends),
-        "upper": tuple(None if rng.random() < 0.1 else high for _, high in ends),
-        "restitution": float(rng.choice([0.0, 0.0, 0.3, 0.5, 0.9, 1.0])),
+    known = {
+        "g": rng.choice([9.81, 9.81, 1.6, 0.0, -9.81, 1e3]),
+        "down": down,
+        "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),
+        "limits": weight * decades(rng, 0.05, 5.0) * unit * rng.uniform(0.2, 1.0, n),
+        "coordinate": arm.joints[joint],
+        "lower": low,
+        "upper": high,
+        "restitution": rng.choice([0.0, 0.0, 0.3, 0.5, 0.9, 1.0]),
+        "stiffness": stiffness,
+        "damping": rng.choice([0.0, 0.02, decades(rng, 0.1, 20.0)]) * stiffness,
     }
-
-
-def draw_limit_spring(rng, arm):
-    joint = int(rng.integers(len(arm.joints)))
-    low, high = (
-        travel(rng, arm) if arm.prismatic[joint] else (-decades(rng, 0.1, 2.0), decades(rng, 0.1, 2.0))
-    )
-    stiffness = weight_of(arm) * decades(rng, 1.0, 1e3)
-    damping = float(rng.choice([0.0, 0.02, decades(rng, 0.1, 20.0)])) * stiffness
-    return {"coordinate": arm.joints[joint], "lower": low, "upper": high, "stiffness": stiffness,
-            "damping": damping}  # fmt: skip
-
-
-def draw_centring_spring(rng, arm):
-    ends = [travel(rng, arm) for _ in arm.sliders()]
-    stiffness = tuple(weight_of(arm) * decades(rng, 0.1, 1e3) for _ in ends)
-    return {"stiffness": stiffness, "lower": tuple(e[0] for e in ends), "upper": tuple(e[1] for e in ends)}
-
-
-DRAWERS = {
-    "Gravity": draw_gravity, "ViscousFriction": draw_friction, "EffortLimits": draw_limits,
-    "PrismaticStop": draw_stop, "LimitSpring": draw_limit_spring, "CentringSpring": draw_centring_spring,
-}  # fmt: skip
-
-
-def draw_unknown(rng, kind, arm):
-    """Numbers for the fields of an effect that has no drawer: one for each joint, or one."""
     values = {}
     for field in dataclasses.fields(kind):
-        if field.default is not dataclasses.MISSING and rng.random() < 0.5:
-            continue
         several = field.name in getattr(kind, "of_joints", ()) or "tuple" in str(field.type)
-        count = int(rng.choice([2, len(arm.joints)])) if several else 1
-        row = tuple(decades(rng, 1e-3, 1.0) for _ in range(count))
-        values[field.name] = row if several else row[0]
-    return values
+        guess = decades(rng, 1e-3, 1.0, rng.choice([2, n]) if several else 1)
+        value = np.ravel(known.get(field.name, guess)).tolist()
+        values[field.name] = tuple(value) if several else value[0]
+    if kind.__name__ == "PrismaticStop":
+        values["upper"] = tuple(None if rng.random() < 0.1 else x for x in values["upper"])
+    return kind(**values)
 
 
 def drawn_effects(rng, arm, needed=()):
@@ -130,8 +98,7 @@ def drawn_effects(rng, arm, needed=()):
         for _ in range(int(rng.integers(1, 4)) if name == "LimitSpring" else 1):
             for _ in range(TRIES):
                 try:
-                    draw = DRAWERS.get(name)
-                    effect = kind(**(draw(rng, arm) if draw else draw_unknown(rng, kind, arm)))
+                    effect = drawn_effect(rng, kind, arm)
                     Scene(arm, (*chosen, effect))
                 except ValueError:
                     continue
@@ -192,23 +159,20 @@ def drawn_state(scene, kind, rng):
     n, size = len(arm.joints), sum(arm.lengths)
     limits = (*spring_limits(scene), *hard_stops(scene))
     ends = {joint: (values[low], values[high]) for joint, low, high in limits}
-    q, qd = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, decades(rng, 0.3, 8.0), n)
-    if kind == "folded":  # singular poses, exactly and nearly
-        q = rng.choice([0.0, 0.5 * np.pi, np.pi, -np.pi], n) + rng.choice([0.0, 1e-15, 1e-9, 1e-4])
-        qd = qd * rng.choice([0.0, 1.0])
-    elif kind == "at rest":
-        qd = np.zeros(n)
-    elif kind == "fast":
-        qd = rng.normal(0.0, 30.0, n)
-    elif kind == "huge":
-        qd = rng.normal(0.0, decades(rng, 50.0, 1e6), n)
-    elif kind == "denormal":
-        q, qd = rng.choice([0.0, 5e-324, -5e-324, 1e-310], n), rng.choice([0.0, 5e-324, -2e-308], n)
-    elif kind == "far":
-        q = q * decades(rng, 10.0, 1e6)
-    elif kind == "overflowing":
-        qd = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(20.0, 300.0, n)
-    elif kind == "nan":
+    q, rates = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, 1.0, n)
+    qd = rates * decades(rng, 0.3, 8.0)
+    turned = rng.choice([0.0, 0.5 * np.pi, np.pi, -np.pi], n) + rng.choice([0.0, 1e-15, 1e-9, 1e-4])
+    denormal = rng.choice([0.0, 5e-324, -5e-324, 1e-310], n), rng.choice([0.0, 5e-324, -2e-308], n)
+    q, qd = {
+        "folded": (turned, qd * rng.choice([0.0, 1.0])),  # singular poses, exactly and nearly
+        "at rest": (q, 0.0 * qd),
+        "fast": (q, 30.0 * rates),
+        "huge": (q, rates * decades(rng, 50.0, 1e6)),
+        "denormal": denormal,
+        "far": (q * decades(rng, 10.0, 1e6), qd),
+        "overflowing": (q, np.sign(rates) * 10.0 ** rng.uniform(20.0, 300.0, n)),
+    }.get(kind, (q, qd))
+    if kind == "nan":
         (q if rng.random() < 0.5 else qd)[rng.integers(n)] = rng.choice([np.nan, np.inf])
     for joint in (k for k in range(n) if arm.prismatic[k]):
         low, high = ends.get(joint, (-size, size))

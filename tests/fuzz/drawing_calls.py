@@ -34,7 +34,7 @@ def drawn(seed, number, scene=None, calls=None, **fixed):
     made = {"seed": seed, "number": number, "threads": int(rng.choice([1, 1, 2]))}
     if face == "simulator":
         scene = scene or drawn_scene(rng)
-        made |= {"face": face, "num_envs": int(rng.choice([1, 7, 8, 9, LANES, LANES, LANES]))} | fixed
+        made |= {"face": face, "num_envs": rng.choice([1, 7, 8, 9, LANES, LANES, LANES])} | fixed
         of_case, calls = calls_of_simulator, calls or 6
     else:
         scene = scene or limited_scene(rng)
@@ -49,7 +49,7 @@ def drawn(seed, number, scene=None, calls=None, **fixed):
 
 def some_lanes(rng, count):
     """A few lanes in any order."""
-    return [int(k) for k in rng.permutation(count)[: rng.integers(1, max(2, count // 2))]]
+    return rng.permutation(count)[: rng.integers(1, max(2, count // 2))]
 
 
 def drawn_parameters(rng, scene, lanes):
@@ -60,13 +60,13 @@ def drawn_parameters(rng, scene, lanes):
             own = np.array(getattr(scene.robot, name))
             near = own * rng.uniform(0.7, 1.4, (lanes, len(own)))
             too_far_apart = near.max(axis=1) > LARGEST_RATIO * near.min(axis=1)
-            values[name] = np.where(too_far_apart[:, None], own, near).tolist()
+            values[name] = np.where(too_far_apart[:, None], own, near)
     parameters = scene.parameters()
     for name in ("gravity.g", "viscous_friction.coefficients", "effort_limits.limits",
                  "prismatic_stop.restitution"):  # fmt: skip
         own = np.array([v for p, v in parameters.items() if p.split("[")[0] == name])
         if len(own) and rng.random() < 0.6:
-            values[name] = (own * rng.uniform(0.3, 1.0, (lanes, len(own)))).tolist()
+            values[name] = own * rng.uniform(0.3, 1.0, (lanes, len(own)))
     return values
 
 
@@ -75,9 +75,9 @@ def drawn_parameters(rng, scene, lanes):
 
 def calls_of_simulator(rng, case, scene, count):
     q, qd = drawn_states(scene, case["num_envs"], rng)
-    kinds = [str(rng.choice(CALLS)) for _ in range(count)]
-    drawn = [call_of_simulator(rng, scene, case["num_envs"], kind) for kind in (*kinds, "advance")]
-    return [{"call": "set_state", "q": q, "qd": qd}, *drawn]
+    kinds = (*rng.choice(CALLS, count), "advance")
+    drawn = [call_of_simulator(rng, scene, case["num_envs"], str(kind)) for kind in kinds]
+    return [{"call": "set_state", "rows": {"q": q, "qd": qd}}, *drawn]
 
 
 def call_of_simulator(rng, scene, num_envs, kind):
@@ -85,13 +85,13 @@ def call_of_simulator(rng, scene, num_envs, kind):
     if kind in PLAIN:
         return {"call": kind}
     if kind in ("advance", "advance_partly"):
-        duration = scene.control_dt * float(rng.choice([1e-6, 0.3, 1.0, 1.7]))
+        duration = scene.control_dt * rng.choice([1e-6, 0.3, 1.0, 1.7])
         more = {"duration": duration} if kind == "advance_partly" else {}
-        return {"call": kind, "efforts": drawn_efforts(scene, num_envs, rng), **more}
+        return {"call": kind, "rows": {"efforts": drawn_efforts(scene, num_envs, rng)}, **more}
     lanes, count = some_lanes(rng, num_envs), len(scene.robot.masses)
     if kind == "set_parameters":
-        values = drawn_parameters(rng, scene, len(lanes))
-        return {"call": kind, "lanes": lanes, "parameters": values, "of_lanes": True}
+        rows = {"parameters": drawn_parameters(rng, scene, num_envs)}
+        return {"call": kind, "lanes": lanes, "rows": rows}
     if kind == "refused_parameters":
         wrong = [
             {"masses": -1.0}, {"masses": [1.0] * (count + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
@@ -99,12 +99,12 @@ def call_of_simulator(rng, scene, num_envs, kind):
         ][rng.integers(7)]  # fmt: skip
         (name,) = wrong
         return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": f"(?i){name}"}
-    q, qd = drawn_states(scene, len(lanes), rng)
-    call = {"call": "set_state", "lanes": lanes, "q": q, "qd": qd}
+    q, qd = drawn_states(scene, num_envs, rng)
+    call = {"call": "set_state", "lanes": lanes}
     if kind == "set_state":  # parameters may have moved the stops since: then it is refused
-        return {**call, "refusable": True}
-    texts = {"q": [["1"] * q.shape[1]] * len(lanes), "text": True, "refused": "real numbers"}
-    return {**call, **[{"q": q[:, :-1], "refused": "shape"}, texts][rng.integers(2)]}
+        return {**call, "rows": {"q": q, "qd": qd}, "refusable": True}
+    wrong, said = [(q[:, :-1], "shape"), (q.astype(str), "real numbers")][rng.integers(2)]
+    return {**call, "rows": {"q": wrong, "qd": qd}, "refused": said}
 
 
 # ---- environments ---------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def drawn_environment(rng, lanes):
         "face": face, "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([2, 8, 9, lanes])),
         "autoreset_mode": mode, "on_bad_action": str(rng.choice(["raise", "terminate", "terminate"])),
         "max_episode_steps": int(rng.choice([1, LIMIT, LIMIT, 100])),
-        "task": {"speed_bound": float(rng.choice([50.0, 50.0, 5.0]))},
+        "task": {"speed_bound": rng.choice([50.0, 50.0, 5.0])},
     }  # fmt: skip
     if mode == "disabled" and face == "vector":
         made["max_episode_steps"] = 100  # or most steps are refused, as other lanes wait for a reset
@@ -134,13 +134,20 @@ def drawn_environment(rng, lanes):
 
 
 def calls_of_environment(rng, case, scene, count):
-    lanes, joints = case["num_envs"], len(scene.robot.joints)
-    made = [{"call": "step", "actions": drawn_actions(rng, lanes, joints), "refused": "before reset"}]
-    made = made if rng.random() < 0.2 else []
-    made.append({"call": "reset", "seed": [int(rng.integers(2**20)) + k for k in range(lanes)]})
+    early = [step(drawn_actions(rng, case["num_envs"], len(scene.robot.joints)), refused="before reset")]
+    made = early if rng.random() < 0.2 else []
+    made.append({"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}})
     waits = case["face"] == "env" or (case["face"] == "vector" and case["autoreset_mode"] == "disabled")
     usual = CALLS_OF_ENVIRONMENTS + ("reset",) * 5 * waits  # else most steps come after an end
-    return made + [call_of_environment(rng, case, scene, str(rng.choice(usual))) for _ in range(count)]
+    return made + [call_of_environment(rng, case, scene, str(kind)) for kind in rng.choice(usual, count)]
+
+
+def drawn_seeds(rng, count):
+    return rng.integers(2**31) + np.arange(count)
+
+
+def step(actions, **more):
+    return {"call": "step", "rows": {"actions": actions}, **more}
 
 
 def call_of_environment(rng, case, scene, kind):
@@ -148,13 +155,14 @@ def call_of_environment(rng, case, scene, kind):
     if kind in PLAIN:
         return {"call": kind}
     if kind == "step":
-        return {"call": kind, "actions": drawn_actions(rng, count, joints)}
+        return step(drawn_actions(rng, count, joints))
     if kind == "bad_step":
-        return {"call": "step", "actions": drawn_actions(rng, count, joints, bad=True), "float64": True}
+        return step(drawn_actions(rng, count, joints, bad=True), float64=True)
     if kind == "refused_step":
-        texts = {"actions": [["0"] * joints] * count, "text": True, "refused": "dtype"}
-        wrong = {"actions": [[0.0] * (joints + 1)] * count, "refused": "shape"}
-        return {"call": "step", **[wrong, texts][rng.integers(2)]}
+        wrong, said = [(np.zeros((count, joints + 1)), "shape"), ([["0"] * joints] * count, "dtype")][
+            rng.integers(2)
+        ]
+        return step(wrong, refused=said)
     if kind == "refused_reset":
         name, wrong = [
             ("unknown", {"unknown": 1.0}), ("masses", {"parameters": {"masses": -1.0}}),
@@ -162,13 +170,13 @@ def call_of_environment(rng, case, scene, kind):
             ("'q'", {"q": [[0.0]] * count}), ("'qd'", {"qd": [[1e200] * joints] * count}),
         ][rng.integers(6)]  # fmt: skip
         return {"call": "reset", "options": wrong, "refused": name}
-    lanes = sorted(some_lanes(rng, count)) if kind == "partial_reset" and case["face"] == "vector" else None
-    own = range(count) if lanes is None else lanes
-    seed = int(rng.integers(2**31)) if rng.random() < 0.5 else None
-    call = {"call": "reset", "lanes": lanes, "seed": None if seed is None else [seed + k for k in own]}
+    partly = kind == "partial_reset" and case["face"] == "vector"
+    call = {"call": "reset", "lanes": np.sort(some_lanes(rng, count)) if partly else None, "rows": {}}
+    if rng.random() < 0.5:
+        call["rows"]["seed"] = drawn_seeds(rng, count)
     if kind == "reset_with" or rng.random() < 0.2:
-        options = drawn_options(rng, scene, len(own), case["goal"])
-        call |= {"options": options, "refusable": True, "of_lanes": True}
+        call["rows"]["options"] = drawn_options(rng, scene, count, case["goal"])
+        call["refusable"] = True
     return call
 
 

@@ -4,7 +4,9 @@ The name of the function is the name of the promise.
 """
 
 import re
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +16,8 @@ import redundant_envs as rde
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.tasks.base import hard_stops
 
-from .cases import ENVIRONMENTS, lanes_of, with_lanes, without_calls
+from . import motions
+from .cases import lanes_of, with_lanes, without_calls
 from .motions import the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
 from .playing import EnvironmentPlayer, differing, play, same
 
@@ -35,40 +38,20 @@ class Violation(NamedTuple):
 
 
 @dataclass
-class Tally:
-    """Counts of a run."""
-
-    scenes: int = 0
-    intervals: int = 0
-    events: int = 0
-    flagged: int = 0
-    judged: int = 0  # unflagged intervals with a tolerance where the references agree
-    books: int = 0  # intervals whose energies were compared
-    refused: int = 0
-    episodes: int = 0
-    early_ends: int = 0
-    failures: dict = field(default_factory=dict)
-
-    def add(self, other):
-        for name, value in vars(other).items():
-            if name != "failures":
-                setattr(self, name, getattr(self, name) + value)
-        for invariant, count in other.failures.items():
-            self.failures[invariant] = self.failures.get(invariant, 0) + count
-
-
-@dataclass
 class Played:
     """A case, its results, and the class of its simulators (tests tamper with them)."""
 
     case: dict
     steps: list
     make: type
-    tally: Tally
-    judgements: list | None = None
+    tally: Counter  # counts of a run
 
     def __post_init__(self):
         self.scene = rde.Scene.from_dict(self.case["scene"])
+
+    @cached_property
+    def judgements(self):
+        return list(motions.judgements(self))
 
     def intervals(self):
         return ((k, s) for k, s in enumerate(self.steps) if s.told)
@@ -111,14 +94,13 @@ def a_refused_call_changes_nothing(played):
 
 def no_slider_is_beyond_its_stop(played):
     """After every call sliders are between their stops, to the last bit; a lost lane has no place."""
-    scene, lost = played.scene, played.case["face"] == "simulator"
+    scene, lost = played.scene, np.bool_(played.case["face"] == "simulator")
     for k, step in enumerate(played.steps):
         values = values_of(scene, step.after) if "values" in step.after else scene.parameters()
         for joint, low, high in hard_stops(scene):
-            x = step.after["q"][:, joint]
-            beyond = np.maximum(values[low] - x, x - values[high])
-            for lane in np.flatnonzero(~(beyond <= 0.0) & ~(lost & np.isnan(x))):
-                yield k, lane, f"{scene.robot.joints[joint]} is {beyond[lane]:.3g} m beyond its stop"
+            x, low, high = step.after["q"][:, joint], values[low], values[high]
+            for lane in np.flatnonzero((x < low) | (x > high) | (np.isnan(x) & ~lost)):
+                yield k, lane, f"{scene.robot.joints[joint]} is at {x[lane]} m, beyond its stop"
 
 
 def compared(played, steps, other, order):
@@ -143,20 +125,17 @@ def no_lane_depends_on_others(played):
     """Lanes in another order, with other threads, and alone have the same bits."""
     case, count = played.case, played.case["num_envs"]
     kept = without_calls(case, [k for k, step in enumerate(played.steps) if step.error is not None])
+    steps = {k: step for k, step in enumerate(played.steps) if step.error is None}
     rng = np.random.default_rng(count)
-    orders = [
-        rng.permutation(count).tolist(),
-        *([k] for k in rng.choice(count, min(count, 2), replace=False)),
-    ]
-    for order in orders if count > 1 else ():
-        steps = {
+    alone = [[k] for k in rng.choice(count, min(count, 2), replace=False).tolist()]
+    for order in (rng.permutation(count).tolist(), *alone) if count > 1 else ():
+        own = {
             k: step
-            for k, step in enumerate(played.steps)
-            if step.error is None and step.call["call"] not in REPLACING
-            if step.call.get("lanes") is None or set(step.call["lanes"]) & set(order)
+            for k, step in steps.items()
+            if step.call["call"] not in REPLACING and set(lanes_of(case, step.call)) & set(order)
         }
         other = {**with_lanes(kept, order), "threads": 3 - case["threads"]}
-        for k, lane, text in compared(played, steps, other, order):
+        for k, lane, text in compared(played, own, other, order):
             yield k, lane, f"{text} in another order of {len(order)} with {other['threads']} threads"
 
 
@@ -165,7 +144,7 @@ def what_is_saved_continues(played):
     itself."""
     case, lanes = played.case, list(range(played.case["num_envs"]))
     steps = {k: step for k, step in enumerate(played.steps) if step.call["call"] not in REPLACING}
-    alone = [step.call for step in steps.values()]
+    alone = [call for call in case["calls"] if call["call"] not in REPLACING]
     anew = []
     for call in case["calls"]:
         anew += [call] * (call["call"] not in REPLACING)
@@ -261,8 +240,8 @@ def no_early_end_pays(played):
             yield k, lane, f"a step pays {reward[lane]}"
         for lane in np.flatnonzero(early & (np.abs(returns) > slack) & (not goal)):
             yield k, lane, f"an episode that a fault ended returns {returns[lane]}"
-        played.tally.episodes += int((ended & going).sum())
-        played.tally.early_ends += int(early.sum())
+        played.tally["episodes"] += int((ended & going).sum())
+        played.tally["early_ends"] += int(early.sum())
         over = over | ended
         if mode == "same_step":
             returns[over], over[:] = 0.0, False
@@ -280,14 +259,14 @@ OF_ENVIRONMENTS = (
 
 
 def violations(case, make=rde.BatchSimulator, tally=None):
-    """All violations of a case."""
-    tally = Tally() if tally is None else tally
+    """All violations of a case; ``tally`` counts what was looked at."""
+    tally = Counter() if tally is None else tally
     played = Played(case, play(case, make), make, tally)
-    tally.scenes += 1
-    tally.refused += sum(step.error is not None for step in played.steps)
+    tally["scenes"] += 1
+    tally["refused"] += sum(step.error is not None for step in played.steps)
     for _, step in played.intervals():
-        tally.intervals += case["num_envs"] * ("reward" in step.told or "numerics" in step.told)
-        tally.events += int(np.sum(step.told.get("events", 0)))
-        tally.flagged += int(np.sum(step.told.get("numerics", 0) != 0))
-    chosen = OF_ENVIRONMENTS if case["face"] in ENVIRONMENTS else OF_SIMULATORS
+        tally["intervals"] += case["num_envs"] * ("reward" in step.told or "numerics" in step.told)
+        tally["events"] += int(np.sum(step.told.get("events", 0)))
+        tally["flagged"] += int(np.sum(step.told.get("numerics", 0) != 0))
+    chosen = OF_SIMULATORS if case["face"] == "simulator" else OF_ENVIRONMENTS
     return [Violation(one.__name__, *found) for one in chosen for found in one(played)]

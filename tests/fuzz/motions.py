@@ -15,7 +15,6 @@ from redundant_envs.model.energy import scene_quantities
 from redundant_envs.tasks.base import hard_stops
 from redundant_envs.verify.judging import agree, judge
 
-from .cases import numbers
 from .playing import lanes_now
 
 FINE = ((96, 160), (1536, 2560))
@@ -55,8 +54,8 @@ def tolerance_is_kept_or_flagged(played):
     """The tip of an unflagged interval is off by less than twice the tolerance (with dop853 by less than 1e-9
     arm lengths), judged where references agree."""
     scene, tolerance = played.scene, tolerance_of(played.scene)
-    for one in judgements(played) if promises(scene) else ():
-        played.tally.judged += int(one.agreed.sum())
+    for one in played.judgements if promises(scene) else ():
+        played.tally["judged"] += int(one.agreed.sum())
         right = tips(scene, one.finer)
         _, missed, error = judge(tips(scene, one.after), [right], tolerance, one.agreed)
         for k in np.flatnonzero(missed):
@@ -72,8 +71,8 @@ def the_energy_book_closes(played):
     thousandth if its tolerance is small."""
     scene = played.scene
     kinked = any(type(effect).__name__ == "LimitSpring" for effect in scene.effects)
-    for one in judgements(played):
-        played.tally.books += int(one.agreed.sum())
+    for one in played.judgements:
+        played.tally["books"] += int(one.agreed.sum())
         own, fine, coarse = (drifts(scene, one.before, x) for x in (one.after, one.finer, one.coarser))
         # Rounding grows with the number of steps: a wrong balance is wrong in all three.
         least = np.minimum(np.minimum(own, fine), coarse)
@@ -91,20 +90,17 @@ def the_energy_book_closes(played):
 
 def judgements(played):
     """Intervals with lanes that can be computed again, and what references say of them."""
-    if played.judgements is None:
-        played.judgements = []
-        for k, step in played.intervals():
-            lanes = np.flatnonzero(can_be_judged(played.scene, step) & (step.told["numerics"] == 0))
-            if len(lanes):
-                ends = (rows(step.before, lanes), rows(step.after, lanes))
-                played.judgements.append(Judged(k, step, lanes, *ends, *referred(played.scene, step, lanes)))
-    return played.judgements
+    for k, step in played.intervals():
+        lanes = np.flatnonzero(can_be_judged(played.scene, step) & (step.told["numerics"] == 0))
+        if len(lanes):
+            ends = (rows(step.before, lanes), rows(step.after, lanes))
+            yield Judged(k, step, lanes, *ends, *referred(played.scene, step, lanes))
 
 
 def can_be_judged(scene, step):
     """Lanes whose interval can be computed again: all numbers finite, and sliders between their stops."""
     before, values = step.before, values_of(scene, step.before)
-    arrays = (before["q"], before["qd"], before["z"], before["work"][:, None], numbers(step.call["efforts"]))
+    arrays = (before["q"], before["qd"], before["z"], before["work"][:, None], step.call["efforts"])
     possible = np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in arrays])
     for joint, low, high in hard_stops(scene):
         x = before["q"][:, joint]
@@ -142,7 +138,7 @@ def fine_interval(scene, step, lanes, steps):
         batch._memory.write(tuple(batch.simulator.dynamics.effect_states), before["z"])
     batch._memory.write(("work",), before["work"][:, None])
     duration = () if kind == "advance" else (step.call["duration"],)
-    status = getattr(batch, kind)(numbers(step.call["efforts"])[lanes], *duration)
+    status = getattr(batch, kind)(step.call["efforts"][lanes], *duration)
     return lanes_now(batch), status.numerics
 
 
@@ -164,19 +160,16 @@ def tolerance_of(scene):
     return scene.tolerance if scene.tolerance is not None else NO_TOLERANCE * sum(scene.robot.lengths)
 
 
-def quantities(scene, lanes, names, ax=0.0, ay=0.0):
-    """Quantities of the arm, (num_envs,) each, with each lane's own masses and lengths."""
-    arm = scene.loaded_robot
-    values = {**arm.parameter_values(), "ax": ax, "ay": ay}
-    values |= {k: v for k, v in values_of(scene, lanes).items() if "." not in k}
-    values |= zip((*arm.coordinates, *arm.rates), (*lanes["q"].T, *lanes["qd"].T), strict=True)
+def quantities(scene, lanes):
+    """Quantities of the scene, with each lane's own numbers."""
     with np.errstate(all="ignore"):
-        return [np.broadcast_to(x, len(lanes["q"])) for x in arm.evaluate(names, values)]
+        return scene_quantities(scene, lanes["q"], lanes["qd"], values_of(scene, lanes))
 
 
 def tips(scene, lanes):
     """(num_envs, 2), m."""
-    return np.stack(quantities(scene, lanes, ["tip_x", "tip_y"]), axis=1)
+    with np.errstate(all="ignore"):
+        return np.stack(quantities(scene, lanes).each(("tip_x", "tip_y")), axis=1)
 
 
 def rounding_of(scene, lanes, steps):
@@ -191,13 +184,9 @@ def rounding_of(scene, lanes, steps):
 def energies(scene, lanes):
     """Kinetic and potential energy of each lane, J."""
     with np.errstate(all="ignore"):
-        x = scene_quantities(scene, lanes["q"], parameters=values_of(scene, lanes))
-        springs = np.zeros(len(lanes["q"]))
-        for a in scene.attached:
-            if "potential" in a.functions:
-                springs = springs + a.functions["potential"](x)
-        kinetic, potential = quantities(scene, lanes, ["T", "U"], x["ax"], x["ay"])
-        return kinetic, potential + springs
+        x = quantities(scene, lanes)
+        springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
+        return x["T"], x["U"] + sum(springs)
 
 
 def drifts(scene, before, after):

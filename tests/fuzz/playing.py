@@ -4,21 +4,20 @@ import copy
 import io
 import pickle
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
 
 import redundant_envs as rde
 
-from .cases import ENVIRONMENTS, lanes_of, numbers
+from .cases import ENVIRONMENTS, lanes_of, taken
 
 
 @dataclass
 class Step:
     """A call that was played."""
 
-    call: dict
+    call: dict  # with arrays for its lanes in place of "rows"
     before: dict  # arrays with all that determines the continuation
     may_refuse: bool  # because of its arguments, the present lanes or actions
     must_refuse: str | None  # a pattern of the message; None: it need not be refused
@@ -46,6 +45,7 @@ class Player:
 
     def play(self, call):
         """Make a call; any exception is kept."""
+        call = {**call, **arrays(taken(call.get("rows", {}), lanes_of(self.case, call)))}
         step = Step(call, self.now(), *self.refusal(call))
         try:
             step.told = getattr(self, call["call"])(call) or {}
@@ -56,8 +56,7 @@ class Player:
 
     def refusal(self, call):
         """Whether a call may be refused, and the pattern of the message if it must be."""
-        refused = call.get("refused", False)
-        return bool(call.get("refusable")), {True: "", False: None}.get(refused, refused)
+        return bool(call.get("refusable")), call.get("refused")
 
     def save(self, call):
         self.saved = self.kept()
@@ -89,20 +88,16 @@ class SimulatorPlayer(Player):
         self.subject.restore(snapshot)
 
     def advance(self, call):
-        told = self.subject.advance(numbers(call["efforts"]))
-        return {name: np.array(value) for name, value in told._asdict().items()}
+        return told(self.subject.advance(call["efforts"]))
 
     def advance_partly(self, call):
-        told = self.subject.advance_partly(numbers(call["efforts"]), call["duration"])
-        return {name: np.array(value) for name, value in told._asdict().items()}
+        return told(self.subject.advance_partly(call["efforts"], call["duration"]))
 
     def set_state(self, call):
-        q = call["q"] if call.get("text") else numbers(call["q"])
-        self.subject.set_state(q, numbers(call["qd"]), call.get("lanes"))
+        self.subject.set_state(call["q"], call["qd"], call.get("lanes"))
 
     def set_parameters(self, call):
-        values = {name: numbers(value) for name, value in call["parameters"].items()}
-        self.subject.set_parameters(values, lanes_of(self.case, call))
+        self.subject.set_parameters(call["parameters"], call.get("lanes"))
 
     def anew(self, call):
         """Another simulator, restored from a file."""
@@ -112,6 +107,10 @@ class SimulatorPlayer(Player):
         with np.load(file) as snapshot:
             other.restore(dict(snapshot))
         self.subject = other
+
+
+def told(status):
+    return {name: np.array(value) for name, value in status._asdict().items()}
 
 
 def lanes_now(batch):
@@ -125,6 +124,7 @@ class EnvironmentPlayer(Player):
 
     def __init__(self, case, make=None):
         super().__init__(case, make)
+        self.single, self.mode = case["face"] == "env", case["autoreset_mode"]
         self.ready, self.ended, self.over = False, np.zeros(case["num_envs"], np.bool_), False
 
     def made(self):
@@ -140,32 +140,23 @@ class EnvironmentPlayer(Player):
 
     @property
     def inner(self):
-        env = self.subject
-        return env.unwrapped if isinstance(env, gym.Env | gym.vector.VectorEnv) else env
-
-    @property
-    def counter(self):
-        """The wrapper that counts the steps of a single environment."""
-        env = self.subject
-        while isinstance(env, gym.Wrapper):
-            if isinstance(env, gym.wrappers.TimeLimit):
-                return env
-            env = env.env
-        return SimpleNamespace(_elapsed_steps=None)
+        return getattr(self.subject, "unwrapped", self.subject)
 
     def now(self):
         state = self.inner.core.get_state()
-        told = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
-        return told | {"q": np.array(self.inner.q).reshape(self.case["num_envs"], -1)}
+        found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
+        return found | {"q": np.array(self.inner.q).reshape(self.case["num_envs"], -1)}
 
     def kept(self):
-        counted = self.counter._elapsed_steps
+        counted = self.single and self.subject.get_wrapper_attr("_elapsed_steps")
         return self.inner.get_state(), counted, self.ready, self.ended.copy(), self.over
 
     def put(self, kept):
-        state, self.counter._elapsed_steps, self.ready, ended, self.over = kept
+        state, counted, self.ready, ended, self.over = kept
         self.inner.set_state(state)
         self.ended = ended.copy()
+        if self.single:
+            self.subject.set_wrapper_attr("_elapsed_steps", counted)
 
     def anew(self, call):
         """Another environment, set to the state."""
@@ -182,80 +173,74 @@ class EnvironmentPlayer(Player):
         may, must = super().refusal(call)
         if call["call"] != "step":
             return may, must
-        case, reasons = self.case, [] if must is None else [must]
         bad = (
-            not reasons
-            and not np.isfinite(numbers(call["actions"])).all()
-            and case["on_bad_action"] == "raise"
+            must is None and self.case["on_bad_action"] == "raise" and not np.isfinite(call["actions"]).all()
         )
-        waits = case["face"] == "vector" and case["autoreset_mode"] == "disabled" and self.ended.any()
-        single = case["face"] == "env"
-        reasons += ["before reset"] * (not self.ready) + ["after the end"] * self.over
-        reasons += ["have ended"] * bool(waits) + ["non-finite"] * (bad and single)
-        return bad, None if not reasons else reasons[0] if len(reasons) == 1 else ""
+        waits = self.case["face"] == "vector" and self.mode == "disabled" and self.ended.any()
+        reasons = {
+            must or "": must is not None, "before reset": not self.ready, "after the end": self.over,
+            "have ended": waits, "non-finite": bad and self.single,
+        }  # fmt: skip
+        found = [reason for reason, holds in reasons.items() if holds]
+        return bad, None if not found else found[0] if len(found) == 1 else ""
 
     def step(self, call):
         actions = call["actions"]
-        if not call.get("text"):
-            actions = numbers(actions).astype(np.float64 if call.get("float64") else np.float32)
+        if actions.dtype.kind == "f" and not call.get("float64"):
+            actions = actions.astype(np.float32)
         if self.case["face"] == "sb3":
             obs, reward, dones, infos = self.subject.step(actions)
             truncated = np.array([info["TimeLimit.truncated"] for info in infos])
             terminated, self.ended[:] = dones & ~truncated, False
             last = {n: infos[n]["terminal_observation"] for n in np.flatnonzero(dones)}
         else:
-            single = self.case["face"] == "env"
-            obs, *ends, infos = self.subject.step(actions[0] if single else actions)
+            obs, *ends, infos = self.subject.step(actions[0] if self.single else actions)
             reward, terminated, truncated = (np.atleast_1d(np.array(x)) for x in ends)
             last = {n: infos["final_obs"][n] for n in np.flatnonzero(infos.get("_final_obs", ()))}
-            self.ended, self.over = terminated | truncated, single and bool(terminated[0])
-        told = {"reward": reward, "terminated": terminated, "truncated": truncated}
-        return told | self.tables(obs, "now") | self.last(self.tables(obs, "last"), last)
+            self.ended, self.over = terminated | truncated, self.single and bool(terminated[0])
+        found = {"reward": reward, "terminated": terminated, "truncated": truncated}
+        # Last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere.
+        found["begun"] = np.isin(np.arange(self.case["num_envs"]), list(last))
+        for name, table in self.tables(obs).items():
+            ends = found[f"last {name}"] = np.full_like(table, np.nan)
+            for lane, one in last.items():
+                ends[lane] = named(one)[name]
+        return found | self.now_told(obs)
 
-    def tables(self, obs, when):
+    def tables(self, obs):
         """The parts of an observation, with a row for each lane."""
-        count = self.case["num_envs"]
-        return {f"{when} {name}": np.array(x).reshape(count, -1) for name, x in named(obs).items()}
+        return {k: np.array(x).reshape(self.case["num_envs"], -1) for k, x in named(obs).items()}
 
-    def last(self, tables, last):
-        """The last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere."""
-        told = {name: np.full_like(table, np.nan) for name, table in tables.items()}
-        for lane, obs in last.items():
-            for name, row in named(obs).items():
-                told[f"last {name}"][lane] = row
-        return told | {"begun": np.isin(np.arange(self.case["num_envs"]), list(last))}
+    def now_told(self, obs):
+        return {f"now {name}": table for name, table in self.tables(obs).items()}
 
     def reset(self, call):
-        count, lanes, seeds = self.case["num_envs"], lanes_of(self.case, call), call.get("seed")
-        options, face = given(call.get("options") or {}), self.case["face"]
-        if face == "sb3":
-            own = "of_lanes" in call
+        count, lanes, options = self.case["num_envs"], lanes_of(self.case, call), call.get("options", {})
+        seeds = call["seed"].tolist() if "seed" in call else None
+        if self.case["face"] == "sb3":
+            own = "options" in call.get("rows", {})
             self.subject.set_options([of_lane(options, k) if own else options for k in range(count)])
             if seeds is not None:
-                self.subject._seeds = list(seeds)  # seed(s) gives s, s + 1, ...; here lanes are in any order
+                self.subject._seeds = seeds  # seed(s) gives s, s + 1, ...; here lanes are in any order
             obs = self.subject.reset()
-        elif face == "env":
+        elif self.single:
             obs, _ = self.subject.reset(seed=seeds and seeds[0], options=options)
         else:
-            of_lanes = None if seeds is None else dict(zip(lanes, seeds, strict=True))
-            wanted = None if of_lanes is None else [of_lanes.get(k) for k in range(count)]
+            of_lanes = dict(zip(lanes, seeds or (), strict=False))
             if len(lanes) < count:
-                options["reset_mask"] = np.isin(np.arange(count), lanes)
+                options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
+            wanted = None if seeds is None else [of_lanes.get(k) for k in range(count)]
             obs, _ = self.subject.reset(seed=wanted, options=options)
         self.ready, self.ended[lanes], self.over = True, False, False
-        return self.tables(obs, "now")
+        return self.now_told(obs)
 
 
 def named(obs):
     return obs if isinstance(obs, dict) else {"": obs}
 
 
-def given(options):
-    """Options of a reset with arrays in place of lists."""
-    return {
-        name: given(x) if isinstance(x, dict) else numbers(x) if isinstance(x, list) else x
-        for name, x in options.items()
-    }
+def arrays(rows):
+    return {name: arrays(x) if isinstance(x, dict) else np.array(x) for name, x in rows.items()}
 
 
 def of_lane(options, lane):
@@ -265,11 +250,12 @@ def of_lane(options, lane):
 
 def play(case, make=rde.BatchSimulator):
     """All calls of a case; a LookupError if its initial state is not accepted."""
-    face = case["face"]
-    player = (EnvironmentPlayer if face in ENVIRONMENTS else SimulatorPlayer)(case, make)
+    player = (EnvironmentPlayer if case["face"] in ENVIRONMENTS else SimulatorPlayer)(case, make)
     steps = [player.play(call) for call in case["calls"]]
     first = steps[0]
-    if face == "simulator" and (first.call["call"] != "set_state" or isinstance(first.error, ValueError)):
+    if case["face"] == "simulator" and (
+        first.call["call"] != "set_state" or isinstance(first.error, ValueError)
+    ):
         raise LookupError(f"the case does not begin with a state: {first.error}")
     return steps
 

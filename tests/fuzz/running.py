@@ -1,17 +1,25 @@
 """Cases drawn one after another, for a given time; each failure becomes a small file."""
 
+import os
+import sys
 import time
 import traceback
+import warnings
+from collections import Counter
+from itertools import count
 
 from . import cases
 from .drawing_calls import drawn
-from .invariants import Tally, Violation, violations
-from .minimising import minimised
+from .invariants import Violation, violations
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 KEPT = 5
 """Most failures of one invariant that become files."""
+TOLD = 10
+"""Number of cases between two lines of progress."""
+SECONDS = 40.0
+"""Time after which a case is small enough."""
 
 
 def judged(case, tally=None):
@@ -24,33 +32,86 @@ def judged(case, tally=None):
         return [Violation(HARNESS, -1, -1, text)]
 
 
-def write_failure(case, violation, out, seconds):
-    """A file that reproduces a violation, made small in some seconds; 0 writes it as it is."""
-
-    def again(case):
-        return next((v for v in judged(case) if v.invariant == violation.invariant), None)
-
-    made = minimised(case, again, seconds) if seconds else case
-    path = out / f"{violation.invariant}-{case['seed']}-{case['number']}.json"
-    cases.write({"fails": violation.invariant, "found": (again(made) or violation).found, **made}, path)
-    return path
-
-
-def run(seed, numbers, end, out, told, seconds=40.0):
+def run(seed, numbers, end, out, told, seconds=SECONDS):
     """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``.
 
     ``told`` receives the number of each case, the counts so far, and the failures. Each of these is made
     small in some seconds.
     """
-    tally, files = Tally(), []
+    tally, files = Counter(), []
     for number in numbers:
         if time.monotonic() > end:
             break
         case = drawn(seed, number)
         failures = {v.invariant: v for v in reversed(judged(case, tally))}
         for kind, violation in failures.items():
-            tally.failures[kind] = tally.failures.get(kind, 0) + 1
+            tally[f"{kind} failed"] += 1
             if sum(path.name.startswith(f"{kind}-") for path in files) < KEPT:
-                files.append(write_failure(case, violation, out, seconds))
+
+                def again(case, kind=kind):
+                    return next((v for v in judged(case) if v.invariant == kind), None)
+
+                small = minimised(case, again, seconds)
+                files.append(out / f"{kind}-{seed}-{number}.json")
+                found = (again(small) or violation).found
+                cases.write({"fails": kind, "found": found, **small}, files[-1])
         told(number, tally, ", ".join(failures))
     return tally, files
+
+
+def worker(seed, first, stride, minutes, out):
+    """Run the cases first, first + stride, ... of a seed in a process of their own."""
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
+    start, parent = time.monotonic(), os.getppid()
+
+    def told(number, tally, failed):
+        if os.getppid() != parent:
+            sys.exit("fuzz: who asked for it is gone")
+        if failed or tally["scenes"] % TOLD == 0:
+            text = f"fuzz: {time.monotonic() - start:.0f} of {60 * minutes:.0f} s, case {number}: "
+            text += ", ".join(f"{tally[name]} {name}" for name in ("scenes", "intervals", "judged"))
+            print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
+
+    return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
+
+
+# ---- small cases ----------------------------------------------------------------------------------------
+
+
+def fewer_lanes(case):
+    """Halves, quarters, ... of the lanes, and all but one of them."""
+    every, size = list(range(case["num_envs"])), case["num_envs"] // 2
+    while size >= 1:
+        for first in every[::size]:
+            part = every[first : first + size]
+            yield part
+            yield [k for k in every if k not in part]
+        size //= 2
+
+
+def smaller(case):
+    """With fewer lanes, calls (the first begins the motion) and effects, and with plain numbers."""
+    yield from (cases.with_lanes(case, lanes) for lanes in fewer_lanes(case))
+    yield from (cases.without_calls(case, [k]) for k in reversed(range(1, len(case["calls"]))))
+    scene, robot = case["scene"], case["scene"]["robot"]
+    effects = scene["effects"]
+    changes = [{"effects": effects[:k] + effects[k + 1 :]} for k in range(len(effects))]
+    changes += [{"actuation": "joint"}, {"control_dt": 0.02}, {"substeps": 1}]
+    changes += [{"robot": {**robot, n: [0.5] * len(robot[n])}} for n in ("masses", "lengths")]
+    yield {**case, "threads": 1}
+    yield from ({**case, "scene": {**scene, **change}} for change in changes)
+
+
+def minimised(case, fails, seconds=SECONDS):
+    """The smallest case found that fails as this one does; a case that cannot be played does not fail."""
+    end = time.monotonic() + seconds
+
+    def fails_too(made):
+        try:
+            return time.monotonic() < end and made != case and fails(made)
+        except Exception:  # without a lane or an effect a scene or a call may be impossible
+            return False
+
+    while found := next(filter(fails_too, smaller(case)), None):
+        case = found
+    return case

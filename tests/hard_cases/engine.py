@@ -1,13 +1,13 @@
 """MuJoCo as a subject of the cases that it can simulate."""
 
-import contextlib
 import functools
 
 import numpy as np
-from subject import Subject, commands, started, unfilled
 
 import redundant_envs as rde
 from redundant_envs.studies.peers import mujoco_model
+
+from .subject import Subject, commands, started, unfilled
 
 STEP = 1e-3
 
@@ -15,7 +15,10 @@ STEP = 1e-3
 @functools.lru_cache(maxsize=8)
 def model_of(scene):
     """The chain of four bodies of a scene, elastic at its stops. Its links have no moment of inertia:
-    the compiler asks for one, the engine does not."""
+    the compiler asks for one, the engine does not. Numbers show which motions diverge: nothing is logged."""
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda message: None)
     limits = {
         k: (stop.lower[i], stop.upper[i])
         for stop in scene.effects
@@ -39,8 +42,7 @@ class MuJoCo(Subject):
         data, B = mujoco.MjData(model), arm.motor_map
         data.qpos[:], data.qvel[:] = np.asarray(q) @ B, np.asarray(qd) @ B
         data.qfrc_applied[:] = np.linalg.solve(B, Q)
-        with silent():
-            mujoco.mj_forward(model, data)
+        mujoco.mj_forward(model, data)
         return data.qacc @ np.linalg.inv(B)
 
     def pose_at(self, scene, start, goal):
@@ -58,22 +60,8 @@ class MuJoCo(Subject):
         for lane in range(len(q)):
             data = mujoco.MjData(model)
             data.qpos[:], data.qvel[:] = q[lane] @ B, qd[lane] @ B
-            with silent():
-                for k in range(intervals):
-                    data.qfrc_applied[:] = command(k)[lane]
-                    mujoco.mj_step(model, data, nstep=steps)
-                    motion.q[k + 1, lane], motion.qd[k + 1, lane] = data.qpos @ inverse, data.qvel @ inverse
+            for k in range(intervals):
+                data.qfrc_applied[:] = command(k)[lane]
+                mujoco.mj_step(model, data, nstep=steps)
+                motion.q[k + 1, lane], motion.qd[k + 1, lane] = data.qpos @ inverse, data.qvel @ inverse
         return motion
-
-
-@contextlib.contextmanager
-def silent():
-    """Without MuJoCo's log of motions that diverge: their numbers show it."""
-    import mujoco
-
-    warn = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(warn)

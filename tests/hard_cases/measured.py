@@ -5,7 +5,6 @@ import math
 
 import mpmath
 import numpy as np
-import places  # noqa: F401
 from exact_numbers import exactly
 
 import redundant_envs as rde
@@ -19,7 +18,6 @@ UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 HEAVY = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
 """Slider 1 carries 1 kg and nothing else moves."""
 GRAVITY = rde.effects.Gravity(9.81)
-STATE_A = (0.0,) * 4, (0.0,) * 4
 STATE_B = (0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)
 """98 J: chaotic, a Lyapunov time of 0.16 s."""
 FIVE_IMPACTS = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)

@@ -4,33 +4,26 @@ import math
 import time
 
 import numpy as np
-from engine import MuJoCo
-from hard_case import shown
-from measured import (
-    FIVE_IMPACTS,
-    GRAVITY,
-    LAB,
-    SLIDING,
-    STATE_B,
-    acceleration_error,
-    energy,
-    stopped,
-    tip_error,
-)
-from naive import CubicGuess, DenseSolve, ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
-from subject import Subject
 
 import redundant_envs as rde
 from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.tables import markdown
 
+from . import TESTS
+from . import measured as m
+from .engine import MuJoCo
+from .hard_case import shown
+from .naive import CubicGuess, DenseSolve, ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
+from .subject import Subject
+
+PAGE, PICTURES_FOLDER = TESTS.parent / "docs" / "hard_cases.md", TESTS.parent / "docs" / "hard_cases"
 INTRODUCTION = """# Hard cases
 
-    python tests/hard_cases
+    python -m tests.hard_cases
 
 writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
 test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
-textbook mistake ([tests/hard_cases/naive](../tests/hard_cases/naive)), and another test shows that they fail
+textbook mistake ([naive.py](../tests/hard_cases/naive.py)), and another test shows that they fail
 the case. Where MuJoCo can simulate the case, it is measured, too: RK4 with steps of 1 ms, the masses,
 efforts and travel of the case, links without inertia, and elastic limits.
 
@@ -77,10 +70,6 @@ def subnormal_time():
     )
 
 
-TIMED = {"18": subnormal_time}
-"""Sentences with a time, measured when the page is written."""
-
-
 def section(case, found):
     """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
@@ -94,8 +83,8 @@ def section(case, found):
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
     lines += ["", markdown(["", "promised", *found], rows), ""]
-    if case.number in TIMED:
-        lines += [TIMED[case.number](), ""]
+    if case.number == "18":
+        lines += [subnormal_time(), ""]
     if case.number in PICTURES:
         draw, what = PICTURES[case.number]
         lines += [f"![{what}](hard_cases/{draw.__name__}.png)", ""]
@@ -106,12 +95,12 @@ def summary(cases, results):
     """One row for each case."""
     head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it", "test"], []
     for case in cases:
-        own = results[case.number][Subject.name]
-        kept = f"{sum(f.kept for f in own)} of {len(own)}"
-        names = ", ".join(variant.name for variant in case.variants)
-        if case.waiting_for:
-            kept, names = f"waits for `{case.waiting_for}`", ""
-        rows.append([case.number, case.title, kept, names, f"`{case.measure.__name__}`"])
+        own, test = results.get(case.number, {}).get(Subject.name), ""
+        kept, names = f"waits for `{case.waiting_for}`", ""
+        if own is not None:
+            kept, test = f"{sum(f.kept for f in own)} of {len(own)}", f"`{case.measure.__name__}`"
+            names = ", ".join(variant.name for variant in case.variants)
+        rows.append([case.number, case.title, kept, names, test])
     return markdown(head, rows)
 
 
@@ -132,7 +121,7 @@ def text(themes, results, machine, date):
     for title, some in themes.items():
         lines += ["", f"## {title}", ""]
         for case in some:
-            lines += section(case, results[case.number])
+            lines += section(case, results.get(case.number))
         lines.pop()
     return "\n".join(lines) + "\n"
 
@@ -145,7 +134,7 @@ def vanishing_masses(axes, with_mujoco):
     masses = 10.0 ** np.arange(-12.0, 0.5, 0.5)
     for subject in (Subject(), DenseSolve(), *[MuJoCo()] * with_mujoco):
         errors = [
-            acceleration_error(subject, rde.FourR((m, m, m, 1.0), (0.5,) * 4), q, qd, Q) for m in masses
+            m.acceleration_error(subject, rde.FourR((m, m, m, 1.0), (0.5,) * 4), q, qd, Q) for m in masses
         ]
         axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", label=subject.name)
     axes.set(xlabel="mass of the first three links, kg (log)", ylabel="error of qdd, relative (log)")
@@ -171,22 +160,24 @@ def chaos(axes, with_mujoco):
         ("this package, standard", 1e-6, Subject()),
         ("this package, exact", 1e-12, Subject()),
     ):
-        scene = rde.Scene(LAB, (GRAVITY,), tolerance=tolerance)
-        motion = subject.motion(scene, *STATE_B, 1000)
-        total = energy(scene, motion.q[:, 0], motion.qd[:, 0])
+        scene = rde.Scene(m.LAB, (m.GRAVITY,), tolerance=tolerance)
+        motion = subject.motion(scene, *m.STATE_B, 1000)
+        total = m.energy(scene, motion.q[:, 0], motion.qd[:, 0])
         axes.semilogy(times[1:], np.maximum(np.abs(total - total[0])[1:], 1e-16), label=name, linewidth=1)
     axes.set(xlabel="time, s", ylabel="energy error, J (log)", ylim=(1e-15, 1e3))
 
 
 def five_impacts(axes, with_mujoco):
-    reference = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1]
+    reference = rde.simulate(m.stopped(integrator="dop853"), *m.FIVE_IMPACTS, [0.5]).q[-1]
     steps = np.array([1e-2, 5e-3, 2.5e-3, 1e-3, 5e-4])
     for subject in (FlippedVelocity(), ImpulseAtStepEnd(), CubicGuess(), Subject()):
         errors = []
         for h in steps:
             subject.longest = h
-            motion = subject.motion(stopped(integrator="rk4", control_dt=h), *FIVE_IMPACTS, round(0.5 / h))
-            errors.append(1e3 * tip_error(SLIDING, motion.q[-1, 0], reference))
+            motion = subject.motion(
+                m.stopped(integrator="rk4", control_dt=h), *m.FIVE_IMPACTS, round(0.5 / h)
+            )
+            errors.append(1e3 * m.tip_error(m.SLIDING, motion.q[-1, 0], reference))
         label = "this package, RK4" if type(subject) is Subject else subject.name
         axes.loglog(1e3 * steps, errors, marker="o", label=label)
     axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")
@@ -201,12 +192,12 @@ PICTURES = {
 """Cases with a picture: what draws it, whose name is that of its file, and its title."""
 
 
-def draw_pictures(folder, with_mujoco):
-    folder.mkdir(exist_ok=True)
+def draw_pictures(with_mujoco):
+    PICTURES_FOLDER.mkdir(exist_ok=True)
     for draw, _ in PICTURES.values():
         figure = new_figure(6.4, 3.6, 120)
         axes = figure.subplots()
         draw(axes, with_mujoco)
         bare(axes)
         axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-        save_figure(figure, folder / f"{draw.__name__}.png")
+        save_figure(figure, PICTURES_FOLDER / f"{draw.__name__}.png")

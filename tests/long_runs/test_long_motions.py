@@ -1,4 +1,7 @@
-"""Long motions: how energy drifts, how exactly an arm turns, and whether the clock counts."""
+"""Long motions: how energy drifts, how exactly an arm turns, and whether steps are counted.
+
+Shorter forms for the 4R arm are hard cases (20, 21, 22).
+"""
 
 from dataclasses import replace
 
@@ -16,10 +19,36 @@ SPRUNG = rde.Scene(RPRP, (Gravity(), CentringSpring((200.0, 200.0), (0.0, 0.0), 
 STOPPED = rde.Scene(RPRP, (Gravity(), PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0)))
 
 
-def drift(scene, lanes, steps):
-    """Median over random releases from rest of |E - E0| [J] after half of the steps, and after all."""
-    rng = np.random.default_rng(11)
-    q = rng.uniform(-np.pi, np.pi, (lanes, 4))
+def chained(scene, integrator, step, substeps=10_000):
+    """The scene in steps of a length [s], many of them in one call."""
+    return replace(scene, integrator=integrator, control_dt=step * substeps, substeps=substeps)
+
+
+RK4, SPRUNG_RK4 = chained(FREE, "rk4", 1e-3), chained(SPRUNG, "rk4", 1e-3)
+RK8, SPRUNG_RK8 = chained(FREE, "rk8", 2.5e-3), chained(SPRUNG, "rk8", 2.5e-3)
+STOPPED_RK4 = chained(STOPPED, "rk4", 1e-3, 20)
+long = pytest.mark.long
+
+
+@pytest.mark.parametrize(
+    ("scene", "lanes", "steps", "most", "in_proportion"),
+    [
+        pytest.param(SPRUNG_RK4, 16, 200_000, 2.4e-5, True, id="springs, rk4"),
+        pytest.param(SPRUNG_RK8, 16, 40_000, 1e-10, False, id="springs, rk8"),  # rounding
+        pytest.param(STOPPED_RK4, 16, 20_000, 1.5e-7, False, id="stops, rk4"),
+        pytest.param(RK4, 64, 10_000_000, 5e-3, True, id="4R, rk4, long", marks=long),
+        pytest.param(SPRUNG_RK4, 64, 10_000_000, 1.2e-3, True, id="springs, rk4, long", marks=long),
+        pytest.param(RK8, 64, 400_000, 1e-7, False, id="4R, rk8, long", marks=long),
+        pytest.param(SPRUNG_RK8, 64, 400_000, 1e-10, False, id="springs, rk8, long", marks=long),
+        pytest.param(STOPPED_RK4, 16, 10_000_000, 1.5e-6, False, id="stops, rk4, long", marks=long),
+    ],
+)
+def test_energy_drifts_as_the_method_does(scene, lanes, steps, most, in_proportion):
+    """Median over random releases from rest of |E - E0| [J]: of RK4 half of it in half of the time.
+
+    With stops there is an impact in 60 steps of a lane or so; the drift has no direction then.
+    """
+    q = np.random.default_rng(11).uniform(-np.pi, np.pi, (lanes, 4))
     if scene.robot is RPRP:
         q[:, [1, 3]] = 0.15 + 0.1 / np.pi * q[:, [1, 3]]
     batch = rde.BatchSimulator(scene, lanes)
@@ -30,49 +59,13 @@ def drift(scene, lanes, steps):
             assert not batch.advance().numerics.any()
         energy = kinetic_energy(scene, batch.q, batch.qd) + potential_energy(scene, batch.q)
         change.append(float(np.median(np.abs(energy - potential_energy(scene, q)))))
-    return change
+    assert change[1] <= most
+    assert not in_proportion or 1.6 <= change[1] / change[0] <= 2.5
 
 
-def chained(scene, integrator, step, substeps=10_000):
-    """The scene in steps of a length [s], many of them in one call."""
-    return replace(scene, integrator=integrator, control_dt=step * substeps, substeps=substeps)
-
-
-@pytest.mark.parametrize(
-    ("lanes", "steps"), [(16, 200_000), pytest.param(64, 10_000_000, marks=pytest.mark.long)]
-)
-@pytest.mark.parametrize(("scene", "rate"), [(FREE, 5e-10), (SPRUNG, 1.2e-10)], ids=["FourR", "RPRP"])
-def test_rk4_of_1_ms_loses_energy_in_proportion_to_time(scene, rate, lanes, steps):
-    """At most ``rate`` joules a step: 5 mJ of the 4R arm in 1e7 steps; half of it in half the time."""
-    half, whole = drift(chained(scene, "rk4", 1e-3), lanes, steps)
-    assert whole <= rate * steps
-    assert 1.6 <= whole / half <= 2.5
-
-
-@pytest.mark.parametrize(
-    ("lanes", "steps"), [(16, 40_000), pytest.param(64, 400_000, marks=pytest.mark.long)]
-)
-@pytest.mark.parametrize(("scene", "most"), [(FREE, 1e-7), (SPRUNG, 1e-10)], ids=["FourR", "RPRP"])
-def test_rk8_of_2_5_ms_keeps_energy_for_1000_s(scene, most, lanes, steps):
-    """The 4R arm's drift is that of the method, in proportion to time; that of the other is rounding."""
-    _, whole = drift(chained(scene, "rk8", 2.5e-3), lanes, steps)
-    assert whole <= most * (steps / 400_000 if scene is FREE else 1.0)
-
-
-@pytest.mark.parametrize(
-    ("steps", "most"), [(20_000, 1.5e-7), pytest.param(10_000_000, 1.5e-6, marks=pytest.mark.long)]
-)
-def test_rk4_of_1_ms_keeps_energy_across_elastic_impacts(steps, most):
-    """An impact in 60 steps of a lane or so; the drift has no direction and grows more slowly than time."""
-    _, whole = drift(chained(STOPPED, "rk4", 1e-3, 20), 16, steps)
-    assert whole <= most
-
-
-@pytest.mark.parametrize(
-    "revolutions", [10_000, pytest.param(1_000_000, marks=pytest.mark.long)], ids="{:.0e}".format
-)
+@long
 @pytest.mark.parametrize("arm", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
-def test_a_straight_arm_turns_a_million_times(arm, revolutions):
+def test_a_straight_arm_turns_a_million_times(arm):
     """No gravity, RK4 of 5 ms: rates stay to the last bit, angles are n h omega.
 
     At +-100 rad/s, whose half a radian a step is a float, to 1e-9 rad. At other rates every step rounds an
@@ -82,12 +75,12 @@ def test_a_straight_arm_turns_a_million_times(arm, revolutions):
     rates = np.array([100.0, -100.0, 99.7, 100.0 / 3.0, 12.5, 50.0, 1.0, 0.1])
     stops = (PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.0),) if arm is RPRP else ()
     scene = chained(rde.Scene(arm, (Gravity(0.0), *stops)), "rk4", 5e-3)
-    turning = np.array([True, arm is FOUR_R] * 2)
+    turning = ~np.array(arm.prismatic)
     q0 = np.where(turning, 0.0, np.full((8, 1), 0.25))
     qd0 = np.where(turning, rates[:, None], 0.0)
     batch = rde.BatchSimulator(scene, 8)
     batch.set_state(q0, qd0)
-    calls = round(revolutions * 2.0 * np.pi / 100.0 / scene.control_dt)
+    calls = round(1_000_000 * 2.0 * np.pi / 100.0 / scene.control_dt)
     for _ in range(calls):
         batch.advance()
     seconds = calls * scene.control_dt
@@ -97,33 +90,13 @@ def test_a_straight_arm_turns_a_million_times(arm, revolutions):
     assert (error <= calls * scene.substeps * 0.5 * np.spacing(np.abs(rates) * seconds)).all()
 
 
-@pytest.mark.parametrize("intervals", [2_000, pytest.param(1_000_000, marks=pytest.mark.long)])
-def test_control_instants_are_whole_multiples_of_the_interval(intervals):
-    """The n-th call for efforts is at n h to the last bit, and there are as many as intervals."""
-    scene = rde.Scene(FOUR_R, (Gravity(0.0),), "euler", control_dt=1e-3)
-    calls, early_or_late = 0, 0
-
-    def efforts(t, q, qd):
-        nonlocal calls, early_or_late
-        early_or_late += t != calls * 1e-3
-        calls += 1
-        return 0.0, 0.0, 0.0, 0.0
-
-    motion = rde.simulate(scene, (0.3,) * 4, (1.0,) * 4, [intervals * 1e-3], efforts)
-    assert early_or_late == 0
-    assert calls == intervals
-    assert motion.t[0] == intervals * 1e-3
-
-
-@pytest.mark.parametrize("steps", [20_000, pytest.param(10_000_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("steps", [2_000, pytest.param(10_000_000, marks=long)])
 def test_an_environment_counts_its_control_steps(steps):
     """One after another, in one episode without a limit."""
     env = gym.make("redundant_envs/RPRPReach-v0", max_episode_steps=-1)
     env.reset(seed=0)
-    action, miscounted = np.zeros(4, np.float32), 0
-    for n in range(1, steps + 1):
-        miscounted += env.step(action)[4]["episode_steps"] != n
-    assert miscounted == 0
+    action = np.zeros(4, np.float32)
+    assert all(env.step(action)[4]["episode_steps"] == n for n in range(1, steps + 1))
 
 
 @pytest.mark.parametrize("limit", [100, 10**7, 2**53])

@@ -30,13 +30,6 @@ def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
     return np.concatenate([batch.q, batch.qd], axis=1), status
 
 
-@FIXED
-def test_tracking_the_work_hardly_changes_the_motion(scene):
-    states = random_states(scene, 20, 0)
-    (without, _), (with_work, _) = run(scene, *states, 5), run(scene, *states, 5, track_work=True)
-    np.testing.assert_allclose(with_work, without, rtol=1e-10, atol=1e-12)
-
-
 # ---- separate parameters of a lane -----------------------------------------------------------------
 
 
@@ -52,16 +45,15 @@ def own_masses_are_those_of_own_scenes(scene, count):
     return status.evaluations
 
 
-@pytest.mark.parametrize("count", [3, 11])
 @FIXED
-def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene, count):
-    own_masses_are_those_of_own_scenes(scene, count)
+def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene):
+    own_masses_are_those_of_own_scenes(scene, 11)
 
 
 @LOCAL
 def test_lanes_with_steps_of_their_own_have_their_own_parameters(scene):
     """They go through slots, eight at a time, whose numbers are not those of their blocks."""
-    assert own_masses_are_those_of_own_scenes(scene, 19).max() > 12
+    assert own_masses_are_those_of_own_scenes(scene, 11).max() > 12
 
 
 @pytest.mark.parametrize("value", [2.0, (1, 2, 3, 4), np.arange(1, 13).reshape(3, 4)], ids=str)
@@ -99,8 +91,8 @@ def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
 # ---- status ----------------------------------------------------------------------------------------
 
 
-@FIXED
-@pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (9, 2), (17, 3)])
+@on("4R limits, 3 substeps, rk4", "4R all rk8")
+@pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (17, 3)])
 def test_status_of_a_partly_filled_block(scene, count, threads):
     q, qd, u = random_states(scene, 24, 0)
     qd[count - 1, 2] = np.nan
@@ -130,22 +122,18 @@ def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
     assert np.quantile(np.linalg.norm(ends[0] - ends[1], axis=1), 0.99) < 1e-7
 
 
-@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8", "dop853"])
+@pytest.mark.parametrize("integrator", ["rk8", "dop853"])
 def test_an_effort_that_is_no_number_is_reported(integrator):
-    batch, efforts = rde.BatchSimulator(rde.Scene(FOUR_R, (GRAVITY,), integrator), 9), np.zeros((9, 4))
-    efforts[5, 1] = np.nan
-    status = batch.advance(efforts)
-    assert np.flatnonzero(~status.finite).tolist() == [5]
-    assert status.numerics[5] == rde.Numerics.NON_FINITE
-
-
-def test_an_effort_that_is_no_number_is_reported_of_a_slider_at_rest_too():
-    stops = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution=0.0)
-    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.Gravity(), stops), tolerance=1e-6), 1)
-    batch.set_state([[-1.5, 0.3, -1.5, 0.3]], np.zeros((1, 4)))
-    batch.advance()
-    assert batch._memory.read(("active_stop_r1",))[0, 0] == 1.0
-    assert not batch.advance([[np.nan, 0.0, 0.0, 0.0]]).finite[0]
+    """Of a slider that rests at its stop, too."""
+    resting = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)), tolerance=1e-6)
+    for scene, q in ((rde.Scene(FOUR_R, (GRAVITY,), integrator), 0.0), (resting, (-1.5, 0.3, -1.5, 0.3))):
+        batch, efforts = rde.BatchSimulator(scene, 9), np.zeros((9, 4))
+        batch.set_state(np.full((9, 4), q), np.zeros(4))
+        assert batch.advance().finite.all()
+        efforts[5, 0] = np.nan
+        status = batch.advance(efforts)
+        assert np.flatnonzero(~status.finite).tolist() == [5]
+        assert status.numerics[5] == rde.Numerics.NON_FINITE
 
 
 def test_what_is_the_same_in_every_interval_is_read_only():

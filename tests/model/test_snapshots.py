@@ -66,54 +66,48 @@ def test_a_snapshot_of_another_scene_is_refused_by_name_and_changes_nothing(word
     assert unchanged(batch, before)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda s: 0.5, "float"),
-        (lambda s: s["states"], r"ndarray of shape"),
-        (lambda s: None, "NoneType"),
-        (lambda s: {"states": s["states"]}, "lacks simulator, parameters"),
-        (lambda s: {"simulator": s["simulator"]}, "lacks states, parameters"),
-        (lambda s: {"simulator": s["simulator"], "numbers": s["states"]}, "of a version before"),
-        *(
-            (lambda s, name=name, change=change: {**s, name: change(s.get(name))}, words)
-            for name, change, words in (
-                ("extra", lambda x: 1, "unknown keys extra"),
-                ("simulator", lambda x: "?", r"\['simulator'\] is '\?'"),
-                ("simulator", lambda x: "[" * 100_000, r"\['simulator'\] is '\[\[.*must be the text"),
-                (
-                    "simulator",
-                    lambda x: f'{{"num_envs":{"[" * 500}{"]" * 500}}}',
-                    r"of \[\[\[.* environments",
-                ),
-                ("simulator", lambda x: 5, r"\['simulator'\] is '5'"),
-                ("states", lambda x: 0.5, r"\['states'\] is 0.5; give an array"),
-                ("states", lambda x: np.float64(0.5), r"\['states'\]"),
-                ("states", lambda x: np.array(0.5), r"\['states'\] has shape \(\)"),
-                ("states", lambda x: x.tolist(), r"\['states'\]"),
-                ("states", lambda x: x[:-8], r"\['states'\] has shape"),
-                ("states", lambda x: x[None], r"\['states'\] has shape \(1, "),
-                ("states", lambda x: x.astype(np.float32), "float32"),
-                (
-                    "parameters",
-                    lambda x: 0.5,
-                    r"\['parameters'\] is 0.5; give an array of \d+ or \d+ float64",
-                ),
-                ("parameters", lambda x: x.tolist(), r"\['parameters'\] is \[.*; give an array"),
-                ("parameters", lambda x: x[:-8], r"\['parameters'\] is an array of shape"),
-                ("parameters", lambda x: x[None], r"\['parameters'\] is an array of shape \(1, "),
-                ("parameters", lambda x: x.astype(np.float32), r"\['parameters'\]"),
-                ("parameters", lambda x: 0.0 * x + np.nan, "not finite"),
-                ("parameters", lambda x: 0.0 * x, "belongs to the scene"),
-            )
-        ),
-    ],
-)
-def test_what_is_no_snapshot_is_refused_and_changes_nothing(change, words):
+WHOLE = {
+    "float": lambda s: 0.5,
+    r"ndarray of shape": lambda s: s["states"],
+    "NoneType": lambda s: None,
+    "lacks simulator, parameters": lambda s: {"states": s["states"]},
+    "lacks states, parameters": lambda s: {"simulator": s["simulator"]},
+    "of a version before": lambda s: {"simulator": s["simulator"], "numbers": s["states"]},
+}
+NESTED = f'{{"num_envs":{"[" * 500}{"]" * 500}}}'
+PARTS = {
+    "unknown keys extra": ("extra", lambda x: 1),
+    r"\['simulator'\] is '\?'": ("simulator", lambda x: "?"),
+    r"\['simulator'\] is '\[\[.*must be the text": ("simulator", lambda x: "[" * 100_000),
+    r"of \[\[\[.* environments": ("simulator", lambda x: NESTED),
+    r"\['simulator'\] is '5'": ("simulator", lambda x: 5),
+    r"\['states'\] is 0.5; give an array": ("states", lambda x: 0.5),
+    r"\['states'\] has shape \(\)": ("states", lambda x: np.array(0.5)),
+    r"\['states'\] is \[": ("states", lambda x: x.tolist()),
+    r"\['states'\] has shape \(\d+,\)": ("states", lambda x: x[:-8]),
+    r"\['states'\] has shape \(1, ": ("states", lambda x: x[None]),
+    "float32": ("states", lambda x: x.astype(np.float32)),
+    r"\['parameters'\] is 0.5; give an array of \d+ or \d+ float64": ("parameters", lambda x: 0.5),
+    r"\['parameters'\] is \[.*; give an array": ("parameters", lambda x: x.tolist()),
+    r"\['parameters'\] is an array of shape \(\d+,\)": ("parameters", lambda x: x[:-8]),
+    r"\['parameters'\] is an array of shape \(1, ": ("parameters", lambda x: x[None]),
+    r"\['parameters'\]": ("parameters", lambda x: x.astype(np.float32)),
+    "not finite": ("parameters", lambda x: 0.0 * x + np.nan),
+    "belongs to the scene": ("parameters", lambda x: 0.0 * x),
+}
+
+
+@pytest.mark.parametrize("words", [*WHOLE, *PARTS])
+def test_what_is_no_snapshot_is_refused_and_changes_nothing(words):
     batch = started()
     before = batch.save()
+    if words in WHOLE:
+        wrong = WHOLE[words](batch.save())
+    else:
+        name, change = PARTS[words]
+        wrong = {**before, name: change(before.get(name))}
     with pytest.raises(ValueError, match=f"snapshot.*{words}"):
-        batch.restore(change(batch.save()))
+        batch.restore(wrong)
     assert unchanged(batch, before)
 
 
@@ -204,22 +198,19 @@ def test_a_lane_without_a_finite_state_is_kept_as_it_is():
     assert np.isnan(batch.q[3]).all()
 
 
+INDICES = {
+    r"shape \(1, 2\)": ([[0, 1]],),
+    "whole numbers": ([0.5], [1.0, 2.0], "1"),
+    "every lane once": ([1, 2, 1],),
+    r"lanes are 0\.\.10": ([-1], [11]),
+    "a mask has": ([True, False], True),
+}
+
+
 @pytest.mark.parametrize(
-    ("index", "words"),
-    [
-        ([[0, 1]], r"shape \(1, 2\)"),
-        ([0.5], "whole numbers"),
-        ([1.0, 2.0], "whole numbers"),
-        ("1", "whole numbers"),
-        ([1, 2, 1], "every lane once"),
-        ([-1], r"lanes are 0\.\.10"),
-        ([11], r"lanes are 0\.\.10"),
-        ([True, False], "a mask has"),
-        (True, "a mask has"),
-    ],
-    ids=str,
+    ("words", "index"), [(words, index) for words in INDICES for index in INDICES[words]]
 )
-def test_an_index_that_names_no_lanes_is_refused(index, words):
+def test_an_index_that_names_no_lanes_is_refused(words, index):
     batch = started()
     before = batch.save()
     with pytest.raises(ValueError, match=f"index.*{words}"):

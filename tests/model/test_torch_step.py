@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, RPRP, e
+from catalogue import FOUR_R, RPRP, e
 
 import redundant_envs as rde
 from redundant_envs.backends.torch import torch
@@ -50,9 +50,10 @@ def test_motion_is_that_of_the_simulator(arm, steps):
     np.testing.assert_allclose(qd_new.numpy(), batch.qd, rtol=1e-12, atol=1e-11)
 
 
-@pytest.mark.parametrize("steps", STEPS)
 @pytest.mark.parametrize(
-    "arm", [pytest.param(ARMS["4R"], id="4R", marks=pytest.mark.long), pytest.param(ARMS["RPRP"], id="RPRP")]
+    ("arm", "steps"),
+    [(RPRP, "three rk4"), (RPRP, "1e-9"), *(pytest.param(FOUR_R, x, marks=pytest.mark.long) for x in STEPS)],
+    ids=str,
 )
 def test_gradients_agree_with_central_differences(arm, steps):
     step = rde.torch_step(scene_of(arm, steps))
@@ -79,10 +80,9 @@ def test_gradients_agree_with_central_differences(arm, steps):
 
 
 def test_any_batch_shape_and_parameters_of_each_lane():
-    arm = ARMS["4R"]
-    step = rde.torch_step(scene_of(arm, "rk8"))
-    q, qd, efforts = (x.reshape(3, 4, 4) for x in start(arm))
-    masses = torch.tensor(arm.masses) * torch.linspace(0.5, 2.0, 4)[:, None]
+    step = rde.torch_step(scene_of(FOUR_R, "rk8"))
+    q, qd, efforts = (x.reshape(3, 4, 4) for x in start(FOUR_R))
+    masses = torch.tensor(FOUR_R.masses) * torch.linspace(0.5, 2.0, 4)[:, None]
     together, _ = step(q, qd, efforts, {"masses": masses})
     assert together.shape == (3, 4, 4)
     alone, _ = step(q[2, 1], qd[2, 1], efforts[2, 1], {"masses": masses[1]})
@@ -90,16 +90,15 @@ def test_any_batch_shape_and_parameters_of_each_lane():
 
 
 def test_what_has_no_derivative_is_refused_with_what_to_use():
-    arm = ARMS["RPRP"]
     with pytest.raises(ValueError, match=r"PrismaticStop, whose impacts have no mean.*LimitSpring"):
-        rde.torch_step(rde.Scene(arm, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
+        rde.torch_step(rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
     with pytest.raises(ValueError, match=r"'dop853', which chooses each step while it runs; use 'rk8'"):
-        rde.torch_step(rde.Scene(arm, (), "dop853"))
+        rde.torch_step(rde.Scene(RPRP, (), "dop853"))
 
 
 def test_shapes_that_do_not_fit_are_named():
-    step = rde.torch_step(rde.Scene(ARMS["4R"]))
-    q, qd, efforts = start(ARMS["4R"])
+    step = rde.torch_step(rde.Scene(FOUR_R))
+    q, qd, efforts = start(FOUR_R)
     with pytest.raises(ValueError, match=r"efforts has shape \(12, 3\); the last axis must have 4"):
         step(q, qd, efforts[:, :3])
     with pytest.raises(ValueError, match=r"masses has shape \(3,\); the last axis must have 4"):

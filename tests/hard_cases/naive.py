@@ -1,0 +1,363 @@
+"""Deliberately naive variants, each with one textbook mistake that the hard cases must find."""
+
+import math
+
+import numpy as np
+from actuator_lag import ActuatorLag
+
+from redundant_envs.effects import CentringSpring, Gravity, LimitSpring, PrismaticStop, ViscousFriction
+from redundant_envs.model.batch import Event
+
+from .subject import Subject, commands, started, unfilled
+
+# ---- accelerations --------------------------------------------------------------------------------------
+
+
+def solved(matrix, vector):
+    """x of A x = b for a batch; NaN where A is singular."""
+    try:
+        return np.linalg.solve(matrix, vector[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        return np.full_like(vector, np.nan)
+
+
+class DenseSolve(Subject):
+    """Forms M and solves it by Gaussian elimination: loses as many digits as M is badly conditioned."""
+
+    name = "dense solve"
+
+    def accelerations(self, arm, q, qd, Q, g=0.0):
+        return solved(arm.mass_matrix(q), Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
+
+
+class RegularisedMass(Subject):
+    """Adds a little to the diagonal of M, so that it is "never singular": another arm moves."""
+
+    name = "regularised mass matrix"
+    added = 1e-8
+
+    def arm(self, kind, masses, lengths):
+        """Accepts any numbers: a singular M is regularised later."""
+        made = object.__new__(type(super().arm(kind, (1.0,) * len(masses), (1.0,) * len(lengths))))
+        vars(made).update(masses=tuple(masses), lengths=tuple(lengths))
+        return made
+
+    def accelerations(self, arm, q, qd, Q, g=0.0):
+        mended = arm.mass_matrix(q) + self.added * np.eye(4)
+        return solved(mended, Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
+
+
+class InvertedJacobian(Subject):
+    """Moves in Cartesian space: accelerations of two points of the arm, and from them by the inverse of
+    their Jacobian those of the joints; J J^T for poses. Dies where the arm is stretched or folded."""
+
+    name = "inverted Jacobian"
+
+    def accelerations(self, arm, q, qd, Q, g=0.0):
+        tip = arm.jacobian(np.asarray(q, float))
+        # Of the second and the fourth mass point, (..., 4, 4): two links carry the second.
+        J = np.concatenate([np.where(np.arange(4) < 2, tip, 0.0), tip], axis=-2)
+        forces = Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g)
+        return solved(J, np.einsum("...ij,...j->...i", J, solved(arm.mass_matrix(q), forces)))
+
+    def pose_at(self, scene, start, goal):
+        q = np.array(start, float)
+        for _ in range(60):
+            J = scene.robot.jacobian(q)
+            q = q + J.T @ solved(J @ J.T, np.asarray(goal) - scene.robot.forward_kinematics(q))
+        return q
+
+
+# ---- what is kept ---------------------------------------------------------------------------------------
+
+
+class WrappedAngles(Subject):
+    """Wraps every angle into -pi to pi: where one link is wrapped and the next is not, the joint between
+    them has turned once around."""
+
+    name = "wrapped angles"
+
+    def keep(self, batch):
+        wrapped, sliders = np.mod(batch.q + np.pi, 2.0 * np.pi) - np.pi, batch.scene.robot.sliders()
+        wrapped[..., sliders] = batch.q[..., sliders]
+        batch.set_state(wrapped, batch.qd)
+
+
+class SinglePrecision(Subject):
+    """Keeps states in float32."""
+
+    name = "single precision"
+
+    def keep(self, batch):
+        batch.set_state(*(np.float64(np.float32(x)) for x in (batch.q, batch.qd)))
+
+
+class SummedClock(Subject):
+    """Adds dt to the time at every step: rounding adds up, too."""
+
+    name = "clock by addition"
+
+    def instants(self, count, dt):
+        return np.cumsum(np.r_[0.0, np.full(count - 1, dt)])
+
+
+class SavedPositions(Subject):
+    """Saves only positions and velocities: sliders at rest, and commands in a delay, are forgotten."""
+
+    name = "snapshot of q and qd"
+
+    def save(self, batch):
+        return batch.q, batch.qd
+
+    def restore(self, batch, snapshot):
+        batch.set_state(*snapshot)
+
+
+# ---- steps ----------------------------------------------------------------------------------------------
+
+
+class EqualSteps(Subject):
+    """Equal steps of RK4, without any check of their error."""
+
+    name = "equal steps"
+    longest = 1e-3
+    """Of a step, s."""
+    stages = 4
+
+    def motion(self, scene, q, qd, intervals, efforts=None):
+        q, qd = started(q, qd)
+        command = commands(efforts, *q.shape)
+        count = math.ceil(scene.control_dt / self.longest * (1.0 - 1e-12))
+        h = scene.control_dt / count
+        motion = unfilled(q, qd, intervals)
+        motion.evaluations[:] = self.stages * count
+        lag = next((x.time_constant for x in scene.effects if isinstance(x, ActuatorLag)), 0.0)
+        effort = np.zeros(q.shape)
+        for k in range(intervals):
+            for i in range(count):
+                effort = effort + (command(k) - effort) * (-math.expm1(-h / lag) if lag else 1.0)
+
+                def acceleration(q, qd, effort=effort):
+                    return self.scene_accelerations(scene, q, qd, effort)
+
+                end = self.step(acceleration, q, qd, h)
+                start_time = k * scene.control_dt + i * h
+                q, qd = self.at_stops(scene, acceleration, (q, qd), end, h, start_time, motion)
+            motion.q[k + 1], motion.qd[k + 1] = q, qd
+        return motion
+
+    def scene_accelerations(self, scene, q, qd, efforts):
+        """Gravity, springs and friction of a scene; nothing else is known here."""
+        arm, g = scene.robot, 0.0
+        B = arm.motor_map
+        phi, rates, t = q @ B, qd @ B, np.array(efforts)
+        for effect in scene.effects:
+            if isinstance(effect, Gravity):
+                g = effect.g
+            elif isinstance(effect, ViscousFriction):
+                t = t - np.asarray(effect.coefficients) * rates
+            elif isinstance(effect, LimitSpring):
+                k = arm.joint_index(effect.coordinate)
+                depth = phi[:, k] - np.clip(phi[:, k], effect.lower, effect.upper)
+                inwards = np.sign(depth) * rates[:, k]
+                t[:, k] -= depth * np.maximum(effect.stiffness + effect.damping * inwards, 0.0)
+            elif isinstance(effect, CentringSpring):
+                for i, k in enumerate(arm.sliders()):
+                    middle = 0.5 * (effect.lower[i] + effect.upper[i])
+                    t[:, k] -= 2.0 * effect.stiffness[i] * (phi[:, k] - middle)
+            else:
+                assert isinstance(effect, PrismaticStop | ActuatorLag), f"no naive variant knows {effect}"
+        Q = t if scene.actuation == "generalized" else t @ B.T
+        return self.accelerations(arm, q, qd, Q, g)
+
+    def step(self, acceleration, q, qd, h):
+        a1 = acceleration(q, qd)
+        v2 = qd + 0.5 * h * a1
+        a2 = acceleration(q + 0.5 * h * qd, v2)
+        v3 = qd + 0.5 * h * a2
+        a3 = acceleration(q + 0.5 * h * v2, v3)
+        v4 = qd + h * a3
+        a4 = acceleration(q + h * v3, v4)
+        return q + h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4), qd + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+        """Modify the end of a step; here there are no stops."""
+        return end
+
+
+class ExplicitEuler(EqualSteps):
+    """Position and velocity by the slopes at the start of a step: energy grows without bound."""
+
+    name = "explicit Euler"
+    longest = 5e-3
+    stages = 1
+
+    def step(self, acceleration, q, qd, h):
+        return q + h * qd, qd + h * acceleration(q, qd)
+
+
+class FixedSteps(EqualSteps):
+    """RK4 with 10 ms, because that was always enough: nothing checks whether it still is."""
+
+    name = "fixed steps of 10 ms"
+    longest = 1e-2
+
+
+class EstimateWithoutFloor(EqualSteps):
+    """Takes twice the steps until two results agree, and trusts them from the first step on: what neither
+    has touched, no estimate sees."""
+
+    name = "estimate without a floor"
+    longest = 1e3
+    tolerance = 1e-6
+
+    def step(self, acceleration, q, qd, h):
+        coarse = super().step(acceleration, q, qd, h)
+        for doublings in range(1, 11):
+            fine, count = (q, qd), 2**doublings
+            for _ in range(count):
+                fine = super().step(acceleration, *fine, h / count)
+            if np.abs(fine[0] - coarse[0]).max() <= self.tolerance:
+                break
+            coarse = fine
+        return fine
+
+
+class PrintedReport(EqualSteps):
+    """The report's five wrong terms, as printed."""
+
+    name = "the report as printed"
+    longest = 2e-3
+
+    def accelerations(self, arm, q, qd, Q, g=0.0):
+        M, h = arm.mass_matrix(q), arm.bias_forces(q, qd)
+        _, _, m3, m4 = arm.masses
+        if arm.kind == "FourR":
+            _, l2, l3, l4 = arm.lengths
+            M[..., 2, 2] = (m3 + m4) * l2 * l3 * np.cos(q[..., 2] - q[..., 1])
+            h[..., 3] += (m4 - 1.0) * m4 * l3 * l4 * np.sin(q[..., 3] - q[..., 2]) * qd[..., 2] ** 2
+        else:
+            l1, l2 = arm.lengths
+            r1, w1, v1, r2, w2, v2 = (x[..., k] for k in (0, 2) for x in (q[..., 1:], qd, qd[..., 1:]))
+            s, c = np.sin(q[..., 0] - q[..., 2]), np.cos(q[..., 0] - q[..., 2])
+            h[..., 0] += m4 * s * (v2 - r2) * w2**2 * (l1 + r1)
+            h[..., 2] -= m4 * l1 * l2 * s * w1**2 + m4 * l2 * v1 * w1 * c
+        return solved(M, Q - h - arm.gravity_forces(q, g))
+
+
+# ---- stops ----------------------------------------------------------------------------------------------
+
+
+def stops_of(scene):
+    """Of each slider its coordinate, its ends, which may be infinite, and the restitution."""
+    found = []
+    for stop in (x for x in scene.effects if isinstance(x, PrismaticStop)):
+        for i, k in enumerate(scene.robot.sliders()):
+            lower = -np.inf if stop.lower[i] is None else stop.lower[i]
+            upper = np.inf if stop.upper[i] is None else stop.upper[i]
+            found.append((k, lower, upper, stop.restitution))
+    return found
+
+
+def tell(motion, scene, k, time, speed, lanes):
+    """Add impacts to the events of a motion."""
+    kind = "upper impact" if speed > 0.0 else "lower impact"
+    motion.events += [Event(time, kind, scene.robot.joints[k], abs(speed), int(i)) for i in lanes]
+
+
+def impulse(arm, q, qd, k, restitution):
+    """Velocities after an impact of slider k: the impulse moves the whole arm."""
+    along = np.linalg.inv(arm.mass_matrix(q))[..., k]
+    return qd - (1.0 + restitution) * qd[..., [k]] / along[..., [k]] * along
+
+
+class _ImpactAtStepEnd(EqualSteps):
+    """Checks at the end of each step which sliders are outside and still move outwards."""
+
+    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+        q, qd = (x.copy() for x in end)
+        for stop in stops_of(scene):
+            k, lower, upper, _ = stop
+            outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
+            for i in np.flatnonzero(outside):
+                tell(motion, scene, k, time + h, qd[i, k], [i])
+            self.strike(scene.robot, q, qd, stop, outside)
+        return q, qd
+
+    def strike(self, arm, q, qd, stop, outside):
+        """Modify the given states."""
+        raise NotImplementedError
+
+
+class FlippedVelocity(_ImpactAtStepEnd):
+    """At a stop the slider's own velocity changes its sign; nothing else is affected."""
+
+    name = "flipped velocity"
+
+    def strike(self, arm, q, qd, stop, outside):
+        k, lower, upper, restitution = stop
+        q[:, k] = np.clip(q[:, k], lower, upper)
+        qd[outside, k] *= -restitution
+
+
+class ImpulseAtStepEnd(_ImpactAtStepEnd):
+    """The right impulse at the wrong time: at the end of the step in which the slider is found outside."""
+
+    name = "impulse at the end of a step"
+
+    def strike(self, arm, q, qd, stop, outside):
+        k, *_, restitution = stop
+        qd[outside] = impulse(arm, q[outside], qd[outside], k, restitution)
+
+
+class CubicGuess(EqualSteps):
+    """The cubic through positions and velocities at both ends of a step says when the slider meets its stop:
+    its root is taken as the time, and a stop it does not reach as never met."""
+
+    name = "cubic event guess taken as truth"
+    longest = 2e-2
+
+    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+        ends = [self.lane(scene, acceleration, start, end, h, time, motion, i) for i in range(len(end[0]))]
+        return tuple(np.array(x) for x in zip(*ends, strict=True))
+
+    def lane(self, scene, acceleration, start, end, h, time, motion, i):
+        left = h
+        (q0, v0), (q1, v1) = ([x[[i]] for x in state] for state in (start, end))
+        for _ in range(100):
+            if not np.isfinite([*q1[0], *v1[0]]).all():
+                break
+            guesses = [
+                (tau, k, stop, restitution)
+                for k, lower, upper, restitution in stops_of(scene)
+                for side, stop in ((-1.0, lower), (1.0, upper))
+                for tau in self.roots(q0[0, k], v0[0, k], q1[0, k], v1[0, k], left, side, stop)
+            ]
+            if not guesses:
+                break
+            tau, k, stop, restitution = min(guesses)
+            q0, v0 = self.step(acceleration, q0, v0, tau)
+            q0[0, k] = stop
+            tell(motion, scene, k, time + h - left + tau, v0[0, k], [i])
+            v0 = impulse(scene.robot, q0, v0, k, restitution)
+            left -= tau
+            q1, v1 = self.step(acceleration, q0, v0, left)
+        return q1[0], v1[0]
+
+    @staticmethod
+    def roots(q0, v0, q1, v1, h, side, stop):
+        """Times in (0, h] at which the cubic passes a stop outwards."""
+        if not np.isfinite(stop):
+            return []
+        cubic = [2.0 * (q0 - q1) + h * (v0 + v1), 3.0 * (q1 - q0) - h * (2.0 * v0 + v1), h * v0, q0 - stop]
+        found = np.roots(cubic)
+        times = h * found.real[np.abs(found.imag) < 1e-9]
+        slope = side * np.polyval(np.polyder(cubic), times / h)
+        return [t for t, s in zip(times, slope, strict=True) if 1e-9 * h < t <= h and s > 0.0]
+
+
+VARIANTS = (
+    DenseSolve, RegularisedMass, InvertedJacobian, ExplicitEuler, FixedSteps, EstimateWithoutFloor,
+    FlippedVelocity, ImpulseAtStepEnd, CubicGuess, WrappedAngles, SinglePrecision, SummedClock,
+    SavedPositions, PrintedReport,
+)  # fmt: skip
