@@ -87,6 +87,13 @@ def test_lanes_that_begin_to_differ_between_intervals_go_on_with_their_own():
     np.testing.assert_array_equal(*(batch.q for batch in batches))
 
 
+def test_lanes_beyond_the_last_hold_the_scene_at_rest():
+    memory = memory_of(3)
+    memory.write(("theta1", "m1"), [[5.0, 6.0], [5.0, 7.0], [5.0, 8.0]])
+    np.testing.assert_array_equal(memory.column("theta1")[0], [5.0] * 3 + [0.0] * 5)
+    np.testing.assert_array_equal(memory.column("m1")[0], [6.0, 7.0, 8.0] + [OWN[0]] * 5)
+
+
 def test_sliders_begin_at_the_stop_that_is_nearest_where_0_is_outside():
     stops = e.PrismaticStop((0.1, -0.3), (0.3, -0.2))
     simulator = batch_simulator(rde.Scene(RPRP, (stops,)), False)

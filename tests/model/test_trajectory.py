@@ -152,6 +152,15 @@ def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
             assert (motion.q[k + 1, [0, 2]] != motion.q[k, [0, 2]]).all()
 
 
+def test_the_floats_beside_a_control_instant_are_not_it():
+    dt, k, asked = 0.02, 7, []
+    times = [np.nextafter(k * dt, 0.0), k * dt, np.nextafter(k * dt, 1.0)]
+    for count, calls in ((1, k), (2, k), (3, k + 1)):  # no call for an interval that is not entered
+        asked.clear()
+        rde.simulate(SCENE, Q0, QD0, times[:count], lambda t, q, qd: asked.append(t) or np.zeros(4))
+        assert asked == [j * dt for j in range(calls)]
+
+
 @pytest.mark.parametrize("dt", [0.02, 0.01, 0.1, 0.03, 1 / 3, 0.007, 1e-3, 0.0123456789])
 def test_multiples_of_the_control_interval_are_its_instants(dt):
     rng = np.random.default_rng(0)
