@@ -50,9 +50,9 @@ CASES: dict[str, dict[str, Any]] = {
 def small_config(case: str, **more: Any) -> Config:
     """The configuration of a short training."""
     return checked(Config, {
-        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 3600,
+        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 2400,
         "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
-        "checkpoint_seconds": 0, **CASES[case], **more,
+        "checkpoint_seconds": 0, "env_kwargs": {"max_episode_steps": 40}, **CASES[case], **more,
     })  # fmt: skip
 
 

@@ -5,7 +5,6 @@ import os
 import queue
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -15,14 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from published_runs import published_run
-from rich.progress import Progress
 from run_folders import (
     POLICIES,
     REFUSALS,
-    ROOT,
     SMALL,
-    TINY,
     assert_same_policy,
     change,
     write_run,
@@ -35,9 +30,8 @@ from redundant_envs_train.config import load
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import evaluate, summary
-from redundant_envs_train.run_folder import CHECKPOINT, difference, find_checkpoint, own_config
-from redundant_envs_train.training import many
-from redundant_envs_train.training.many import FILES, finish, is_finished
+from redundant_envs_train.run_folder import difference, find_checkpoint
+from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
@@ -103,7 +97,9 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert "The learner loses to computed torque." in summary(result)
 
 
-@pytest.mark.parametrize("actions", ["zero", "random", "expert"])
+@pytest.mark.parametrize(
+    "actions", ["expert", *(pytest.param(a, marks=pytest.mark.long) for a in ("zero", "random"))]
+)
 def test_play_works_without_a_policy(actions, tmp_path, call):
     call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
     assert (tmp_path / "play.gif").stat().st_size > 10_000
@@ -118,30 +114,23 @@ def in_another_scene(folder):
     Path("mine.yaml").rename(folder / "scene.yaml")
 
 
-@pytest.mark.parametrize("changed", [False, True])
-def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(changed, run, call):
-    if changed:
-        write_scene_file(Path(), 8.0)
+def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(run, call):
     own = data(run)
-    _, err = call("evaluate", run, "--out", "again")
-    assert data("again") == own
-    assert err.count("\n") == changed
-    assert ("ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err) == changed
+    for changed in (False, True):
+        if changed:
+            write_scene_file(Path(), 8.0)
+        _, err = call("evaluate", run, "--out", f"again{changed}")
+        assert data(f"again{changed}") == own
+        assert err.count("\n") == changed
+    assert "ViscousFriction.coefficients [0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
     call("report", run)  # it evaluates a run that has no evaluation
     assert data(run) == own
-    assert ("Simulated in the run's own scene" in (run / "report.md").read_text()) == changed
+    assert "Simulated in the run's own scene" in (run / "report.md").read_text()
     in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
     call("evaluate", run, "--out", "other")
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
-
-
-def test_every_command_reads_a_run_whose_file_changed_and_says_so(run, tmp_path, call):
-    write_scene_file(Path(), 8.0)
-    for name, words in readers(run, tmp_path).items():
-        if name not in ("export", "report", "stops"):  # of registered environments; seen above; slow
-            assert "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1], name
 
 
 @pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
@@ -199,12 +188,15 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
 # ---- nothing is written --------------------------------------------------------------------------
 
 
-def test_reading_changes_nothing_in_a_run(run, tmp_path, call):
-    change(run / "config.yaml", env_kwargs={})  # of a registered environment, so that it can be exported
+def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_changed(run, tmp_path, call):
+    write_scene_file(Path(), 8.0)
     before = kept(run)
     for name, words in readers(run, tmp_path).items():
-        call(*words)
-        assert kept(run) == before, name
+        if name not in ("export", "stops"):  # of registered environments
+            assert (
+                "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1] or name == "report"
+            )
+            assert kept(run) == before, name
     assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
 
 
@@ -267,30 +259,9 @@ def test_a_stopped_training_leaves_a_run(number, every, tmp_path, monkeypatch, c
     assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
     assert not list(folder.glob("*.part"))
     call("report", folder)
-    call("play", folder, "--clip", tmp_path / "a.gif", "--episodes", 1)
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
     assert ("![learning_curve]" in (folder / "report.md").read_text()) == curve
     refused(["table", folder], "was stopped")  # half a training is no result
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
-@pytest.mark.long  # a process of torch takes seconds to begin
-def test_a_process_that_trains_ends_in_order_on_ctrl_c(tmp_path):
-    command = [sys.executable, "-m", "agents", "train", "rprp_reach_ppo", "--out", str(tmp_path / "run")]
-    command += [*SMALL, "total_steps=1000000000"]
-    with subprocess.Popen(command, cwd=ROOT, text=True, stderr=subprocess.PIPE) as process:
-        try:
-            end = time.monotonic() + 120.0
-            while len(lines(tmp_path / "run" / "monitor.csv")) <= 10:  # then the training has begun
-                assert process.poll() is None, process.communicate()
-                assert time.monotonic() < end, "it took too long"
-                time.sleep(0.05)
-            process.send_signal(signal.SIGINT)
-            (message,) = process.communicate(timeout=60)[1].splitlines()
-        finally:
-            process.kill()
-    assert process.returncode == 130
-    assert "stopped after" in message
 
 
 def test_a_second_request_interrupts_at_once(interrupts):
@@ -429,15 +400,51 @@ def test_seeds_are_read_as_they_are_written(text, seeds):
         assert seeds_of(text) == seeds
 
 
-def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, monkeypatch, call, refused):
-    out = tmp_path / "runs"
-    (out / "seed5").mkdir(parents=True)
-    (out / "seed5" / "mine").touch()
-    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "1", "--out", out]
-    refused([*command, "--seeds", "4,5"], "1 of 2 runs failed; the same command goes on: seed5: run folder")
-    before = kept(out / "seed4")
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
-    assert_same_policy(tmp_path / "alone", out / "seed4")
+WAITS = """
+import pathlib, time
+from redundant_envs_train.training.watch import Watch
+
+plain = Watch._on_step
+
+def on_step(self):
+    if self.config.seed == 4 and self.num_timesteps == 512:
+        pathlib.Path("begun").touch()
+        while not self.stop.is_set():
+            time.sleep(0.01)
+    return plain(self)
+
+Watch._on_step = on_step
+"""
+"""A module of workers: the run of seed 4 goes on only after a request to stop."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
+def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
+    tmp_path, monkeypatch, call, refused, interrupts
+):
+    monkeypatch.chdir(tmp_path)
+    Path("waits.py").write_text(WAITS)
+    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "2", "--out", "runs", "--seeds"]
+    four, five, six = (Path("runs") / f"seed{seed}" for seed in (4, 5, 6))
+
+    def interrupt():
+        end = time.monotonic() + 120.0
+        while not (Path("begun").is_file() and (five / "report.md").is_file()) and time.monotonic() < end:
+            time.sleep(0.05)
+        interrupts()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pool, "IMPORTED", ["waits"])
+        user = threading.Thread(target=interrupt)
+        user.start()
+        _, error = call(*command, "4,5", status=130)
+        user.join()
+    assert error.splitlines() == ["stopped; the same command with the same --out goes on"]
+    assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
+    assert find_checkpoint(four)
+    before = kept(five)
+    six.mkdir()
+    (six / "mine").touch()
 
     def in_thread(context, work, *given):  # another process would take seconds to begin
         thread = threading.Thread(target=work, args=given)
@@ -446,39 +453,17 @@ def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, monkeypatch, c
 
     monkeypatch.setattr(many, "start", in_thread)
     monkeypatch.setattr(many, "settle", lambda core, modules: None)
-    assert "| RPRPReach-v0 | PPO | 1 |" in call(*command, "--seeds", "4")[0]
-    assert kept(out / "seed4") == before  # it is finished, and stays
-
-
-@pytest.mark.long
-def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
-    folder, silent = tmp_path / "seed3", Progress(disable=True)
-    config = load("rprp_reach_ppo", [*TINY, "seed=3"])
-    finish(config, folder, silent)
-    before = kept(folder)
-    finish(config, folder, silent)
-    assert kept(folder) == before
-    change(folder / "training.json", stopped=True, env_steps=5)
-    finish(config, folder, silent)
-    assert data(folder, "training.json")["env_steps"] == 1024
-    (folder / "training.json").unlink()  # killed before its first checkpoint
-    (folder / "report.md").unlink()
-    finish(config, folder, silent)
-    assert data(folder, "training.json")["stopped"] is False
-    assert (folder / "report.md").is_file()
-
-
-def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
-    folder = published_run("rprp_reach_ppo/seed130", tmp_path / "run")
-    assert is_finished(folder) is False  # no report
-    for name in FILES:
-        (folder / name).touch()
-    assert is_finished(folder)
-    (folder / CHECKPOINT).mkdir()
-    (folder / CHECKPOINT / "state.pt").touch()
-    assert find_checkpoint(folder)
-    assert not is_finished(folder)
-    assert own_config(folder).env_kwargs["scene"]["control_dt"] == 0.02
+    refused([*command, "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder")
+    assert kept(five) == before  # it is finished, and stays
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), Path("alone"))
+    assert_same_policy(Path("alone"), four)
+    facts = (five / "training.json").read_bytes()
+    (five / "report.md").unlink()  # and no more is missing
+    change(four / "training.json", stopped=True, env_steps=5)  # without a checkpoint: it begins anew
+    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, "4,5")[0]
+    assert (five / "report.md").is_file()
+    assert (five / "training.json").read_bytes() == facts
+    assert data(four, "training.json")["env_steps"] == 1024
 
 
 def test_a_run_whose_process_was_killed_is_named():
