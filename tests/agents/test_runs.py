@@ -1,7 +1,6 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
 import json
-import os
 import queue
 import shutil
 import signal
@@ -20,6 +19,7 @@ from run_folders import (
     SMALL,
     assert_same_policy,
     change,
+    says,
     write_run,
     write_scene_file,
 )  # fmt: skip
@@ -122,7 +122,7 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
         _, err = call("evaluate", run, "--out", f"again{changed}")
         assert data(f"again{changed}") == own
         assert err.count("\n") == changed
-    assert "ViscousFriction.coefficients [0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
+    assert "ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
     call("report", run)  # it evaluates a run that has no evaluation
@@ -202,14 +202,14 @@ def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_chan
 
 def test_reading_changes_nothing_in_an_exported_policy(tmp_path, call, refused):
     exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
-    change(exported / "config.yaml", evaluation_episodes=20)
+    change(exported / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
     before = kept(exported)
     for name, words in readers(exported, tmp_path).items():
         if name in {"export", "table", "table out", "curves"}:
             refused(words, "is an exported policy")
         else:
             out, _ = call(*words)
-            assert "hold success 100.0 % of 20" in out or not name.startswith("evaluate")
+            assert "% of 20 episodes" in out or not name.startswith("evaluate")
     refused(["report", exported], "is an exported policy; give --out FOLDER")
     assert kept(exported) == before
     assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
@@ -286,8 +286,6 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
 
 # ---- incomplete run folders ----------------------------------------------------------------------
 
-POLICY_READERS = ("evaluate", "report", "play", "study stops")
-
 
 def reading(command, folder):
     """The words of a command that reads a run."""
@@ -295,7 +293,7 @@ def reading(command, folder):
     return [*command.split(), folder, *more]
 
 
-@pytest.mark.parametrize("command", [*POLICY_READERS, "table"])
+@pytest.mark.parametrize("command", ["evaluate", "report", "play", "study stops", "table"])
 def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
@@ -303,58 +301,33 @@ def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
         refused(reading(command, tmp_path / name), f"/{name}", "run folder")
 
 
-CUT = "half of it"
-DAMAGES = {
-    # file, what is done to it, commands that read it, command that the message names
-    "no policy": ("policy.zip", None, POLICY_READERS, "train"),
-    "half a policy": ("policy.zip", CUT, POLICY_READERS, ""),
-    "no configuration": ("config.yaml", None, POLICY_READERS, "train"),
-    "no evaluation": ("evaluation.json", None, ("table",), "evaluate"),
-    "half an evaluation": ("evaluation.json", CUT, ("table", "report"), "evaluate"),
-    "a list for an evaluation": ("evaluation.json", "[1, 2]", ("table", "report"), "evaluate"),
-    "an evaluation of texts": ("evaluation.json", '{"env": 3}', ("table", "report"), "evaluate"),
-    "nested evaluation": ("evaluation.json", "[" * 100_000, ("table", "report"), "evaluate"),
-    "half of the episodes": ("episodes.csv", CUT, ("report",), "evaluate"),
-    "no selections": ("selection.csv", None, ("report",), "train"),
-    "half a selection": ("selection.csv", "env_steps,seconds\n1,2,3,4\n1,2", ("report", "table"), "train"),
-    "selections of another kind": ("selection.csv", "a,b\n1,2\n", ("report", "table"), "train"),
-    "half of the facts": ("training.json", CUT, ("evaluate",), "train"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damage, run, refused):
-    name, change_, commands, remedy = DAMAGES[damage]
-    path = run / name
-    if change_ is None:
+@pytest.mark.parametrize("case", REFUSALS["damages"], ids=lambda case: f"{case['file']} {case['is'][:30]}")
+def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case, run, refused):
+    path = run / case["file"]
+    content = path.read_bytes()
+    if case["is"] == "missing":
         path.unlink()
-    elif change_ is CUT:
-        content = path.read_bytes()
-        path.write_bytes(content[: content.rindex(b",") if name.endswith("csv") else len(content) // 2 - 1])
+    elif case["is"] == "cut":
+        path.write_bytes(content[: content.rindex(b",") if path.suffix == ".csv" else len(content) // 2 - 1])
     else:
-        path.write_text(change_)
-    for command in commands:
-        refused(reading(command, run), name, f"python -m agents {remedy}" if remedy else "")
+        path.write_text(case["is"])
+    for command in case["readers"]:
+        refused(reading(command, run), path.name, case["says"])
 
 
-LONG = {"x": "x" * 100_000, "h": 10**400}
+def test_an_evaluation_of_nested_lists_is_damaged(run, refused):
+    (run / "evaluation.json").write_text("[" * 100_000)
+    refused(["table", run], "evaluation.json", "python -m agents evaluate")
+
+
 VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]
-
-
-def lengthened(value):
-    """A value of the table, with what is too long for a table instead of its names."""
-    if isinstance(value, list):
-        return [lengthened(v) for v in value]
-    if isinstance(value, dict):
-        return {k: lengthened(v) for k, v in value.items()}
-    return LONG.get(value, value)
 
 
 @pytest.mark.parametrize(("field", "value"), VALUES)
 def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, call, refused):
     folder = write_run(tmp_path / "run")
     call("table", folder)
-    change(folder / "evaluation.json", **{field: lengthened(value)})
+    change(folder / "evaluation.json", **{field: value})
     error = refused(["table", folder], f"{folder}/evaluation.json has ", f"as {field!r}; make it again")
     assert len(error) < 1000
 
@@ -383,39 +356,34 @@ def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, refus
 # ---- several runs --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("text", "seeds"),
-    [
-        ("0..3", [0, 1, 2, 3]), ("5", [5]), ("1, 4,7", [1, 4, 7]), ("0..1,9", [0, 1, 9]), ("9999", [9999]),
-        ("98..101", [98, 99, 100, 101]),
-        ("", None), ("a", None), ("3..1", None), ("9..3,3", None), ("1,1", None), ("0..2,1", None),
-        ("10000", None), ("-1", None), ("1..", None), ("0..999999999", None), ("1;2", None),
-    ],
-)  # fmt: skip
-def test_seeds_are_read_as_they_are_written(text, seeds):
-    if seeds is None:
-        with pytest.raises(ValueError, match="seeds is"):
-            seeds_of(text)
+@pytest.mark.parametrize("case", REFUSALS["seeds"], ids=lambda case: case["given"])
+def test_seeds_are_read_as_they_are_written(case):
+    if "read" in case:
+        assert seeds_of(case["given"]) == case["read"]
     else:
-        assert seeds_of(text) == seeds
+        with says("seeds is"):
+            seeds_of(case["given"])
 
 
 WAITS = """
 import pathlib, time
+from redundant_envs_train import report
+from redundant_envs_train.training.pool import cores
 from redundant_envs_train.training.watch import Watch
 
 plain = Watch._on_step
 
 def on_step(self):
     if self.config.seed == 4 and self.num_timesteps == 512:
-        pathlib.Path("begun").touch()
+        pathlib.Path("begun").write_text(str(cores()))
         while not self.stop.is_set():
             time.sleep(0.01)
     return plain(self)
 
 Watch._on_step = on_step
+report.clip = lambda *given, **more: None
 """
-"""A module of workers: the run of seed 4 goes on only after a request to stop."""
+"""A module of workers: reports have no clips, and seed 4 goes on only after a request to stop."""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
@@ -442,6 +410,7 @@ def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_
     assert error.splitlines() == ["stopped; the same command with the same --out goes on"]
     assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
     assert find_checkpoint(four)
+    assert len(pool.cores()) < 2 or len(json.loads(Path("begun").read_text())) == 1  # a core of its own
     before = kept(five)
     six.mkdir()
     (six / "mine").touch()
@@ -475,14 +444,3 @@ def test_a_run_whose_process_was_killed_is_named():
     words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
     with pytest.raises(ValueError, match=words):
         follow(names, lambda stop: many._reports(names, [ended], news, stop))
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")
-@pytest.mark.parametrize("core", [None, 0])
-def test_a_worker_stays_on_its_core(core, monkeypatch):
-    pinned, jobs = [], queue.Queue()
-    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cores: pinned.append(cores))
-    monkeypatch.setattr(signal, "signal", lambda *args: None)
-    jobs.put(None)
-    many._work(jobs, queue.Queue(), core)
-    assert pinned == ([] if core is None else [{core}])
