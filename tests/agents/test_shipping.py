@@ -51,7 +51,7 @@ def observations(env, seed=7):
 
 
 @pytest.mark.parametrize("folder", SHIPPED)
-def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
+def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_tells_what_it_does(folder):
     config = read_config(folder)
     env = make_sb3(config.env, 200, **config.env_kwargs)
     seen = observations(env)
@@ -64,16 +64,10 @@ def test_files_of_a_shipped_policy_agree_to_1e_6(folder):
     np.testing.assert_allclose(Layers.load(folder / "policy.npz")(seen), exact, rtol=0, atol=1e-6)
     # single precision of stable-baselines3: it differs from itself by some 1e-6 between batches
     np.testing.assert_allclose(policy.predict(seen, deterministic=True)[0], exact, rtol=0, atol=2e-5)
-
-
-@pytest.mark.parametrize("folder", SHIPPED)
-def test_the_card_of_a_shipped_policy_tells_what_it_does(folder):
-    config = read_config(folder)
     card = (folder / "README.md").read_text()
     for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
         assert part in card
-    act = policy_act(load_policy(folder, config))
-    found = run_episodes(config.env, act, 200, EVALUATION_SEED, **config.env_kwargs).hold
+    found = run_episodes(config.env, policy_act(policy), 200, EVALUATION_SEED, **config.env_kwargs).hold
     said = float(card.split("| hold success | ")[1].split(" %")[0])
     assert abs(100 * found.mean() - said) < 4.0  # the first 200 of the 1000 goals of the card
 
@@ -126,22 +120,17 @@ def test_silu_does_not_overflow():
     np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
 
 
-def test_a_policy_zip_of_other_weights_is_refused(run, tmp_path, monkeypatch):
-    def load(folder, config):
+@pytest.mark.parametrize(
+    ("file", "value"),
+    [("policy.zip", 0.0), ("policy.onnx", 1e-3), ("policy.npz", 1e-3), ("policy.onnx", np.nan)],
+)
+def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, value, tmp_path, monkeypatch):
+    write, save = shipping.write_onnx, Layers.save
+
+    def load_wrong(folder, config):
         policy = load_policy(folder, config)
         policy.state_dict = lambda: make_model(config, make_sb3(config.env, 1)).policy.state_dict()
         return policy
-
-    monkeypatch.setattr("redundant_envs_train.shipping.export.load_policy", load)
-    with says("policy.zip acts otherwise ", " at most 0.0001"):
-        export(run, tmp_path)
-    assert [p.name for p in tmp_path.iterdir()] == ["runs"]
-
-
-@pytest.mark.parametrize("file", ["policy.onnx", "policy.npz"])
-@pytest.mark.parametrize("value", [1e-3, np.nan])
-def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, value, tmp_path, monkeypatch):
-    write, save = shipping.write_onnx, Layers.save
 
     def write_wrong(policy, *more):
         policy = copy.deepcopy(policy)
@@ -152,11 +141,9 @@ def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, val
         first, *rest = layers.biases
         save(dataclasses.replace(layers, biases=(first + value, *rest)), path)
 
-    if file == "policy.onnx":
-        monkeypatch.setattr(shipping, "write_onnx", write_wrong)
-    else:
-        monkeypatch.setattr(Layers, "save", save_wrong)
-    with says(f"{file} acts otherwise ", " at most 1e-06"):
+    wrong = {"policy.zip": (shipping, "load_policy", load_wrong), "policy.npz": (Layers, "save", save_wrong)}
+    monkeypatch.setattr(*wrong.get(file, (shipping, "write_onnx", write_wrong)))
+    with says(f"{file} acts otherwise ", f" at most {0.0001 if file == 'policy.zip' else 1e-06}"):
         export(run, tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
