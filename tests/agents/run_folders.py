@@ -113,19 +113,14 @@ def csv_rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
-def config_text(seed: int, env: str, algo: str, settings: dict[str, Any]) -> str:
-    """A configuration in the form of a run folder."""
-    data = {"config_version": 2, "env": env, "algo": algo, "seed": seed, **settings}
-    return yaml.safe_dump(Config(**data).to_dict())
-
-
 def write_run(
     folder: Path, seed: int = 0, env: str = RPRP, algo: str = "ppo", curve: Any = CURVE,
     settings: dict[str, Any] | None = None, without: tuple[str, ...] = (), **facts: Any,
 ) -> Path:  # fmt: skip
     """A run folder with entries of its evaluation changed by ``facts``, or left out."""
     folder.mkdir(parents=True)
-    (folder / "config.yaml").write_text(config_text(seed, env, algo, settings or {}))
+    config = Config(**{"config_version": 2, "env": env, "algo": algo, "seed": seed, **(settings or {})})
+    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
     write_scene(folder)
     evaluation = {
         "env": env, "algo": algo, "seed": seed, "episodes": 1000, "hold_success": 0.99,
