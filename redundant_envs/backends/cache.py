@@ -21,7 +21,7 @@ from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.listing import fingerprints
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
-KEPT_PROGRAMS = 400
+KEPT_PROGRAMS = 1000
 """Number of programs that the folder keeps; the least recently used ones are deleted."""
 SUFFIX = ".code"
 OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|lock)")
