@@ -145,6 +145,14 @@ def write_scene(folder: Path) -> None:
     (folder / "scene.yaml").write_text(yaml.safe_dump(scene.to_dict(), sort_keys=False))
 
 
+def kept(folder: Path) -> dict[Path, tuple[bytes, int]]:
+    """Contents and times of all files in a folder, and the folder's own time."""
+    return {
+        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
+        for path in sorted((folder, *folder.rglob("*")))
+    }
+
+
 def assert_same_policy(one: Path, other: Path) -> None:
     """The policies of two run folders are equal to the bit."""
     expected, found = (read_weights(folder / "policy.zip", "silu")[0] for folder in (one, other))

@@ -19,6 +19,7 @@ from run_folders import (
     SMALL,
     assert_same_policy,
     change,
+    kept,
     says,
     write_run,
     write_scene_file,
@@ -39,14 +40,6 @@ from redundant_envs_train.training.watch import Watch
 
 def data(folder, name="evaluation.json"):
     return json.loads((Path(folder) / name).read_text())
-
-
-def kept(folder):
-    """Contents and times of all files in a folder, and the folder's own time."""
-    return {
-        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
-        for path in sorted((folder, *folder.rglob("*")))
-    }
 
 
 def readers(folder, out):
@@ -152,31 +145,6 @@ def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
     assert all("scene=" in same.learner for same in groups)
 
 
-def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch, call):
-    monkeypatch.chdir(tmp_path)
-    write_scene_file(tmp_path, 0.3)
-    points, point = [], Watch.point
-
-    def stop_at_first(self):
-        points.append(self.num_timesteps)
-        assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
-        write_scene_file(tmp_path, 8.0)  # while it runs
-        if len(points) == 1:
-            self.stop.set()
-        return point(self)
-
-    monkeypatch.setattr(Watch, "point", stop_at_first)
-    call("train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run", status=130)
-    (tmp_path / "mine.yaml").unlink()
-    call("report", "run")  # of the policy so far
-    call("resume", "run")
-    assert_same_policy(tmp_path / "run", home / "run")
-    curves = [np.loadtxt(f / "run" / "selection.csv", delimiter=",", skiprows=1) for f in (tmp_path, home)]
-    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
-    again, own = (data(f / "run") for f in (tmp_path, home))
-    assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
-
-
 def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):
     shutil.copytree(run, "many/seed0")
     words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--seeds", 0, "--out", "many"]
@@ -233,35 +201,66 @@ def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
 # ---- a training that is stopped ------------------------------------------------------------------
 
 
-def lines(path):
-    return path.read_text().splitlines() if path.is_file() else []
-
-
-@pytest.mark.parametrize(("number", "every"), [(signal.SIGTERM, 512), (signal.SIGINT, 10**9)])
-def test_a_stopped_training_leaves_a_run(number, every, tmp_path, monkeypatch, call, refused, interrupts):
-    folder, curve, plain = tmp_path / "run", every == 512, Watch._on_step
-
-    def on_step(self):
-        if self.num_timesteps == 768 and not self.stop.is_set():
-            signal.raise_signal(number)
-        return plain(self)
-
-    monkeypatch.setattr(Watch, "_on_step", on_step)
-    more = ["total_steps=1000000000", f"curve_every={every}"]
-    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
+def assert_stopped(folder, message):
+    """A training that was stopped told so in one line, and its files are whole."""
     assert message.count("\n") == 1
     assert "stopped after" in message
     assert f"Go on with: python -m agents resume {folder}" in message
     assert data(folder, "training.json")["stopped"] is True
-    head, *rows = lines(folder / "selection.csv")
-    assert head == "env_steps,seconds,hold_success,touch_success,return"
-    assert bool(rows) == curve
-    assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
+    lines = [len(line.split(",")) for line in (folder / "monitor.csv").read_text().splitlines()[1:]]
+    assert len(set(lines)) == 1
     assert not list(folder.glob("*.part"))
-    call("report", folder)
+
+
+def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
+    home, tmp_path, monkeypatch, call, refused
+):
+    monkeypatch.chdir(tmp_path)
+    write_scene_file(tmp_path, 0.3)
+    points, point, folder, whole = [], Watch.point, Path("run"), home / "run"
+
+    def stop_at_first(self):
+        points.append(self.num_timesteps)
+        assert not (folder / "evaluation.json").exists()  # an old one is of another policy
+        write_scene_file(tmp_path, 8.0)  # while it runs
+        if len(points) == 1:
+            signal.raise_signal(signal.SIGTERM)
+        return point(self)
+
+    monkeypatch.setattr(Watch, "point", stop_at_first)
+    words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", folder]
+    _, message = call(*words, status=130)
+    assert_stopped(folder, message)
+    (tmp_path / "mine.yaml").unlink()
+    call("report", folder)  # of the policy so far
+    assert "![learning_curve]" in (folder / "report.md").read_text()
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
-    assert ("![learning_curve]" in (folder / "report.md").read_text()) == curve
     refused(["table", folder], "was stopped")  # half a training is no result
+    call("resume", folder)
+    assert_same_policy(folder, whole)
+    curves = [np.loadtxt(f / "selection.csv", delimiter=",", skiprows=1) for f in (folder, whole)]
+    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
+    again, own = data(folder), data(whole)
+    assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
+
+
+def test_a_training_that_is_stopped_before_its_first_point_leaves_a_run(
+    tmp_path, monkeypatch, call, interrupts
+):
+    folder, plain = tmp_path / "run", Watch._on_step
+
+    def on_step(self):
+        if self.num_timesteps == 768 and not self.stop.is_set():
+            interrupts()
+        return plain(self)
+
+    monkeypatch.setattr(Watch, "_on_step", on_step)
+    more = ["total_steps=1000000000", "curve_every=1000000000"]
+    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
+    assert_stopped(folder, message)
+    assert (folder / "selection.csv").read_text() == "env_steps,seconds,hold_success,touch_success,return\n"
+    call("report", folder)
+    assert "![learning_curve]" not in (folder / "report.md").read_text()
 
 
 def test_a_second_request_interrupts_at_once(interrupts):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 from published_runs import RESULTS, ROOT, published_run
-from run_folders import assert_same_policy, change, members, says, write_members
+from run_folders import assert_same_policy, change, kept, members, says, write_members
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked, config_of
@@ -166,8 +166,10 @@ def test_one_command_exports_a_policy_once_and_numpy_alone_acts(run, tmp_path, c
     shutil.copytree(run, tmp_path / "run")
     refused(["export", run, tmp_path / "run", "--out", tmp_path], "policies of one id and algorithm")
     assert not folder.exists()
+    before = kept(run)
     out, _ = call("export", run, f"{run}/", "--out", tmp_path)  # given twice
     assert out.split() == [str(folder)]
+    assert kept(run) == before
     refused(["export", run, "--out", tmp_path], "exists; delete it or choose another --out")
     (tmp_path / "file").write_text("")
     refused(["export", run, "--out", tmp_path / "file"], "which is a file")
