@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from run_folders import REFUSALS, change, csv_rows, says, write_scene
+from run_folders import REFUSALS, csv_rows, says, write_scene
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene
@@ -66,17 +66,12 @@ def test_only_the_stepping_of_a_scene_changes(physics):
 # ---- pairs and intervals -------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def evaluations():
+def test_episodes_are_pairs_and_their_costs_are_told():
     config = load("configs/training/four_r_reach_ppo.yaml")
-    return [
+    euler, exact = (
         evaluate_under(config.env, expert_act(), 9, STUDY_SEED, repeats=1, **physics.env_kwargs(config))
         for physics in (EULER, EXACT)
-    ]
-
-
-def test_episodes_are_pairs_and_their_costs_are_told(evaluations):
-    euler, exact = evaluations
+    )
     np.testing.assert_array_equal(euler.start, exact.start)
     np.testing.assert_array_equal(euler.goal, exact.goal)
     assert len({tuple(g) for g in exact.goal.tolist()}) == 9
@@ -91,16 +86,12 @@ def test_episodes_are_pairs_and_their_costs_are_told(evaluations):
     assert exact.flags == {}
     with says("no pairs"):
         compare(euler._replace(goal=euler.goal[::-1]), exact, 200)
-
-
-def test_flips_are_counted_each_way(evaluations):
-    _, exact = evaluations
+    # flips are counted each way, and the same episodes are drawn for both measures
     a, b = (np.array([letter == "1" for letter in held]) for held in ("111000110", "100100100"))
     here, there = (exact._replace(hold=x, returns=10.0 * x) for x in (a, b))
     result = compare(here, there, 1000)
     assert (result["won"], result["lost"], result["sign_test_p"]) == (3, 1, 0.625)
     assert result["hold_difference"] == pytest.approx(2 / 9)
-    # the same episodes are drawn for both measures
     assert result["return_difference_low"] == pytest.approx(10 * result["hold_difference_low"])
     assert result["median_abs_return_difference"] == 0.0
 
@@ -240,18 +231,6 @@ def run(tmp_path_factory):
     write_scene(folder)
     make_model(config, make_sb3(config.env, 4)).save(folder / "policy.zip")
     return folder
-
-
-@pytest.mark.long
-def test_stops_study_times_the_states_of_a_policy(tmp_path, run, call, refused):
-    out = tmp_path / "stops.csv"
-    call("study", "stops", run, "--lanes", 64, "--out", out)
-    table = csv_rows(out)
-    assert [r["states"] for r in table] == ["policy"] * 3 + ["random actions"] * 3
-    assert all(float(r["ratio"]) > 0.0 for r in table)
-    shutil.copy(run / "config.yaml", tmp_path)
-    write_scene(change(tmp_path / "config.yaml", env="redundant_envs/FourRReach-v0"))
-    refused(["study", "stops", tmp_path, "--out", out], "the study is of redundant_envs/RPRPReach-v0")
 
 
 def small(folder, arm, **more):

@@ -19,6 +19,7 @@ from run_folders import (
     SMALL,
     assert_same_policy,
     change,
+    csv_rows,
     kept,
     says,
     write_run,
@@ -178,6 +179,11 @@ def test_reading_changes_nothing_in_an_exported_policy(tmp_path, call, refused):
         else:
             out, _ = call(*words)
             assert "% of 20 episodes" in out or not name.startswith("evaluate")
+    table = csv_rows(tmp_path / "stops.csv")
+    assert [row["states"] for row in table] == ["policy"] * 3 + ["random actions"] * 3
+    assert all(float(row["ratio"]) > 0.0 for row in table)
+    other = ["study", "stops", POLICIES / "FourRReach-v0-ppo", "--out", tmp_path / "other.csv"]
+    refused(other, "the study is of redundant_envs/RPRPReach-v0")
     refused(["report", exported], "is an exported policy; give --out FOLDER")
     assert kept(exported) == before
     assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
