@@ -50,9 +50,9 @@ CASES: dict[str, dict[str, Any]] = {
 def small_config(case: str, **more: Any) -> Config:
     """The configuration of a short training."""
     return checked(Config, {
-        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 3600,
+        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 2400,
         "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
-        "checkpoint_seconds": 0, **CASES[case], **more,
+        "checkpoint_seconds": 0, "env_kwargs": {"max_episode_steps": 40}, **CASES[case], **more,
     })  # fmt: skip
 
 
@@ -113,19 +113,14 @@ def csv_rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
-def config_text(seed: int, env: str, algo: str, settings: dict[str, Any]) -> str:
-    """A configuration in the form of a run folder."""
-    data = {"config_version": 2, "env": env, "algo": algo, "seed": seed, **settings}
-    return yaml.safe_dump(Config(**data).to_dict())
-
-
 def write_run(
     folder: Path, seed: int = 0, env: str = RPRP, algo: str = "ppo", curve: Any = CURVE,
     settings: dict[str, Any] | None = None, without: tuple[str, ...] = (), **facts: Any,
 ) -> Path:  # fmt: skip
     """A run folder with entries of its evaluation changed by ``facts``, or left out."""
     folder.mkdir(parents=True)
-    (folder / "config.yaml").write_text(config_text(seed, env, algo, settings or {}))
+    config = Config(**{"config_version": 2, "env": env, "algo": algo, "seed": seed, **(settings or {})})
+    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
     write_scene(folder)
     evaluation = {
         "env": env, "algo": algo, "seed": seed, "episodes": 1000, "hold_success": 0.99,
@@ -148,6 +143,14 @@ def write_scene(folder: Path) -> None:
     config = read_config(folder)
     scene = scene_at(named_scene(config), config.env_kwargs.get("accuracy"))
     (folder / "scene.yaml").write_text(yaml.safe_dump(scene.to_dict(), sort_keys=False))
+
+
+def kept(folder: Path) -> dict[Path, tuple[bytes, int]]:
+    """Contents and times of all files in a folder, and the folder's own time."""
+    return {
+        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
+        for path in sorted((folder, *folder.rglob("*")))
+    }
 
 
 def assert_same_policy(one: Path, other: Path) -> None:

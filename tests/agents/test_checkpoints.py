@@ -1,7 +1,6 @@
 """A training that is killed at any moment continues to the same bits."""
 
 import contextlib
-import itertools
 import json
 import os
 import shutil
@@ -39,6 +38,15 @@ def table(folder, name, without):
     ]
 
 
+@contextlib.contextmanager
+def changed_state(folder):
+    """The state of a checkpoint, which is written again."""
+    path = folder / "checkpoint" / "state.pt"
+    state = checkpoint.unplain(torch.load(path, weights_only=True))
+    yield state
+    torch.save(checkpoint.plain(state), path)
+
+
 @pytest.mark.parametrize(
     "case", [c if c in ("ppo", "sac", "td3") else pytest.param(c, marks=pytest.mark.long) for c in CASES]
 )
@@ -53,24 +61,18 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
             kill_at({"her": 3800}.get(case, 1900), patch)
             with pytest.raises(SystemExit):
                 train(small_config(case, checkpoint_seconds=1e-9), killed)
+    with changed_state(killed) as state:
+        state["elapsed"] += 1000.0
     np.random.rand()  # what happened in between does not matter
     torch.rand(3)
     assert resume(killed)["env_steps"] >= small_config(case).total_steps
     assert_same_policy(whole, killed)
     assert table(whole, "selection.csv", 1) == table(killed, "selection.csv", 1)
     assert table(whole, "monitor.csv", 2) == table(killed, "monitor.csv", 2)
-    assert not find_checkpoint(killed)
-
-
-def test_times_of_episodes_go_on_after_a_break(killed):
-    with changed_state(killed) as state:
-        state["elapsed"] += 1000.0
-    count = len(table(killed, "monitor.csv", None))
-    resume(killed)
     times = [float(row[2]) for row in table(killed, "monitor.csv", None)[1:]]
-    assert len(times) >= count
     assert times == sorted(times)
     assert times[-1] > 1000.0
+    assert not find_checkpoint(killed)
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):
@@ -87,7 +89,7 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
             resume(killed)
     assert find_checkpoint(killed).name == "checkpoint.old"
     refused(["train", killed / "config.yaml", "--out", killed], f"resume {killed}")
-    assert resume(killed)["env_steps"] == 3600
+    assert resume(killed)["env_steps"] == 2400
 
 
 def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, refused):
@@ -111,22 +113,13 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, refused):
 @pytest.mark.parametrize(
     ("entries", "word"),
     [
-        ({"seed": 7}, "seed: 4, and config.yaml has 7"), ({"total_steps": 9000}, "total_steps: 3600"),
+        ({"seed": 7}, "seed: 4, and config.yaml has 7"), ({"total_steps": 9000}, "total_steps: 2400"),
         ({"sac": {**REPLAY, "gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
         ({"sac": {**REPLAY, "activation": "relu"}}, "sac.activation"),
     ],
 )  # fmt: skip
 def test_a_checkpoint_of_another_configuration_is_refused(entries, word, killed, refused):
     refused(["resume", change(killed / "config.yaml", **entries)], word)
-
-
-@contextlib.contextmanager
-def changed_state(folder):
-    """The state of a checkpoint, which is written again."""
-    path = folder / "checkpoint" / "state.pt"
-    state = checkpoint.unplain(torch.load(path, weights_only=True))
-    yield state
-    torch.save(checkpoint.plain(state), path)
 
 
 @pytest.mark.parametrize(
@@ -163,14 +156,13 @@ def test_a_table_that_is_a_link_is_not_written_through(killed, tmp_path, refused
 def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
     goals = []
     monkeypatch.setattr(Watch, "_on_training_start", lambda self: goals.append(self.monitor.venv.goal.copy()))
-    for seed, first in ((0, 0), (1, 10_000), (100, 10_000_000)):
+    for seed, first in ((0, 0), (1, 10_000)):
         train(small_config("ppo", seed=seed, total_steps=512), tmp_path / f"{seed}")
         env = make_sb3("RPRPReach-v0", 16)
         env.seed(first)
         env.reset()
         np.testing.assert_array_equal(goals[-1], env.goal)
-    seeds = [{tuple(goal) for goal in one.tolist()} for one in goals]
-    assert all(not one & other for one, other in itertools.combinations(seeds, 2))
+    assert not set(map(tuple, goals[0].tolist())) & set(map(tuple, goals[1].tolist()))
 
 
 def test_the_same_seed_repeats_a_run_to_the_bit_and_another_does_not(tmp_path):

@@ -11,7 +11,7 @@ import threading
 import time
 
 import pytest
-from run_folders import ROOT, TINY, assert_same_policy, says, write_run
+from run_folders import ROOT, TINY, assert_same_policy, says
 
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
@@ -120,11 +120,6 @@ def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, 
         assert (folder / "checkpoint" / "state.pt").is_file()
 
 
-def contents(folder):
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
-
-
 def packed(**files):
     """Files in the form in which a task returns them."""
     data = io.BytesIO()
@@ -143,16 +138,30 @@ def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path):
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_a_received_run_takes_the_place_of_an_older_one(tmp_path):
-    (tmp_path / "seed1").mkdir()
-    (tmp_path / "seed1" / "old").touch()
-    new = write_run(tmp_path / "new")
-    (new / "plots").mkdir()
+def test_a_received_run_takes_the_place_of_an_older_one_which_outlives_a_kill(tmp_path, monkeypatch):
+    run, new = tmp_path / "seed1", tmp_path / "new"
+    (new / "plots").mkdir(parents=True)
     (new / "plots" / "b").write_bytes(b"2")
-    (new / "link").symlink_to("/etc/passwd")
-    on_ray.receive(on_ray.pack(new), tmp_path / "seed1")
-    (new / "link").unlink()  # links are left out
-    assert contents(tmp_path / "seed1") == contents(new)
+    (new / "link").symlink_to("/etc/passwd")  # links are left out
+    run.mkdir()
+    (run / "old").touch()
+    replace = os.replace
+
+    def killed(source, target):
+        if target == run:
+            raise SystemExit
+        replace(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", killed)
+        with pytest.raises(SystemExit):
+            on_ray.receive(on_ray.pack(new), run)
+    assert not run.exists()  # killed between two renamings
+    on_ray.restore(run)
+    assert os.listdir(run) == ["old"]
+    on_ray.receive(on_ray.pack(new), run)
+    assert sorted(path.relative_to(run).as_posix() for path in run.rglob("*")) == ["plots", "plots/b"]
+    assert (run / "plots" / "b").read_bytes() == b"2"
     assert sorted(os.listdir(tmp_path)) == ["new", "seed1"]
 
 
@@ -169,23 +178,3 @@ def test_threads_that_no_machine_of_the_cluster_has_are_refused(tmp_path, monkey
     config = load("rprp_reach_ppo", [*TINY, "torch_threads=3"])
     with says("torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
         on_ray.train_on_ray({"seed1": config}, tmp_path)
-
-
-def test_an_older_run_outlives_a_kill_while_a_newer_one_takes_its_place(tmp_path, monkeypatch):
-    run = tmp_path / "seed1"
-    run.mkdir()
-    (run / "kept").touch()
-    replace = os.replace
-
-    def killed(source, target):
-        if target == run:
-            raise SystemExit
-        replace(source, target)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", killed)
-        with pytest.raises(SystemExit):
-            on_ray.receive(packed(new=b"1"), run)
-    assert not run.exists()  # killed between two renamings
-    on_ray.restore(run)
-    assert contents(run) == {"kept": b""}

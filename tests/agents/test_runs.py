@@ -1,11 +1,9 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
 import json
-import os
 import queue
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -15,16 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from published_runs import published_run
-from rich.progress import Progress
 from run_folders import (
     POLICIES,
     REFUSALS,
-    ROOT,
     SMALL,
-    TINY,
     assert_same_policy,
     change,
+    csv_rows,
+    kept,
+    says,
     write_run,
     write_scene_file,
 )  # fmt: skip
@@ -35,9 +32,8 @@ from redundant_envs_train.config import load
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import evaluate, summary
-from redundant_envs_train.run_folder import CHECKPOINT, difference, find_checkpoint, own_config
-from redundant_envs_train.training import many
-from redundant_envs_train.training.many import FILES, finish, is_finished
+from redundant_envs_train.run_folder import difference, find_checkpoint
+from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
@@ -45,14 +41,6 @@ from redundant_envs_train.training.watch import Watch
 
 def data(folder, name="evaluation.json"):
     return json.loads((Path(folder) / name).read_text())
-
-
-def kept(folder):
-    """Contents and times of all files in a folder, and the folder's own time."""
-    return {
-        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
-        for path in sorted((folder, *folder.rglob("*")))
-    }
 
 
 def readers(folder, out):
@@ -103,7 +91,9 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert "The learner loses to computed torque." in summary(result)
 
 
-@pytest.mark.parametrize("actions", ["zero", "random", "expert"])
+@pytest.mark.parametrize(
+    "actions", ["expert", *(pytest.param(a, marks=pytest.mark.long) for a in ("zero", "random"))]
+)
 def test_play_works_without_a_policy(actions, tmp_path, call):
     call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
     assert (tmp_path / "play.gif").stat().st_size > 10_000
@@ -118,30 +108,23 @@ def in_another_scene(folder):
     Path("mine.yaml").rename(folder / "scene.yaml")
 
 
-@pytest.mark.parametrize("changed", [False, True])
-def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(changed, run, call):
-    if changed:
-        write_scene_file(Path(), 8.0)
+def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(run, call):
     own = data(run)
-    _, err = call("evaluate", run, "--out", "again")
-    assert data("again") == own
-    assert err.count("\n") == changed
-    assert ("ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err) == changed
+    for changed in (False, True):
+        if changed:
+            write_scene_file(Path(), 8.0)
+        _, err = call("evaluate", run, "--out", f"again{changed}")
+        assert data(f"again{changed}") == own
+        assert err.count("\n") == changed
+    assert "ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
     call("report", run)  # it evaluates a run that has no evaluation
     assert data(run) == own
-    assert ("Simulated in the run's own scene" in (run / "report.md").read_text()) == changed
+    assert "Simulated in the run's own scene" in (run / "report.md").read_text()
     in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
     call("evaluate", run, "--out", "other")
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
-
-
-def test_every_command_reads_a_run_whose_file_changed_and_says_so(run, tmp_path, call):
-    write_scene_file(Path(), 8.0)
-    for name, words in readers(run, tmp_path).items():
-        if name not in ("export", "report", "stops"):  # of registered environments; seen above; slow
-            assert "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1], name
 
 
 @pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
@@ -163,31 +146,6 @@ def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
     assert all("scene=" in same.learner for same in groups)
 
 
-def test_a_training_goes_on_in_its_own_scene(home, tmp_path, monkeypatch, call):
-    monkeypatch.chdir(tmp_path)
-    write_scene_file(tmp_path, 0.3)
-    points, point = [], Watch.point
-
-    def stop_at_first(self):
-        points.append(self.num_timesteps)
-        assert not (tmp_path / "run" / "evaluation.json").exists()  # an old one is of another policy
-        write_scene_file(tmp_path, 8.0)  # while it runs
-        if len(points) == 1:
-            self.stop.set()
-        return point(self)
-
-    monkeypatch.setattr(Watch, "point", stop_at_first)
-    call("train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", "run", status=130)
-    (tmp_path / "mine.yaml").unlink()
-    call("report", "run")  # of the policy so far
-    call("resume", "run")
-    assert_same_policy(tmp_path / "run", home / "run")
-    curves = [np.loadtxt(f / "run" / "selection.csv", delimiter=",", skiprows=1) for f in (tmp_path, home)]
-    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
-    again, own = (data(f / "run") for f in (tmp_path, home))
-    assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
-
-
 def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):
     shutil.copytree(run, "many/seed0")
     words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--seeds", 0, "--out", "many"]
@@ -199,25 +157,33 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
 # ---- nothing is written --------------------------------------------------------------------------
 
 
-def test_reading_changes_nothing_in_a_run(run, tmp_path, call):
-    change(run / "config.yaml", env_kwargs={})  # of a registered environment, so that it can be exported
+def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_changed(run, tmp_path, call):
+    write_scene_file(Path(), 8.0)
     before = kept(run)
     for name, words in readers(run, tmp_path).items():
-        call(*words)
-        assert kept(run) == before, name
+        if name not in ("export", "stops"):  # of registered environments
+            assert (
+                "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1] or name == "report"
+            )
+            assert kept(run) == before, name
     assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
 
 
 def test_reading_changes_nothing_in_an_exported_policy(tmp_path, call, refused):
     exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
-    change(exported / "config.yaml", evaluation_episodes=20)
+    change(exported / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
     before = kept(exported)
     for name, words in readers(exported, tmp_path).items():
         if name in {"export", "table", "table out", "curves"}:
             refused(words, "is an exported policy")
         else:
             out, _ = call(*words)
-            assert "hold success 100.0 % of 20" in out or not name.startswith("evaluate")
+            assert "% of 20 episodes" in out or not name.startswith("evaluate")
+    table = csv_rows(tmp_path / "stops.csv")
+    assert [row["states"] for row in table] == ["policy"] * 3 + ["random actions"] * 3
+    assert all(float(row["ratio"]) > 0.0 for row in table)
+    other = ["study", "stops", POLICIES / "FourRReach-v0-ppo", "--out", tmp_path / "other.csv"]
+    refused(other, "the study is of redundant_envs/RPRPReach-v0")
     refused(["report", exported], "is an exported policy; give --out FOLDER")
     assert kept(exported) == before
     assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
@@ -241,56 +207,66 @@ def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
 # ---- a training that is stopped ------------------------------------------------------------------
 
 
-def lines(path):
-    return path.read_text().splitlines() if path.is_file() else []
-
-
-@pytest.mark.parametrize(("number", "every"), [(signal.SIGTERM, 512), (signal.SIGINT, 10**9)])
-def test_a_stopped_training_leaves_a_run(number, every, tmp_path, monkeypatch, call, refused, interrupts):
-    folder, curve, plain = tmp_path / "run", every == 512, Watch._on_step
-
-    def on_step(self):
-        if self.num_timesteps == 768 and not self.stop.is_set():
-            signal.raise_signal(number)
-        return plain(self)
-
-    monkeypatch.setattr(Watch, "_on_step", on_step)
-    more = ["total_steps=1000000000", f"curve_every={every}"]
-    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
+def assert_stopped(folder, message):
+    """A training that was stopped told so in one line, and its files are whole."""
     assert message.count("\n") == 1
     assert "stopped after" in message
     assert f"Go on with: python -m agents resume {folder}" in message
     assert data(folder, "training.json")["stopped"] is True
-    head, *rows = lines(folder / "selection.csv")
-    assert head == "env_steps,seconds,hold_success,touch_success,return"
-    assert bool(rows) == curve
-    assert len({line.count(",") for line in lines(folder / "monitor.csv")[1:]}) == 1
+    lines = [len(line.split(",")) for line in (folder / "monitor.csv").read_text().splitlines()[1:]]
+    assert len(set(lines)) == 1
     assert not list(folder.glob("*.part"))
-    call("report", folder)
-    call("play", folder, "--clip", tmp_path / "a.gif", "--episodes", 1)
+
+
+def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
+    home, tmp_path, monkeypatch, call, refused
+):
+    monkeypatch.chdir(tmp_path)
+    write_scene_file(tmp_path, 0.3)
+    points, point, folder, whole = [], Watch.point, Path("run"), home / "run"
+
+    def stop_at_first(self):
+        points.append(self.num_timesteps)
+        assert not (folder / "evaluation.json").exists()  # an old one is of another policy
+        write_scene_file(tmp_path, 8.0)  # while it runs
+        if len(points) == 1:
+            signal.raise_signal(signal.SIGTERM)
+        return point(self)
+
+    monkeypatch.setattr(Watch, "point", stop_at_first)
+    words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", folder]
+    _, message = call(*words, status=130)
+    assert_stopped(folder, message)
+    (tmp_path / "mine.yaml").unlink()
+    call("report", folder)  # of the policy so far
+    assert "![learning_curve]" in (folder / "report.md").read_text()
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
-    assert ("![learning_curve]" in (folder / "report.md").read_text()) == curve
     refused(["table", folder], "was stopped")  # half a training is no result
+    call("resume", folder)
+    assert_same_policy(folder, whole)
+    curves = [np.loadtxt(f / "selection.csv", delimiter=",", skiprows=1) for f in (folder, whole)]
+    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
+    again, own = data(folder), data(whole)
+    assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
-@pytest.mark.long  # a process of torch takes seconds to begin
-def test_a_process_that_trains_ends_in_order_on_ctrl_c(tmp_path):
-    command = [sys.executable, "-m", "agents", "train", "rprp_reach_ppo", "--out", str(tmp_path / "run")]
-    command += [*SMALL, "total_steps=1000000000"]
-    with subprocess.Popen(command, cwd=ROOT, text=True, stderr=subprocess.PIPE) as process:
-        try:
-            end = time.monotonic() + 120.0
-            while len(lines(tmp_path / "run" / "monitor.csv")) <= 10:  # then the training has begun
-                assert process.poll() is None, process.communicate()
-                assert time.monotonic() < end, "it took too long"
-                time.sleep(0.05)
-            process.send_signal(signal.SIGINT)
-            (message,) = process.communicate(timeout=60)[1].splitlines()
-        finally:
-            process.kill()
-    assert process.returncode == 130
-    assert "stopped after" in message
+def test_a_training_that_is_stopped_before_its_first_point_leaves_a_run(
+    tmp_path, monkeypatch, call, interrupts
+):
+    folder, plain = tmp_path / "run", Watch._on_step
+
+    def on_step(self):
+        if self.num_timesteps == 768 and not self.stop.is_set():
+            interrupts()
+        return plain(self)
+
+    monkeypatch.setattr(Watch, "_on_step", on_step)
+    more = ["total_steps=1000000000", "curve_every=1000000000"]
+    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
+    assert_stopped(folder, message)
+    assert (folder / "selection.csv").read_text() == "env_steps,seconds,hold_success,touch_success,return\n"
+    call("report", folder)
+    assert "![learning_curve]" not in (folder / "report.md").read_text()
 
 
 def test_a_second_request_interrupts_at_once(interrupts):
@@ -315,8 +291,6 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
 
 # ---- incomplete run folders ----------------------------------------------------------------------
 
-POLICY_READERS = ("evaluate", "report", "play", "study stops")
-
 
 def reading(command, folder):
     """The words of a command that reads a run."""
@@ -324,7 +298,7 @@ def reading(command, folder):
     return [*command.split(), folder, *more]
 
 
-@pytest.mark.parametrize("command", [*POLICY_READERS, "table"])
+@pytest.mark.parametrize("command", ["evaluate", "report", "play", "study stops", "table"])
 def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
@@ -332,58 +306,33 @@ def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
         refused(reading(command, tmp_path / name), f"/{name}", "run folder")
 
 
-CUT = "half of it"
-DAMAGES = {
-    # file, what is done to it, commands that read it, command that the message names
-    "no policy": ("policy.zip", None, POLICY_READERS, "train"),
-    "half a policy": ("policy.zip", CUT, POLICY_READERS, ""),
-    "no configuration": ("config.yaml", None, POLICY_READERS, "train"),
-    "no evaluation": ("evaluation.json", None, ("table",), "evaluate"),
-    "half an evaluation": ("evaluation.json", CUT, ("table", "report"), "evaluate"),
-    "a list for an evaluation": ("evaluation.json", "[1, 2]", ("table", "report"), "evaluate"),
-    "an evaluation of texts": ("evaluation.json", '{"env": 3}', ("table", "report"), "evaluate"),
-    "nested evaluation": ("evaluation.json", "[" * 100_000, ("table", "report"), "evaluate"),
-    "half of the episodes": ("episodes.csv", CUT, ("report",), "evaluate"),
-    "no selections": ("selection.csv", None, ("report",), "train"),
-    "half a selection": ("selection.csv", "env_steps,seconds\n1,2,3,4\n1,2", ("report", "table"), "train"),
-    "selections of another kind": ("selection.csv", "a,b\n1,2\n", ("report", "table"), "train"),
-    "half of the facts": ("training.json", CUT, ("evaluate",), "train"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(damage, run, refused):
-    name, change_, commands, remedy = DAMAGES[damage]
-    path = run / name
-    if change_ is None:
+@pytest.mark.parametrize("case", REFUSALS["damages"], ids=lambda case: f"{case['file']} {case['is'][:30]}")
+def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case, run, refused):
+    path = run / case["file"]
+    content = path.read_bytes()
+    if case["is"] == "missing":
         path.unlink()
-    elif change_ is CUT:
-        content = path.read_bytes()
-        path.write_bytes(content[: content.rindex(b",") if name.endswith("csv") else len(content) // 2 - 1])
+    elif case["is"] == "cut":
+        path.write_bytes(content[: content.rindex(b",") if path.suffix == ".csv" else len(content) // 2 - 1])
     else:
-        path.write_text(change_)
-    for command in commands:
-        refused(reading(command, run), name, f"python -m agents {remedy}" if remedy else "")
+        path.write_text(case["is"])
+    for command in case["readers"]:
+        refused(reading(command, run), path.name, case["says"])
 
 
-LONG = {"x": "x" * 100_000, "h": 10**400}
+def test_an_evaluation_of_nested_lists_is_damaged(run, refused):
+    (run / "evaluation.json").write_text("[" * 100_000)
+    refused(["table", run], "evaluation.json", "python -m agents evaluate")
+
+
 VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]
-
-
-def lengthened(value):
-    """A value of the table, with what is too long for a table instead of its names."""
-    if isinstance(value, list):
-        return [lengthened(v) for v in value]
-    if isinstance(value, dict):
-        return {k: lengthened(v) for k, v in value.items()}
-    return LONG.get(value, value)
 
 
 @pytest.mark.parametrize(("field", "value"), VALUES)
 def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, call, refused):
     folder = write_run(tmp_path / "run")
     call("table", folder)
-    change(folder / "evaluation.json", **{field: lengthened(value)})
+    change(folder / "evaluation.json", **{field: value})
     error = refused(["table", folder], f"{folder}/evaluation.json has ", f"as {field!r}; make it again")
     assert len(error) < 1000
 
@@ -412,32 +361,64 @@ def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, refus
 # ---- several runs --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("text", "seeds"),
-    [
-        ("0..3", [0, 1, 2, 3]), ("5", [5]), ("1, 4,7", [1, 4, 7]), ("0..1,9", [0, 1, 9]), ("9999", [9999]),
-        ("98..101", [98, 99, 100, 101]),
-        ("", None), ("a", None), ("3..1", None), ("9..3,3", None), ("1,1", None), ("0..2,1", None),
-        ("10000", None), ("-1", None), ("1..", None), ("0..999999999", None), ("1;2", None),
-    ],
-)  # fmt: skip
-def test_seeds_are_read_as_they_are_written(text, seeds):
-    if seeds is None:
-        with pytest.raises(ValueError, match="seeds is"):
-            seeds_of(text)
+@pytest.mark.parametrize("case", REFUSALS["seeds"], ids=lambda case: case["given"])
+def test_seeds_are_read_as_they_are_written(case):
+    if "read" in case:
+        assert seeds_of(case["given"]) == case["read"]
     else:
-        assert seeds_of(text) == seeds
+        with says("seeds is"):
+            seeds_of(case["given"])
 
 
-def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, monkeypatch, call, refused):
-    out = tmp_path / "runs"
-    (out / "seed5").mkdir(parents=True)
-    (out / "seed5" / "mine").touch()
-    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "1", "--out", out]
-    refused([*command, "--seeds", "4,5"], "1 of 2 runs failed; the same command goes on: seed5: run folder")
-    before = kept(out / "seed4")
-    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), tmp_path / "alone")
-    assert_same_policy(tmp_path / "alone", out / "seed4")
+WAITS = """
+import pathlib, time
+from redundant_envs_train import report
+from redundant_envs_train.training.pool import cores
+from redundant_envs_train.training.watch import Watch
+
+plain = Watch._on_step
+
+def on_step(self):
+    if self.config.seed == 4 and self.num_timesteps == 512:
+        pathlib.Path("begun").write_text(str(cores()))
+        while not self.stop.is_set():
+            time.sleep(0.01)
+    return plain(self)
+
+Watch._on_step = on_step
+report.clip = lambda *given, **more: None
+"""
+"""A module of workers: reports have no clips, and seed 4 goes on only after a request to stop."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
+def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
+    tmp_path, monkeypatch, call, refused, interrupts
+):
+    monkeypatch.chdir(tmp_path)
+    Path("waits.py").write_text(WAITS)
+    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "2", "--out", "runs", "--seeds"]
+    four, five, six = (Path("runs") / f"seed{seed}" for seed in (4, 5, 6))
+
+    def interrupt():
+        end = time.monotonic() + 120.0
+        while not (Path("begun").is_file() and (five / "report.md").is_file()) and time.monotonic() < end:
+            time.sleep(0.05)
+        interrupts()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pool, "IMPORTED", ["waits"])
+        user = threading.Thread(target=interrupt)
+        user.start()
+        _, error = call(*command, "4,5", status=130)
+        user.join()
+    assert error.splitlines() == ["stopped; the same command with the same --out goes on"]
+    assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
+    assert find_checkpoint(four)
+    assert len(pool.cores()) < 2 or len(json.loads(Path("begun").read_text())) == 1  # a core of its own
+    before = kept(five)
+    six.mkdir()
+    (six / "mine").touch()
 
     def in_thread(context, work, *given):  # another process would take seconds to begin
         thread = threading.Thread(target=work, args=given)
@@ -446,39 +427,17 @@ def test_seeds_in_processes_are_the_runs_they_are_alone(tmp_path, monkeypatch, c
 
     monkeypatch.setattr(many, "start", in_thread)
     monkeypatch.setattr(many, "settle", lambda core, modules: None)
-    assert "| RPRPReach-v0 | PPO | 1 |" in call(*command, "--seeds", "4")[0]
-    assert kept(out / "seed4") == before  # it is finished, and stays
-
-
-@pytest.mark.long
-def test_what_is_finished_stays_and_what_was_stopped_or_killed_early_does_not(tmp_path):
-    folder, silent = tmp_path / "seed3", Progress(disable=True)
-    config = load("rprp_reach_ppo", [*TINY, "seed=3"])
-    finish(config, folder, silent)
-    before = kept(folder)
-    finish(config, folder, silent)
-    assert kept(folder) == before
-    change(folder / "training.json", stopped=True, env_steps=5)
-    finish(config, folder, silent)
-    assert data(folder, "training.json")["env_steps"] == 1024
-    (folder / "training.json").unlink()  # killed before its first checkpoint
-    (folder / "report.md").unlink()
-    finish(config, folder, silent)
-    assert data(folder, "training.json")["stopped"] is False
-    assert (folder / "report.md").is_file()
-
-
-def test_a_checkpoint_means_that_a_run_is_not_finished(tmp_path):
-    folder = published_run("rprp_reach_ppo/seed130", tmp_path / "run")
-    assert is_finished(folder) is False  # no report
-    for name in FILES:
-        (folder / name).touch()
-    assert is_finished(folder)
-    (folder / CHECKPOINT).mkdir()
-    (folder / CHECKPOINT / "state.pt").touch()
-    assert find_checkpoint(folder)
-    assert not is_finished(folder)
-    assert own_config(folder).env_kwargs["scene"]["control_dt"] == 0.02
+    refused([*command, "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder")
+    assert kept(five) == before  # it is finished, and stays
+    train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), Path("alone"))
+    assert_same_policy(Path("alone"), four)
+    facts = (five / "training.json").read_bytes()
+    (five / "report.md").unlink()  # and no more is missing
+    change(four / "training.json", stopped=True, env_steps=5)  # without a checkpoint: it begins anew
+    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, "4,5")[0]
+    assert (five / "report.md").is_file()
+    assert (five / "training.json").read_bytes() == facts
+    assert data(four, "training.json")["env_steps"] == 1024
 
 
 def test_a_run_whose_process_was_killed_is_named():
@@ -490,14 +449,3 @@ def test_a_run_whose_process_was_killed_is_named():
     words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
     with pytest.raises(ValueError, match=words):
         follow(names, lambda stop: many._reports(names, [ended], news, stop))
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system has no affinity of cores")
-@pytest.mark.parametrize("core", [None, 0])
-def test_a_worker_stays_on_its_core(core, monkeypatch):
-    pinned, jobs = [], queue.Queue()
-    monkeypatch.setattr(os, "sched_setaffinity", lambda pid, cores: pinned.append(cores))
-    monkeypatch.setattr(signal, "signal", lambda *args: None)
-    jobs.put(None)
-    many._work(jobs, queue.Queue(), core)
-    assert pinned == ([] if core is None else [{core}])
