@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import itertools
+import re
 import sys
 import tomllib
 import warnings
@@ -19,7 +20,7 @@ from gymnasium.error import DependencyNotInstalled
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.envs.animation import energies_figure, save_figures, stated_limits, total_figure
+from redundant_envs.envs.animation import energies_figure, stated_limits, total_figure
 from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
 from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
 from redundant_envs.model import trajectory as energy
@@ -80,31 +81,25 @@ def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
 # ---- trails --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("every", [1, 2, 30])
-def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(env_id, every):
-    env = drawn(env_id)
-    begin(env, seed=1)
-    tips = [env.tip]
-    for step, action in enumerate(actions(env, 30)):
-        env.step(action)
-        tips.append(env.tip)
-        picture = env.render() if (step + 1) % every == 0 else None
-    np.testing.assert_array_equal(env._renderer.trail(0), tips)
-    is_picture(env.render(), 20)
-    if picture is not None:
-        kept = picture.copy()
-        picture[:] = 0  # it is one's own
+def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(goal_id):
+    often, seldom = drawn(goal_id), drawn(goal_id)
+    tips = [often.tip]
+    for action in actions(often, 30):
+        often.step(action)
+        seldom.step(action)
+        tips.append(often.tip)
+        picture = often.render()
+    np.testing.assert_array_equal(often._renderer.trail(0), tips)
+    is_picture(picture, 20)
+    kept = picture.copy()
+    picture[:] = 0  # it is one's own
+    for env in (often, seldom):
         np.testing.assert_array_equal(env.render(), kept)
-    other = drawn(env_id)
-    begin(other, seed=1)
-    for action in actions(env, 30):
-        other.step(action)
-    np.testing.assert_array_equal(other.render(), env.render())
 
 
 @pytest.mark.parametrize("kind", ["next_step", "same_step", "sb3"])
-def test_trails_of_a_vector_begin_anew_with_an_episode(env_id, kind):
-    env = drawn(env_id, kind, max_episode_steps=4)
+def test_trails_of_a_vector_begin_anew_with_an_episode(kind):
+    env = drawn(ID, kind, max_episode_steps=4)
     tips = [env.tip]
     for step, action in enumerate(actions(env, 11)):
         env.step(action)
@@ -112,8 +107,7 @@ def test_trails_of_a_vector_begin_anew_with_an_episode(env_id, kind):
         tips = [env.tip] if begun else [*tips, env.tip]
         for lane in range(3):
             np.testing.assert_array_equal(env._renderer.trail(lane), np.array(tips)[:, lane])
-    pictures = env.get_images() if kind == "sb3" else env.render()
-    assert len(pictures) == 3
+    assert len(env.get_images() if kind == "sb3" else env.render()) == 3
     if kind == "sb3":
         assert env.render().shape == (960, 960, 3)
         assert made("sb3").get_images() == [None] * 3
@@ -234,10 +228,9 @@ def test_record_video_of_gymnasium_writes_an_mp4(tmp_path):
 def test_the_extra_plot_has_what_record_video_needs():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     assert any(d.startswith("moviepy") for d in data["project"]["optional-dependencies"]["plot"])
-    pinned = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
-    versions = dict(line.split("==") for line in pinned if "==" in line)
-    assert int(versions["pillow"].partition(".")[0]) < 12  # moviepy takes no later one
-    assert "moviepy" in versions
+    pinned = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+    assert re.search(r"^moviepy==", pinned, re.M)
+    assert int(re.search(r"^pillow==(\d+)", pinned, re.M)[1]) < 12  # moviepy takes no later one
 
 
 # ---- moving pictures -----------------------------------------------------------------------------------
@@ -254,12 +247,6 @@ class Hoist(rde.Arm):
     functions = (physics(gives="x1 y1")(hanging),)
 
 
-@pytest.fixture(scope="module")
-def motion():
-    scene = rde.Scene(ARMS["4R"], control_dt=0.02)
-    return rde.simulate(scene, np.full(4, 0.3), np.ones(4), np.linspace(0.0, 0.4, 21))
-
-
 def still(arm, shape=(), effects=()):
     """A trajectory of an arm that does not move, without a simulation."""
     q, zero = np.full((3, *shape, len(arm.joints)), 0.2), np.zeros((3, *shape))
@@ -267,23 +254,26 @@ def still(arm, shape=(), effects=()):
     return Trajectory(t, q, 0 * q, zero, zero, zero, 0 * q, rde.Scene(arm, effects))
 
 
-def test_files_and_notebooks_show_the_motion_in_real_time(motion, tmp_path):
-    moving = rde.animate(motion)
+def test_files_and_notebooks_show_the_motion_in_real_time(tmp_path):
+    scene = rde.Scene(ARMS["4R"], control_dt=0.02)
+    moving = rde.animate(rde.simulate(scene, np.full(4, 0.3), np.ones(4), np.linspace(0.0, 0.2, 11)))
     path = moving.save(str(tmp_path / "sub" / "clip.gif"))
     assert path == tmp_path / "sub" / "clip.gif"
     frames = [np.asarray(frame)[..., :3].astype(int) for frame in imageio.mimread(path)]
-    assert len(frames) == 11  # 0.4 s and the end, 25 a second
-    assert frames[0].shape == (480, 480, 3)
+    assert (len(frames), frames[0].shape) == (6, (480, 480, 3))  # 0.2 s and the end, 25 a second
     assert np.abs(frames[0] - frames[-1]).mean() > 1.0
-    assert path.stat().st_size < 500_000
     path = moving.save(tmp_path / "clip.mp4")
-    assert imageio_ffmpeg.count_frames_and_secs(str(path)) == (11, pytest.approx(0.44))
+    assert imageio_ffmpeg.count_frames_and_secs(str(path)) == (6, pytest.approx(0.24))
     assert path.stat().st_size < 100_000
     html = moving._repr_html_()
     assert html.startswith("<video controls")
     assert b"ftyp" in base64.b64decode(html.partition("base64,")[2].partition('"')[0])[:16]
-    assert len(html) < 300_000
-    assert repr(moving) == "<Animation of FourR, 0.4 s; save('file.gif') or save('file.mp4') writes it>"
+    assert repr(moving) == "<Animation of FourR, 0.2 s; save('file.gif') or save('file.mp4') writes it>"
+    assert (moving.frame(0) != moving.frame(-1)).any(axis=2)[:40].any()  # the time, at the top
+    for name in ("clip.avi", "clip", "clip.gif.txt"):
+        with pytest.raises(ValueError, match=r"end its name in \.gif or \.mp4"):
+            moving.save(tmp_path / "none" / name)
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -291,9 +281,7 @@ def test_arms_from_outside_are_drawn_too(name):
     is_picture(rde.animate(still(ARMS[name])).frame(-1))
 
 
-def test_frames_show_time_way_and_efforts(motion):
-    moving = rde.animate(motion)
-    assert (moving.frame(0) != moving.frame(-1)).any(axis=2)[:40].any()  # the time, at the top
+def test_frames_show_efforts():
     limited = still(EQUAL["RPRP"], effects=(rde.effects.EffortLimits(2.0),))
     none = rde.animate(limited).frame(0)
     limited.efforts[0, 1] = -2.0
@@ -330,34 +318,21 @@ def test_what_cannot_be_drawn_is_refused(trajectory, index, words):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["clip.avi", "clip", "clip.gif.txt"])
-def test_unknown_endings_are_refused(motion, name, tmp_path):
-    with pytest.raises(ValueError, match=r"end its name in \.gif or \.mp4"):
-        rde.animate(motion).save(tmp_path / name)
-    assert not list(tmp_path.iterdir())
-
-
 # ---- energies of a motion ------------------------------------------------------------------------------
 
 
-def run_of(name, seconds):
-    return energy.energy_run(name, rde.load_scene(name), seconds, energy.STARTS[name])
-
-
-@pytest.mark.parametrize("name", sorted(energy.STARTS))
-def test_energies_of_a_run_and_their_figures(name, tmp_path):
-    run = run_of(name, 1.5)
+@pytest.mark.parametrize("name", ["rprp_limit_springs", "rprp_report_spring"])
+def test_energies_of_a_run_and_their_figures(name):
+    """The command ``simulate`` writes those of all presets; ``tests/test_cli.py`` reads them."""
+    run = energy.energy_run(name, rde.load_scene(name), 1.5, energy.STARTS[name])
     assert run.drift < 1e-6
     assert np.abs(run.trajectory.work).max() < 1e-12 * run.scale
     if name == "rprp_limit_springs":  # sliders reach them
         for joint, (low, high) in stated_limits(run.scene).items():
             assert run.trajectory.q[:, joint].min() < low
             assert run.trajectory.q[:, joint].max() > high
-    if name == "rprp_report_spring":  # without its spring the energy is not constant
+    else:  # without its spring the energy is not constant
         assert np.ptp(run.without_springs) > 0.1 * run.scale
-    assert (run.without_springs is None) == (name == "four_r_free") or "rprp" in name
-    for path in save_figures(run, tmp_path):
-        assert path.read_bytes().startswith(b"\x89PNG")
     for figure in (energies_figure(run), total_figure(run)):
         assert all("[" in axes.get_ylabel() for axes in figure.axes)
         assert figure.axes[-1].get_xlabel() == "time [s]"
