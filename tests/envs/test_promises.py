@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from catalogue import COPIES
 from faces import COUNT, FOUR_R, MODES, STEPS, actions, begin, flat, made, motion, plain, running
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation, TransformReward
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import VecNormalize
+
+from redundant_envs.envs.episode_keys import AHEAD
 
 ACTION = np.full(4, 0.5, np.float32)
 
@@ -220,3 +223,31 @@ def test_whole_numbers_of_any_kind_are_seeds(kind):
     if kind == "sb3":
         assert len(env.seed()) == 3
         env.reset()
+
+
+def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
+    """However many were drawn ahead, and whatever generator took the place of another meanwhile."""
+    env, begun = made("disabled", FOUR_R), np.array([True, True, True])
+    env.reset(seed=20)
+    generators = [np_random(20 + lane)[0] for lane in range(3)]
+
+    def check():
+        for lane in np.flatnonzero(begun):
+            key = generators[lane].integers(0, 2**32, size=4, dtype=np.uint32)
+            np.testing.assert_array_equal(env.core.keys[lane], key)
+        for one, other in zip(copy.deepcopy(env).core.generators, copy.deepcopy(generators), strict=True):
+            assert one.integers(2**62) == other.integers(2**62)
+
+    check()
+    for k in range(2 * AHEAD + 3):
+        begun = np.array([True, k % 2 == 0, True])
+        env.reset(options={"reset_mask": begun})
+        check()
+    generators[0], begun = np_random(7)[0], np.array([True, True, False])
+    env.reset(seed=[7, None, None], options={"reset_mask": begun})
+    check()
+    generators[1] = np.random.Generator(np.random.MT19937(5))
+    env.core.generators[1] = copy.deepcopy(generators[1])
+    for _ in range(3):
+        env.reset(options={"reset_mask": begun})
+        check()
