@@ -6,32 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "redundant_envs"
 PAGE = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
-MOST_WORDS, MOST_FILES = 1200, 40
 NOT_DRAWN = {"configs": "presets", "studies": "our own measurements, not in the wheel"}
-EXCUSED = {
-    "imports on demand": "__init__ extras",
-    "arithmetic of numbers of any kind": "algebra",
-    "numbers that follow from parameters, as arrays": "backends/numpy",
-    "no environment is made here": "batch/environment",
-    "checks the text of functions, not their numbers": "dialect",
-    "derivatives": "dual",
-    "other effects": "effects/captured effects/effort_limits effects/gravity",
-    "the scene has no boundary": "lane/boundaries",
-    "what the scene has": "lane/features",
-    "puts the parts of an interval together": "lane/interval",
-    "asks which quantities move; the damping does not": "lane/kinks moving",
-    "looks quantities up by name": "quantities",
-    "decides on times": "lane/program lane/step_control numerics/error_control tracing/program tracing/ways",
-    "weights of the method": "numerics/tableaus",
-    "a line for the user": "progress",
-    "the arm, which knows no effect": "robots/arm robots/checks robots/four_r robots/joint_types",
-}
-"""Modules that are not on the way, by the reason."""
 WALK = """
 import os, sys
 import numpy as np
@@ -54,27 +32,6 @@ for file, function in sorted(ran):
 """
 
 
-def listed() -> dict[str, str]:
-    """Files of the way, and the function in each."""
-    block = PAGE[PAGE.index("## The way of one number") :].split("```")[1]
-    return dict(re.findall(r"(\S+\.py): (\S+)", block))
-
-
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory) -> set[tuple[str, str]]:
-    """Functions that ran between ``load_scene`` and the first step, with an empty cache."""
-    cache = str(tmp_path_factory.mktemp("cache"))
-    found = subprocess.run(
-        [sys.executable, "-c", WALK], check=True, capture_output=True, text=True,
-        env={**os.environ, "REDUNDANT_ENVS_CACHE": cache},
-    )  # fmt: skip
-    return {tuple(line.split(" ", 1)) for line in found.stdout.splitlines()}
-
-
-def test_the_page_is_short():
-    assert len(PAGE.split()) <= MOST_WORDS
-
-
 def test_the_drawing_has_every_folder_of_the_package_and_no_other():
     drawing = PAGE.split("```mermaid")[1].split("```")[0]
     drawn = set(re.findall(r"(\w+)/", drawing))
@@ -87,12 +44,14 @@ def test_every_file_that_the_page_names_is_there():
     assert {n for n in named if not (PACKAGE / n).exists()} == set()
 
 
-def test_the_way_of_a_number_has_the_functions_that_run(ran):
-    way = listed()
-    assert len(way) <= MOST_FILES
-    assert {(file, function) for file, function in way.items() if (file, function) not in ran} == set()
-
-
-def test_no_module_runs_that_is_neither_on_the_way_nor_excused(ran):
-    excused = {f"{module}.py" for modules in EXCUSED.values() for module in modules.split()}
-    assert {file for file, _ in ran} - {*listed()} - excused == set()
+def test_the_way_of_a_number_has_the_functions_that_run(tmp_path):
+    """Those between ``load_scene`` and the first step, with an empty cache."""
+    environment = {**os.environ, "REDUNDANT_ENVS_CACHE": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", WALK], check=True, capture_output=True, text=True, env=environment
+    )
+    ran = {tuple(line.split(" ", 1)) for line in done.stdout.splitlines()}
+    block = PAGE[PAGE.index("## The way of one number") :].split("```")[1]
+    way = {*re.findall(r"(\S+\.py): (\S+)", block)}
+    assert len(way) > 25
+    assert way - ran == set()
