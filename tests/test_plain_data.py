@@ -1,6 +1,5 @@
 """Plain data of programs: whatever it holds, one short ValueError, at once."""
 
-import math
 import time
 
 import gymnasium as gym
@@ -39,23 +38,19 @@ def with_scene(**changes):
         (with_scene(effects=deep()), "nested more than"),
         (with_scene(effects=[0] * 10_000_000), "more than 3000 values"),
         (with_scene(robot=5), "robot is 5; give a mapping"),
-        (with_scene(effects=5), "effects is 5; give a list"),
         (with_scene(effects="Gravity"), "effects is 'Gravity'"),
         (with_scene(effects={"type": "Gravity"}), "effects is {'type': 'Gravity'}"),
         (with_scene(effects=[None]), "effects[0] is None"),
         (with_scene(effects=[{"type": 5}]), "effects[0].type is 5"),
         (with_scene(integrator=["rk8"]), "integrator is ['rk8']"),
-        (with_scene(integrator=None), "integrator is None"),
         (with_scene(actuation=np.zeros(3)), "actuation is array"),
         (with_scene(substeps=2**70), "substeps is 1180591620717411303424; give a whole number from 1 to"),
         (with_scene(substeps=10**5000), "substeps is an integer of 16610 bits"),
-        (with_scene(substeps=True), "substeps is True; give a whole number"),
         (with_scene(substeps=1.5), "substeps is 1.5; give a whole number"),
         (with_scene(control_dt=10**400), "control_dt is an integer of"),
         (with_scene(control_dt=1e300), "control_dt is 1e+300 s; it must lie in"),
         (with_scene(control_dt=1e-300), "control_dt is 1e-300 s; it must lie in"),
         (with_scene(tolerance=True), "tolerance is True"),
-        (with_scene(tolerance=[1e-6]), "tolerance is [1e-06]"),
         ({1: 2}, "unknown key 1"),
         ({("a", "b"): 2}, "unknown key ('a', 'b')"),
         (5, "scene is 5; give a mapping"),
@@ -71,52 +66,23 @@ def test_bad_plain_data_is_one_short_error(data, words):
 
 
 @pytest.mark.parametrize(
-    "value",
-    [True, "1", b"1", None, 1j, np.complex128(1), np.complex64(1), np.bool_(True), np.array([1.0]), [1.0],
-     np.datetime64("2026-01-01"), 10**400, float("nan"), float("inf"), object()],
-)  # fmt: skip
-def test_what_is_no_number_is_refused_by_name(value):
-    makers = {
-        r"masses\[1\]": lambda x: rde.RPRP((1, x, 1, 1), (0.5, 0.5)),
-        "Gravity.g": e.Gravity,
-        "LimitSpring.upper": lambda x: e.LimitSpring("r1", 0.0, x),
-        r"PrismaticStop.upper\[0\]": lambda x: e.PrismaticStop((0.0, 0.0), (x, 0.3)),
-        "control_dt": lambda x: rde.Scene(rde.RPRP((1,) * 4, (0.5, 0.5)), control_dt=x),
-    }
-    if value is None or (isinstance(value, float) and value == math.inf):
-        del makers[r"PrismaticStop.upper\[0\]"]  # an open end
-    for name, make in makers.items():
-        with pytest.raises(ValueError, match=rf"^{name} is .*; give a finite number"):
-            make(value)
-
-
-@pytest.mark.parametrize("masses", [np.ones(4), np.ones(4, np.float32), np.ones(4, int), [1, 1, 1, 1]])
-def test_arrays_of_numbers_are_taken(masses):
-    assert rde.RPRP(masses, (0.5, 0.5)).masses == (1.0, 1.0, 1.0, 1.0)
-    assert e.ViscousFriction(np.float32(0.5)).coefficients == 0.5
-    assert e.ViscousFriction(np.array(0.5)).coefficients == 0.5
-
-
-@pytest.mark.parametrize(
     "masses",
-    [np.ones((4, 1)), np.ones((4, 4)), np.array(1.0), {1: 1, 2: 1, 3: 1, 4: 1}, {1, 2, 3, 4}, "1111", 5, None,
-     np.array(["1"] * 4), iter([1, 1, 1, 1])],
+    [np.ones((4, 1)), np.array(1.0), {1: 1, 2: 1, 3: 1, 4: 1}, {1, 2, 3, 4}, "1111", 5, None,
+     np.array(["1"] * 4), iter([1, 1, 1, 1]), [1, 10**400, 1, 1], (1, float("nan"), 1, 1), (object(), 1, 1, 1)],
 )  # fmt: skip
-def test_what_is_no_sequence_of_numbers_is_refused_by_name(masses):
-    with pytest.raises(ValueError, match=r"^masses"):
-        rde.RPRP(masses, (0.5, 0.5))
+def test_what_is_no_sequence_of_finite_numbers_is_refused_by_name(masses):
+    message = refusal(rde.RPRP, masses, (0.5, 0.5))
+    assert message.startswith("masses")
+    assert short(message)
 
 
 EFFECTS = [
     (e.Gravity(), "give a sequence, effects=(Gravity(g=9.81"),
     (5, "effects is 5; give a sequence"),
     ("Gravity", "effects is 'Gravity'; give a sequence"),
-    ({"Gravity": 1}, "give a sequence"),
-    (None, "effects is None; give a sequence"),
     (["Gravity"], "effects[0] is 'Gravity'; give an effect, such as Gravity()"),
     ([e.Gravity], "effects[0] is <class"),
     ([e.LimitSpring("r1", 0.0, 1.0)], "coordinate is 'r1'; FourR has joint1, joint2, joint3, joint4"),
-    ([e.LimitSpring(5, 0.0, 1.0)], "coordinate is 5; FourR has joint1"),
     ([e.LimitSpring(["joint1"], 0.0, 1.0)], "coordinate is ['joint1']; FourR has joint1"),
 ]
 
@@ -128,10 +94,8 @@ def test_bad_effects_say_what_to_write(effects, words):
 
 TASKS = [
     (5, "task is 5; give a mapping"),
-    ("reach", "task is 'reach'; give a mapping"),
     ([("inner", 0.1)], "task is [('inner', 0.1)]; give a mapping"),
     ({"hold_steps": 1.5}, "ReachTask.hold_steps is 1.5; give a whole number"),
-    ({"hold_steps": True}, "ReachTask.hold_steps is True"),
     ({"hold_steps": 2**70}, "ReachTask.hold_steps is 1.1805916207174113e+21; it must lie in 1 to 1e+09"),
     ({5: 1}, "unknown key 5"),
     ({"inner": "small"}, "ReachTask.inner is 'small'; give a finite number"),
