@@ -274,18 +274,3 @@ def test_same_step_tells_the_fault_in_the_final_info():
     assert infos["final_info"]["numerics"][0] == rde.Numerics.BAD_ACTION
     assert infos["_final_info"].tolist() == [True, False]
     assert infos["numerics"].tolist() == [0, 0]
-
-
-def test_a_picture_can_be_drawn_of_the_end_and_a_reset_begins_anew():
-    env = made("single", on_bad_action="terminate", render_mode="rgb_array")
-    before = begin(env, seed=0)
-    obs, _, terminated, _, info = env.step(NAN)
-    assert (terminated, info["numerics"]) == (True, rde.Numerics.BAD_ACTION)
-    np.testing.assert_array_equal(obs, before)
-    assert env.render().shape[2] == 3
-    ended = env.get_state()
-    begin(env)
-    assert not env.step(ZERO)[2]
-    env.set_state(ended)
-    with pytest.raises(ResetNeeded, match="step was called after the end of the episode"):
-        env.step(ZERO)
