@@ -86,12 +86,12 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
-@pytest.mark.parametrize("kind", ["svg", "png"])
-def test_the_drawing_of_a_scene_is_the_same_every_time(kind, tmp_path):
-    pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
-    for path in pictures:
-        assert main(["scene", "rprp_reach", "--drawing", str(path)]) == 0
-    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
+    for kind in ("svg", "png"):
+        pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
+        for path in pictures:
+            assert main(["scene", "rprp_reach", "--drawing", str(path)]) == 0
+        assert pictures[0].read_bytes() == pictures[1].read_bytes()
 
 
 def test_list_names_everything(capsys):

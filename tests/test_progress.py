@@ -18,15 +18,14 @@ with counted("parts", 2) as done:
     print("a result")
     done("the second")
 """
+HIDE = "import importlib.util as u; f = u.find_spec; u.find_spec = lambda n: None if n == 'rich' else f(n)\n"
 
 
 def test_each_part_is_a_line(capsys):
     with counted("parts", 4, each=2) as done:
         for name in "abcd":
             done(name)
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.splitlines() == ["parts 1/2: b", "parts 2/2: d"]
+    assert capsys.readouterr() == ("", "parts 1/2: b\nparts 2/2: d\n")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pty")
@@ -37,10 +36,7 @@ def test_a_terminal_has_a_bar_if_rich_is_installed(blocked):
     import pty
 
     ours, theirs = pty.openpty()
-    hide = (
-        "import importlib.util as u; f = u.find_spec; u.find_spec = lambda n: None if n == 'rich' else f(n)\n"
-    )
-    command = [sys.executable, "-c", hide * blocked + PROGRAM]
+    command = [sys.executable, "-c", HIDE * blocked + PROGRAM]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
         os.close(theirs)

@@ -27,10 +27,11 @@ def test_checkers_pass_without_a_warning(env_id):
         check_env(gym.make(env_id, render_mode="rgb_array").unwrapped)
         sb3_check_env(gym.make(env_id).unwrapped)
         rde.check_vec_env(made("sb3", env_id, 5))
-        env = gym.make_vec(env_id, num_envs=3)
-    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    env = gym.make_vec(env_id, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP)
-    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+        modes = [
+            gym.make_vec(env_id, num_envs=3, **mode).metadata["autoreset_mode"]
+            for mode in ({}, {"autoreset_mode": AutoresetMode.SAME_STEP})
+        ]
+    assert modes == [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
 def test_specs_are_json_and_make_the_same_environment(env_id):
