@@ -72,7 +72,6 @@ def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(DependencyNotInstalled, match=r"pip install redundant-envs\[human\]"):
         gym.make(ID, render_mode="human")
-    drawn(ID)
 
 
 # ---- trails --------------------------------------------------------------------------------------------
@@ -139,21 +138,16 @@ def test_partial_resets_and_states_begin_trails_anew_and_the_last_steps_are_kept
 
 
 def test_a_trail_is_drawn_like_its_segments_one_by_one():
-    rng = np.random.default_rng(0)
-    for points in (
-        np.cumsum(rng.uniform(-0.1, 0.1, (40, 2)), axis=0),
-        np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 0.5], [0.5, 0.5], [0.0, 0.0]]),
-        np.array([[-5.0, -4.0], [0.3, 0.2], [0.3, 9.0]]),  # beyond the picture
-    ):
-        canvas, n = Canvas(1.0), len(points)
+    walk = np.cumsum(np.random.default_rng(0).uniform(-0.1, 0.1, (40, 2)), axis=0)
+    for points in (walk, np.array([[-5.0, -4.0], [0.3, 0.2], [0.3, 9.0], [0.3, 9.0]])):
+        canvas, weight = Canvas(1.0), np.zeros((480, 480))
         canvas.trail(points, 3.0, TRAIL, faint=0.2, strong=0.9)
         y, x = (np.mgrid[0:480, 0:480] + 0.5).astype(np.float32)
-        weight = np.zeros((480, 480))
         places = 240.0 + 240.0 * points * (1.0, -1.0)
         for k, (a, b) in enumerate(itertools.pairwise(places)):
-            distance = from_segment(x - a[0], y - a[1], *(b - a))
-            strength = 0.2 + 0.7 * (k + 1) / (n - 1)
-            weight = np.maximum(weight, np.clip(2.0 - distance, 0.0, 1.0) * strength)
+            strength = 0.2 + 0.7 * (k + 1) / (len(points) - 1)
+            cover = np.clip(2.0 - from_segment(x - a[0], y - a[1], *(b - a)), 0.0, 1.0)
+            weight = np.maximum(weight, cover * strength)
         expected = Canvas(1.0).pixels * (1.0 - weight[..., None]) + np.array(TRAIL) * weight[..., None]
         assert np.abs(canvas.pixels - expected).max() <= 2.0
 
@@ -162,11 +156,9 @@ def test_a_trail_is_drawn_like_its_segments_one_by_one():
 
 
 def test_pictures_show_numbers_of_the_lane_and_the_goal_above_the_arm():
-    q, pictures = (0.3, 0.6, 0.2, -0.3), []
-    for parameters in ({}, {"goal_tolerance": 0.2}, {"lengths": 0.1}):
-        pictures.append(drawn(options={"q": q, "goal": (0.1, 0.2), "parameters": parameters}).render())
-    for other in pictures[1:]:
-        assert (other != pictures[0]).any(axis=2).sum() > 1000
+    q, changes = (0.3, 0.6, 0.2, -0.3), ({}, {"goal_tolerance": 0.2}, {"lengths": 0.1})
+    first, *others = (drawn(options={"q": q, "goal": (0.1, 0.2), "parameters": c}).render() for c in changes)
+    assert all((other != first).any(axis=2).sum() > 1000 for other in others)
     q = np.array([0.4, 0.4, 0.4, 2.0])
     goal = 0.5 * rde.load_scene("four_r_reach").robot.points(q)[2]  # on a link
     column, row = (240.0 + 480.0 / 2.24 * goal * (1.0, -1.0)).astype(int)
@@ -284,23 +276,23 @@ def test_arms_from_outside_are_drawn_too_and_one_motion_of_a_batch_is_chosen():
     is_picture(rde.animate(still(ARMS["3R"], (2,)), index=np.int64(1)).frame(-1))
 
 
-WRONG_INDEX = [((), 0), ((2,), None), ((2,), 2), ((2,), (0, 0)), ((2, 3), 1), ((2,), True), ((2,), "last")]
-NOT_DRAWN = [
-    *(
-        (still(ARMS["3R"], shape), i, "index is .*trajectory has .*; (give index|leave)")
-        for shape, i in WRONG_INDEX
-    ),
-    (dataclasses.replace(still(ARMS["3R"]), t=np.zeros(0)), None, "trajectory has no times"),
-    (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
-    (still(Hoist((1.0,), (1.0, 1.0))), None, "Hoist has 1 point masses and 2 joints; arms are drawn with"),
-]
-
-
-@pytest.mark.parametrize(("trajectory", "index", "words"), NOT_DRAWN)
-def test_what_cannot_be_drawn_is_refused(trajectory, index, words):
-    with pytest.raises(ValueError, match=f"^{words}") as error:
-        rde.animate(trajectory, index=index)
-    assert "\n" not in str(error.value)
+def test_what_cannot_be_drawn_is_refused():
+    flat, index = still(ARMS["3R"]), "index is .*trajectory has .*; (give index|leave)"
+    for trajectory, chosen, words in (
+        (flat, 0, index),
+        *((still(ARMS["3R"], (2,)), k, index) for k in (None, 2, (0, 0), True, "last")),
+        (still(ARMS["3R"], (2, 3)), 1, index),
+        (dataclasses.replace(flat, t=np.zeros(0)), None, "trajectory has no times"),
+        (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
+        (
+            still(Hoist((1.0,), (1.0, 1.0))),
+            None,
+            "Hoist has 1 point masses and 2 joints; arms are drawn with",
+        ),
+    ):
+        with pytest.raises(ValueError, match=f"^{words}") as error:
+            rde.animate(trajectory, index=chosen)
+        assert "\n" not in str(error.value)
 
 
 # ---- energies of a motion ------------------------------------------------------------------------------
