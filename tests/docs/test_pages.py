@@ -84,3 +84,36 @@ def test_the_citation_file_agrees_with_the_package():
     assert cited["title"].startswith(f"{project['name']}:")
     for author in cited["authors"]:
         assert set(author) <= {"name", "website", "family-names", "given-names", "affiliation", "orcid"}
+
+
+@pytest.fixture
+def remake(tmp_path, monkeypatch):
+    """The program that makes the pictures of the README, and its table of results, again."""
+    pytest.importorskip("PIL", reason="pictures need the extra 'plot'")
+    spec = importlib.util.spec_from_file_location("remake", ROOT / "docs" / "figures" / "remake.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "FIGURES", tmp_path)
+    return module
+
+
+def test_thumbnails_and_results_are_made_again_and_are_small(remake, tmp_path):
+    from PIL import Image
+
+    for name, (policy, seed) in list(remake.THUMBNAILS.items())[::2]:
+        remake.thumbnail(name, policy, seed)
+        with Image.open(tmp_path / f"{name}.png") as made:
+            assert made.size == (remake.SIDE, remake.SIDE)
+    for path in (ROOT / "docs" / "figures").glob("*reach*"):
+        assert path.stat().st_size < (1e6 if path.suffix == ".gif" else 2e4), path.name
+    page, lines = tmp_path / "README.md", text(README).splitlines(keepends=True)
+    page.write_text("".join(line for line in lines if "| SAC |" not in line), encoding="utf-8")
+    remake.results(page)
+    assert text(page) == text(README)
+
+
+@pytest.mark.long
+def test_clips_are_made_again(remake, tmp_path):
+    remake.clips()
+    for name in remake.CLIPS:
+        assert 1e5 < (tmp_path / f"{name}.gif").stat().st_size < 1e6
