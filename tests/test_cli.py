@@ -1,8 +1,12 @@
-"""The command line: files, output and refusals."""
+"""The command line: files, output, refusals, progress and tables."""
 
 from __future__ import annotations
 
 import csv
+import importlib.util
+import os
+import subprocess
+import sys
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +17,9 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs.registration import ids
 from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.progress import counted
 from redundant_envs.scene import scene_names
+from redundant_envs.tables import markdown, table, write_rows
 
 
 def rows(path):
@@ -86,12 +92,12 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
-@pytest.mark.parametrize("kind", ["svg", "png"])
-def test_the_drawing_of_a_scene_is_the_same_every_time(kind, tmp_path):
-    pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
-    for path in pictures:
-        assert main(["scene", "rprp_reach", "--drawing", str(path)]) == 0
-    assert pictures[0].read_bytes() == pictures[1].read_bytes()
+def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
+    for kind in ("svg", "png"):
+        pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
+        for path in pictures:
+            assert main(["scene", "rprp_reach", "--drawing", str(path)]) == 0
+        assert pictures[0].read_bytes() == pictures[1].read_bytes()
 
 
 def test_list_names_everything(capsys):
@@ -110,3 +116,59 @@ def test_throughput_writes_csv(tmp_path, capsys):
     assert "ns_per_step_best" in capsys.readouterr().out
     found = [(r["arm"], r["integrator"], r["lanes"]) for r in rows(tmp_path / "throughput.csv")]
     assert found == [("FourR", "rk4", "16")]
+
+
+# ---- progress on standard error, and tables ----------------------------------------------------------
+
+PROGRAM = """
+from redundant_envs.progress import counted
+with counted("parts", 2) as done:
+    done("the first")
+    print("a result")
+    done("the second")
+"""
+HIDE = "import importlib.util as u; f = u.find_spec; u.find_spec = lambda n: None if n == 'rich' else f(n)\n"
+
+
+def test_each_part_is_a_line(capsys):
+    with counted("parts", 4, each=2) as done:
+        for name in "abcd":
+            done(name)
+    assert capsys.readouterr() == ("", "parts 1/2: b\nparts 2/2: d\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pty")
+@pytest.mark.parametrize("blocked", [False, True], ids=["rich", "without rich"])
+def test_a_terminal_has_a_bar_if_rich_is_installed(blocked):
+    if not blocked and importlib.util.find_spec("rich") is None:
+        pytest.skip("rich is in the extras 'train' and 'verify'")
+    import pty
+
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", HIDE * blocked + PROGRAM]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        shown = b""
+        with open(ours, "rb", buffering=0) as terminal:
+            try:
+                while some := terminal.read(4096):
+                    shown += some
+            except OSError:  # the other end is closed
+                pass
+        assert process.stdout.read() == b"a result\n"
+    assert b"the second" in shown
+    assert (b"100 %" in shown) != blocked
+
+
+HEAD, ROWS = ("name", "x"), [("a", 1.5), ("a|b", None)]
+
+
+def test_tables_are_aligned_and_keep_bars_and_commas_in_their_columns(tmp_path):
+    assert table(HEAD, ROWS).splitlines() == ["name     x", "   a   1.5", " a|b  None"]
+    assert table(HEAD, [("longest", 1)], "<").splitlines() == ["name     x", "longest  1"]
+    lines = markdown(HEAD, ROWS).splitlines()
+    assert lines == ["| name | x |", "| --- | --- |", "| a | 1.5 |", r"| a\|b | None |"]
+    path = tmp_path / "new" / "rows.csv"
+    write_rows([{"name": "a,b", "x": None}], HEAD, path)
+    assert path.read_text(encoding="utf-8").splitlines() == ["name,x", '"a,b",']

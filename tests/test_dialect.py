@@ -94,27 +94,6 @@ def test_every_marked_function_keeps_to_the_small_language_and_returns_what_it_g
     assert dialect.check(FUNCTIONS[name]) == len(gives) or not gives  # a helper names none
 
 
-def test_the_small_language_is_known_when_it_is_left():
-    """Forbidden constructs are found."""
-
-    def loop(x):
-        for _ in (1, 2):
-            x = 2.0 * x
-        return x
-
-    def many(x, k=2.0):
-        y = x[0] if x is k else x.real
-        z = +x // 2.0 + x**0.5 + OTHER
-        return [y, z]
-
-    assert any(found.startswith("for _ in") for found in violations(loop))
-    left = {"x[0]", "x.real", "2.0", "OTHER", "[y, z]", "x[0] if x is k else x.real"}
-    assert left <= set(violations(many))
-
-
-OTHER = 2.0
-
-
 # ---- what is refused -----------------------------------------------------------------------------
 
 BRANCH = "where(condition, a, b)"
@@ -123,11 +102,8 @@ OPERATIONS = "write + - * /, ** 2 to 4"
 REFUSED = {
     "if": ("if x > 0.0:\n    y = x\nreturn y", BRANCH),
     "conditional expression": ("return x if x > 0.0 else y", BRANCH),
-    "while": ("while x > 0.0:\n    x = x - 1.0\nreturn x", BRANCH),
-    "assert": ("assert x > 0.0\nreturn x", BRANCH),
     "and": ("return where((x > 0.0) and (y > 0.0), x, y)", BRANCH),
     "not of a condition": ("return where(not x > 0.0, x, y)", BRANCH),
-    "not of a number": ("return where(not x, x, y)", BRANCH),
     "chained comparison": ("return where(0.0 < x < 1.0, x, y)", BRANCH),
     "max": ("return max(x, y)", "it calls max; write maximum(a, b)"),
     "one of some": ("return where(x in (1.0, 2.0), x, y)", BRANCH),
@@ -136,23 +112,18 @@ REFUSED = {
     "number as condition": ("return where(x, 1.0, y)", "condition"),
     "invert": ("return where(~(x > 0.0), x, y)", "logical_not"),
     "math": ("return math.sin(x)", "it calls sin; take the sine and cosine as arguments"),
-    "float": ("return float(x)", "it calls float; leave it out"),
     "range": ("return sum(x for _ in range(x))", "it calls range; loop over plain numbers"),
-    "numpy": ("return np.sin(x)", "it calls sin; take the sine and cosine as arguments"),
     "floor division": ("return x // y", "write floor(a / b) instead of a // b"),
     "modulo": ("return x % y", "write a - b * floor(a / b) instead of a % b"),
     "matrix product": ("return x @ y", OPERATIONS),
     "complex": ("return x + 1j", OPERATIONS),
-    "subscript": ("return x[0]", OPERATIONS),
     "attribute": ("return x.real", OPERATIONS),
     "method": ("return x.sum()", OPERATIONS),
     "unpacking": ("a, b = x\nreturn a", OPERATIONS),
     "rounding": ("return round(x)", "it calls round; write floor(x + 0.5)"),
-    "key": ("return {x: 1.0}[x]", OPERATIONS),
     "product with a condition": ("return (x > 0.0) * x", OPERATIONS),
     "unknown name": ("return sin(x)", "name 'sin' is not defined; take the sine and cosine"),
     "forgotten import": ("return clamp(x, 0.0, y)", "name 'clamp' is not defined; write clamp(x, lower, "),
-    "array": ("return np.ones(2) * x", "it meets an array of NumPy; write a[0] * x"),
     "power of a constant": ("return 2.0**x", "write exp(k * x) instead of a**x"),
     "plus": ("return +x", "write x instead of +x"),
     "name before it is assigned": ("z = w + x\nw = y\nreturn z", "'w'"),
@@ -197,9 +168,7 @@ ALLOWED = {
     "keyword": "return minimum(x, b=y)",
     "star": "return minimum(*(x, y))",
     "sum": "return sum([x, y, 2.0])",
-    "constant": "return 3",
     "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
-    "whole power": "return x**2.0 + y**3",
 }
 
 

@@ -1,6 +1,5 @@
 """A package that is not installed: every feature that needs it names the extra to install."""
 
-import importlib
 import json
 import subprocess
 import sys
@@ -10,12 +9,11 @@ from pathlib import Path
 import pytest
 from published_runs import published_run
 
-import redundant_envs as rde
 from redundant_envs.extras import MissingPackage, needs
 
 ROOT = Path(__file__).parents[1]
-BLOCK = """
-import sys
+PROGRAM = """
+import contextlib, importlib, io, json, sys
 
 class Blocked:
     def find_spec(self, name, path=None, target=None):
@@ -23,144 +21,113 @@ class Blocked:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Blocked())
-import os
-os.chdir({folder!r})
-"""
-LIBRARY, AGENTS = "redundant_envs.__main__", "redundant_envs_train.__main__"
-EACH = """
-import contextlib, importlib, io, json
-results = []
-for module, arguments in {calls!r}:
+sys.path.insert(0, {root!r})
+from redundant_envs import *
+import redundant_envs
+assert all(name in globals() for name in redundant_envs.__all__) and BatchSimulator and load_scene
+assert "make_sb3" in dir(redundant_envs)
+told = []
+for call in {calls!r}:
     with contextlib.redirect_stderr(io.StringIO()) as err, contextlib.redirect_stdout(io.StringIO()):
-        code = importlib.import_module(module).main(arguments)
-    results.append((code, err.getvalue()))
-print(json.dumps(results))
+        try:
+            if "import" in call:
+                exec(call, {{}})
+            else:
+                module, *words = call.split()
+                told.append([importlib.import_module(f"{{module}}.__main__").main(words), err.getvalue()])
+        except ImportError as error:
+            told.append([type(error).__name__, str(error)])
+        except SystemExit as end:
+            told.append([end.code, err.getvalue()])
+print(json.dumps(told))
 """
-SIMULATE = ["simulate", "--scene", "four_r_free", "--seconds", "0.1"]
-RUN = "RUN"  # stands for a run folder
-COMMANDS = {
-    # name -> module with main, arguments, package that is missing, extra
-    "figures": (LIBRARY, SIMULATE, "matplotlib", "plot"),
-    "figures, pillow": (LIBRARY, SIMULATE, "PIL", "plot"),
-    "clip": (LIBRARY, [*SIMULATE, "--clip", "a.gif"], "imageio", "plot"),
-    "clip as MP4": (LIBRARY, [*SIMULATE, "--clip", "a.mp4"], "imageio_ffmpeg", "plot"),
-    "study accuracy": (LIBRARY, ["study", "accuracy"], "matplotlib", "plot"),
-    "study accuracy, pillow": (LIBRARY, ["study", "accuracy"], "PIL", "plot"),
-    "train": (AGENTS, ["train", "rprp_reach_ppo"], "stable_baselines3", "train"),
-    "train, torch": (AGENTS, ["train", "rprp_reach_ppo"], "torch", "train"),
-    "train, matplotlib": (AGENTS, ["train", "rprp_reach_ppo"], "matplotlib", "plot"),
-    "train, imageio": (AGENTS, ["train", "rprp_reach_ppo"], "imageio", "plot"),
-    "train, wandb": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[wandb]"], "wandb", "wandb"),
-    "train, mlflow": (AGENTS, ["train", "rprp_reach_ppo", "telemetry=[mlflow]"], "mlflow", "mlflow"),
-    "train, ray": (AGENTS, ["train", "rprp_reach_ppo", "--seeds", "0", "--on", "ray"], "ray", "ray"),
-    "tune": (AGENTS, ["tune", "rprp_reach_ppo"], "optuna", "tune"),
-    "train, typer": (AGENTS, ["train", "rprp_reach_ppo"], "typer", "train"),
-    "train, pydantic": (AGENTS, ["train", "rprp_reach_ppo"], "pydantic", "train"),
-    "train, rich": (AGENTS, ["train", "rprp_reach_ppo"], "rich", "train"),
-    "evaluate": (AGENTS, ["evaluate", RUN], "stable_baselines3", "train"),
-    "report": (AGENTS, ["report", RUN, "--out", "out"], "stable_baselines3", "train"),
-    "report, imageio": (AGENTS, ["report", RUN, "--out", "out"], "imageio", "plot"),
-    "table": (AGENTS, ["table", RUN], "pydantic", "train"),
-    "export": (AGENTS, ["export", RUN], "onnx", "onnx"),
-    "export, runtime": (AGENTS, ["export", RUN], "onnxruntime", "onnx"),
-    "curves": (AGENTS, ["curves", RUN], "matplotlib", "plot"),
-    "study strength": (AGENTS, ["study", "strength"], "matplotlib", "plot"),
-    "play": (AGENTS, ["play", RUN, "--clip", "a.gif"], "stable_baselines3", "train"),
-    "play, window": (AGENTS, ["play", "FourRReach-v0"], "pygame", "human"),
-    "play, clip": (AGENTS, ["play", "FourRReach-v0", "--clip", "a.gif"], "imageio", "plot"),
-    "play, MP4": (AGENTS, ["play", "FourRReach-v0", "--clip", "a.mp4"], "imageio_ffmpeg", "plot"),
-    "study stops": (AGENTS, ["study", "stops", RUN], "stable_baselines3", "train"),
-    "study policy": (AGENTS, ["study", "policy"], "stable_baselines3", "train"),
-    "study policy, figures": (AGENTS, ["study", "policy"], "matplotlib", "plot"),
-}
+SIMULATE = "redundant_envs simulate --scene four_r_free --seconds 0.1"
+ACCURACY = "redundant_envs study accuracy"
+AGENTS = "redundant_envs_train"
+TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", f"{AGENTS} study"
+REPORT = f"{AGENTS} report RUN --out out"
+MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
 SCENE = f"{ARM} from redundant_envs.studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
-CALLS = {
-    "symbols": (f"{ARM} arm.symbols()", "sympy", "verify"),
-    "the numbers of sympy": ("import redundant_envs.backends.sympy", "sympy", "verify"),
-    "make_sb3": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "stable_baselines3", "train"),
-    "make_sb3, torch": ("import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')", "torch", "train"),
-    "the module of make_sb3": ("import redundant_envs.envs.sb3", "stable_baselines3", "train"),
-    "redundant_envs_train.zoo": ("import redundant_envs_train.zoo.experiment", "rl_zoo3", "zoo"),
-    "its command": ("from redundant_envs_train.zoo.__main__ import main; sys.exit(main())", "rl_zoo3", "zoo"),
-    "MuJoCo": (f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)", "mujoco", "verify"),
-    "SciPy": (f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)", "scipy", "verify"),
-}
+MISSING = {
+    "matplotlib": (
+        "plot", [SIMULATE, ACCURACY, TRAIN, f"{AGENTS} curves RUN", f"{STUDY} strength", f"{STUDY} policy"],
+    ),
+    "PIL": ("plot", [SIMULATE, ACCURACY]),
+    "imageio": ("plot", [f"{SIMULATE} --clip a.gif", TRAIN, REPORT, f"{PLAY} --clip a.gif"]),
+    "imageio_ffmpeg": ("plot", [f"{SIMULATE} --clip a.mp4", f"{PLAY} --clip a.mp4"]),
+    "stable_baselines3": (
+        "train",
+        [
+            TRAIN, f"{AGENTS} evaluate RUN", REPORT, f"{AGENTS} play RUN --clip a.gif", f"{STUDY} stops RUN",
+            f"{STUDY} policy", MAKE, "import redundant_envs.envs.sb3",
+        ],
+    ),
+    "torch": ("train", [TRAIN, MAKE]),
+    "typer": ("train", [TRAIN]),
+    "pydantic": ("train", [TRAIN, f"{AGENTS} table RUN"]),
+    "rich": ("train", [TRAIN]),
+    "wandb": ("wandb", [f"{TRAIN} telemetry=[wandb]"]),
+    "mlflow": ("mlflow", [f"{TRAIN} telemetry=[mlflow]"]),
+    "ray": ("ray", [f"{TRAIN} --seeds 0 --on ray"]),
+    "optuna": ("tune", [f"{AGENTS} tune rprp_reach_ppo"]),
+    "onnx": ("onnx", [f"{AGENTS} export RUN"]),
+    "onnxruntime": ("onnx", [f"{AGENTS} export RUN"]),
+    "pygame": ("human", [PLAY]),
+    "rl_zoo3": (
+        "zoo",
+        [
+            "import redundant_envs_train.zoo.experiment",
+            "import sys; from redundant_envs_train.zoo.__main__ import main; sys.exit(main())",
+        ],
+    ),
+    "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
+    "mujoco": ("verify", [f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)"]),
+    "scipy": ("verify", [f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)"]),
+}  # fmt: skip
+"""Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
+TOGETHER = [
+    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("torch",),
+    ("rl_zoo3", "sympy", "mujoco", "scipy"),
+    *(
+        pytest.param(packages, marks=pytest.mark.long)
+        for packages in (
+            ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame"), ("PIL",), ("imageio_ffmpeg",),
+            ("typer",), ("pydantic",), ("rich",), ("onnx",),
+        )
+    ),
+]  # fmt: skip
+"""Packages that are away in one process."""
 
 
-def run(program: str, package: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A program without one package."""
-    here = f"sys.path.insert(0, {str(ROOT)!r})\n"
-    text = BLOCK.format(blocked=(package,), folder=str(folder)) + here + program
-    command = [sys.executable, "-c", text]
-    return subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
-
-
-def words(package, extra):
-    return f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'"
-
-
-PACKAGES = list(dict.fromkeys(package for _, _, package, _ in COMMANDS.values()))
-
-
-@pytest.mark.parametrize(
-    "package", [p if p in PACKAGES[:3] else pytest.param(p, marks=pytest.mark.long) for p in PACKAGES]
-)
-def test_commands_name_the_extra_in_one_line(package, tmp_path):
-    of_package = {name: command for name, command in COMMANDS.items() if command[2] == package}
-    folder = str(published_run("rprp_reach_ppo/seed130", tmp_path / "run"))
-    calls = [(main, [folder if a == RUN else a for a in given]) for main, given, *_ in of_package.values()]
-    done = run(EACH.format(calls=calls), package, tmp_path)
+@pytest.mark.parametrize("packages", TOGETHER, ids=str)
+def test_what_needs_a_package_names_the_extra_in_one_line_and_the_rest_works(packages, tmp_path):
+    run = str(published_run("rprp_reach_ppo/seed130", tmp_path / "run"))
+    calls = [(p, call.replace("RUN", run)) for p in packages for call in MISSING[p][1]]
+    program = PROGRAM.format(blocked=packages, root=str(ROOT), calls=[call for _, call in calls])
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    for (name, (*_, extra)), (code, err) in zip(of_package.items(), json.loads(done.stdout), strict=True):
-        assert code == 2, (name, err)
-        (line,) = (line for line in err.splitlines() if "pip install" in line)
-        assert words(package, extra) in line, name
-        assert "Traceback" not in err, name
-
-
-@pytest.mark.parametrize("name", CALLS)
-def test_calls_name_the_extra(name, tmp_path):
-    program, package, extra = CALLS[name]
-    done = run(program, package, tmp_path)
-    assert done.returncode == (2 if "sys.exit" in program else 1)
-    before = "error: " if "sys.exit" in program else "redundant_envs.extras.MissingPackage: "
-    assert done.stderr.splitlines()[-1] == before + words(package, extra)
-
-
-def test_simulate_keeps_its_numbers_without_matplotlib(tmp_path):
-    done = run(f"from {LIBRARY} import main; sys.exit(main({SIMULATE}))", "matplotlib", tmp_path)
-    assert "four_r_free.csv is written" in done.stderr
-    assert (tmp_path / "runs" / "simulate" / "four_r_free.csv").stat().st_size > 100
-
-
-@pytest.mark.parametrize("package", ["stable_baselines3", "torch", "matplotlib"])
-def test_all_names_can_be_imported_without_an_extra(package, tmp_path):
-    program = (
-        "from redundant_envs import *; import redundant_envs as rde\n"
-        "assert all(name in globals() for name in rde.__all__) and BatchSimulator and load_scene\n"
-        "assert 'make_sb3' in dir(rde)"
-    )
-    done = run(program, package, tmp_path)
-    assert done.returncode == 0, done.stderr
-
-
-def test_a_package_that_is_there_but_broken_tells_why():
-    with pytest.raises(MissingPackage, match=r"libGL is lost; install it with: .*\[plot\]"), needs("plot"):
-        raise ImportError("libGL is lost")
+    for (package, call), (code, text) in zip(calls, json.loads(done.stdout), strict=True):
+        assert code == (2 if "main()" in call or "import" not in call else "MissingPackage"), (call, text)
+        (line,) = (line for line in text.splitlines() if "pip install" in line)
+        extra = MISSING[package][0]
+        words = f"{package} is not installed; install it with: pip install 'redundant-envs[{extra}]'"
+        assert words in line, call
+        assert "Traceback" not in text, call
+        if call == SIMULATE:  # keeps its numbers
+            assert "four_r_free.csv is written" in text
+            assert (tmp_path / "runs" / "simulate" / "four_r_free.csv").stat().st_size > 100
 
 
 def test_the_extras_have_what_they_are_named_for():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = data["project"]["optional-dependencies"]
-    pypi = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "stable_baselines3": "stable-baselines3"}
-    for *_, package, extra in (*COMMANDS.values(), *CALLS.values()):
-        assert any(d.startswith(f"{pypi.get(package, package)}>=") for d in extras[extra]), (package, extra)
+    named = {package: extra for package, (extra, _) in MISSING.items()} | {"moviepy": "plot"}
+    for package, extra in named.items():
+        name = {"PIL": "pillow"}.get(package, package).replace("_", "-")
+        assert any(d.replace("_", "-").startswith(f"{name}>=") for d in extras[extra]), (package, extra)
 
 
-@pytest.mark.filterwarnings("ignore:rich is experimental")
-def test_progress_bars_of_stable_baselines3_work_with_the_extra_train():
-    """They need tqdm and rich, which stable-baselines3 itself does not install."""
-    ppo = importlib.import_module("stable_baselines3").PPO
-    model = ppo("MlpPolicy", rde.make_sb3("RPRPReach-v0", 4), n_steps=8, batch_size=8, device="cpu")
-    assert model.learn(64, progress_bar=True).num_timesteps == 64
+def test_a_package_that_is_there_but_broken_tells_why():
+    with pytest.raises(MissingPackage, match=r"libGL is lost; install it with: .*\[plot\]"), needs("plot"):
+        raise ImportError("libGL is lost")

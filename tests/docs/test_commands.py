@@ -95,16 +95,6 @@ def test_every_command_is_one_and_takes_its_arguments():
             pytest.fail(f"{page}: {command}: {error!r}")
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    ["agents play FourRReach-v0 --nothing", "agents nothing", "agents train rprp_reach_sac sac.nothing=1",
-     "agents train nothing", "redundant_envs verify --nothing", "nothing"],
-)  # fmt: skip
-def test_a_command_with_a_wrong_option_or_name_would_be_seen(wrong):
-    with pytest.raises((SystemExit, Exception)):
-        parse(f"python -m {wrong}", True)
-
-
 @pytest.mark.parametrize("command", [*QUICK, *(pytest.param(c, marks=pytest.mark.long) for c in SLOWER)])
 def test_commands_run(command, tmp_path, monkeypatch, capsys):
     """In a separate folder, with copies of the files that they may write to."""

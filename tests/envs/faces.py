@@ -99,9 +99,10 @@ def parts(env):
 
 
 def refused(env, call, words=""):
-    """A call raises a short ValueError with these words, and changes nothing."""
+    """A call raises a short ValueError with these words, and changes nothing; its message."""
     before = parts(env)
     with pytest.raises(ValueError, match=words) as error:
         call(env)
     assert len(str(error.value)) < 500
     assert parts(env) == before
+    return str(error.value)

@@ -35,45 +35,36 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
-def test_every_number_is_there_with_its_unit_as_a_copy(face, env_id):
-    env = running(face, env_id)
+def test_every_number_is_there_with_its_unit_as_a_copy_and_is_an_option_of_the_next_reset(face):
+    env = running(face)
     assert env.scene == SCENE
     assert {name: parameter.unit for name, parameter in env.parameters.items()} == UNITS
-    lanes = () if face == "single" else (3,)
-    assert env.parameters["masses"].value.shape == (*lanes, 4)
-    np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
-    assert (env.parameters["goal_tolerance"].value == 0.02).all()
-    env.parameters["masses"].value[:] = 7.0
-    assert (env.parameters["masses"].value == SCENE.robot.masses).all()
-    with pytest.raises(KeyError):
-        env.parameters["mass"]
-
-
-def test_they_follow_the_options_of_a_reset_and_are_options_of_the_next(face):
-    env = running(face)
     given = {"masses": (1, 2, 3, 4), "viscous_friction.coefficients": 0.3, "hold_steps": 4, "gravity.g": 1.6}
     begin(env, {"parameters": given})
     for name, value in given.items():
         assert (env.parameters[name].value == value).all()
     before = {name: parameter.value for name, parameter in env.parameters.items()}
     begin(env, {"parameters": {}})
-    assert (env.parameters["masses"].value == SCENE.robot.masses).all()
+    lanes = () if face == "single" else (3,)
+    np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
+    env.parameters["masses"].value[:] = 7.0
+    np.testing.assert_array_equal(env.parameters["masses"].value, np.full((*lanes, 4), 0.5))
     begin(env, {"parameters": before})
     for name, parameter in env.parameters.items():
         np.testing.assert_array_equal(parameter.value, before[name])
+    with pytest.raises(KeyError):
+        env.parameters["mass"]
 
 
 @pytest.mark.parametrize("kind", ["next_step", "sb3"])
-@pytest.mark.parametrize("count", [1, 3, 4])
+@pytest.mark.parametrize("count", [1, 4])
 def test_arrays_of_options_have_one_row_for_each_environment(kind, count):
     rng = np.random.default_rng(0)
     given = {
-        "masses": rng.uniform(0.3, 0.8, (count, 4)),
-        "gravity.g": rng.uniform(9, 10, count),
+        "masses": rng.uniform(0.3, 0.8, (count, 4)), "gravity.g": rng.uniform(9, 10, count),
         "viscous_friction.coefficients": rng.uniform(0.1, 0.2, (1, 4)),  # one for all
         "hold_steps": np.arange(count) + 3,
-    }
+    }  # fmt: skip
     env = running(kind, count=count)
     first = begin(env, {"parameters": given, "goal": np.full((count, 2), 0.1)}, seed=5)
     for name, value in given.items():
@@ -115,9 +106,8 @@ class Wind(e.Effect):
     carried: float = 0.1
 
     def hooks(self, arm):
-        tip = e.Point(arm.num_masses - 1)
         push = e.Force(0, blown, {"strength": ".strength"})
-        return (push, e.PointMass(tip, ".carried"))
+        return (push, e.PointMass(e.Point(arm.num_masses - 1), ".carried"))
 
 
 class Draught(Wind):
@@ -130,6 +120,15 @@ class PatientTask(rde.ReachTask):
     patience: float = 8.0
 
 
+class Misspelt(rde.ReachTask):
+    units = {"goal_tolerence": "m"}
+
+
+@dataclass(frozen=True)
+class HeavyTask(rde.ReachTask):
+    masses: float = 1.0
+
+
 def with_effect(effect):
     return rde.Scene(SCENE.robot, (*SCENE.effects, effect), tolerance=1e-6)
 
@@ -140,36 +139,28 @@ def test_numbers_from_outside_have_the_units_that_are_given_or_that_hooks_show()
     assert found["wind.carried"].unit == "kg"
     np.testing.assert_array_equal(found["patience"].value, [8.0, 8.0])
     assert (found["masses"].value == SCENE.robot.masses).all()  # the arm's own, without what it carries
-    with pytest.raises(ValueError, match=r"\(Draught\).units has 'strenght'.*strength, carried"):
-        with_effect(Draught())
+    for make, words in (
+        (lambda: with_effect(Draught()), r"\(Draught\).units has 'strenght'.*strength, carried"),
+        (lambda: check_task(Misspelt(), SCENE), "Misspelt.units has 'goal_tolerence'"),
+        (lambda: check_task(HeavyTask(), SCENE), "HeavyTask.parameters has 'masses'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            make()
 
 
 def test_springs_have_the_units_of_their_joints():
-    angle, slider = e.LimitSpring("joint1", -2, 2, 10.0, 1.0), e.LimitSpring("r1", 0, 0.1)
-    units = angle.units(SCENE.robot)
-    assert (units["stiffness"], units["damping"]) == ("N m/rad", "N m s/rad^2")
     of_length = {"lower": "m", "upper": "m", "stiffness": "N/m"}
-    assert slider.units(SCENE.robot) == {**of_length, "damping": "N s/m^2"}
-    assert e.CentringSpring((1, 1), (0, 0), (1, 1)).units(SCENE.robot) == of_length
-
-
-def test_names_of_a_tasks_numbers_and_units():
-    class Misspelt(rde.ReachTask):
-        units = {"goal_tolerence": "m"}
-
-    @dataclass(frozen=True)
-    class HeavyTask(rde.ReachTask):
-        masses: float = 1.0
-
-    for task, words in ((Misspelt, "units has 'goal_tolerence'"), (HeavyTask, "parameters has 'masses'")):
-        with pytest.raises(ValueError, match=f"{task.__name__}.{words}"):
-            check_task(task(), SCENE)
+    for spring, units in (
+        (e.LimitSpring("joint1", -2, 2), {"stiffness": "N m/rad", "damping": "N m s/rad^2"}),
+        (e.LimitSpring("r1", 0, 0.1), {**of_length, "damping": "N s/m^2"}),
+        (e.CentringSpring((1, 1), (0, 0), (1, 1)), of_length),
+    ):
+        assert spring.units(SCENE.robot).items() >= units.items()
 
 
 # ---- numbers of every size: refused by name, or finite numbers are observed ----------------------------
 
-IDS = (ID, FOUR_R, "redundant_envs/FourRGoalReach-v0")
-SIZES = [s * x for x in (5e-324, 1e-200, 1e-100, 1e-30, 1e30, 1e100, 1e200, 1.7e308) for s in (1.0, -1.0)]
+SIZES = [s * x for x in (5e-324, 1e-100, 1e-30, 1e30, 1e100, 1.7e308) for s in (1.0, -1.0)]
 quiet = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # NumPy warns of overflows of masses
 
 
@@ -177,7 +168,9 @@ def check_episode(env, options):
     """A refusal by name, or a few steps with finite observations and rewards, in bounded time."""
     try:
         obs, info = env.reset(seed=0, options=options)
-    except ValueError:
+    except ValueError as error:
+        name = next(iter(options.get("parameters", options)))
+        assert name.rpartition(".")[2] in str(error) or name in ("inner", "outer")  # noqa: PT017
         return
     reward, terminated = 0.0, False
     for k, action in enumerate([None, *np.clip(actions(env, 3), -1, 1)]):
@@ -189,33 +182,20 @@ def check_episode(env, options):
 
 
 @quiet
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", [ID, "redundant_envs/FourRGoalReach-v0"])
 def test_parameters_and_starts_of_every_size(env_id):
     env = made("single", env_id)
-    nominal = env.scene.parameters()
+    begin(env, seed=0)
     for size in SIZES:
-        for name in ("masses", "lengths"):
-            check_episode(env, {"parameters": {name: size}})
-        for name in (n for n in nominal if "." in n):
-            root = name.split("[")[0]
-            entries = [size if n == name else v for n, v in nominal.items() if n.split("[")[0] == root]
-            check_episode(env, {"parameters": {root: entries if "[" in name else size}})
+        for name, parameter in env.parameters.items():
+            value = np.array(parameter.value)
+            check_episode(env, {"parameters": {name: np.full(value.shape, size)}})
+            if value.ndim and name not in ("masses", "lengths"):  # entries alone
+                for k in range(len(value)):
+                    check_episode(env, {"parameters": {name: [*value[:k], size, *value[k + 1 :]]}})
         for name, width in (("q", 4), ("qd", 4), ("goal", 2)):
             for k in range(width):
                 check_episode(env, {name: [size if i == k else 0.05 for i in range(width)]})
-
-
-@quiet
-@pytest.mark.parametrize("env_id", IDS[:2])
-@pytest.mark.parametrize("name", rde.ReachTask().parameters())
-def test_task_numbers_of_every_size(env_id, name):
-    for size in SIZES:
-        try:
-            env = made("single", env_id, task={name: size})
-        except ValueError as error:
-            assert f"ReachTask.{name} is" in str(error) or "outer is" in str(error)  # noqa: PT017
-            continue
-        check_episode(env, None)
 
 
 @quiet
@@ -223,7 +203,7 @@ def test_task_numbers_of_every_size(env_id, name):
 def test_masses_and_lengths_of_every_allowed_size_together(env_id, lengths):
     """Products of several large or small numbers are finite in every observation."""
     env, rng = made("single", env_id), np.random.default_rng(0)
-    for _ in range(100):
+    for _ in range(20):
         exponents = rng.uniform(-30.0, 30.0, 3)
         options = {
             "masses": np.clip(10.0 ** (exponents[0] + rng.uniform(-6.0, 6.0, 4)), 1e-30, 1e30),

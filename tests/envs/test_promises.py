@@ -1,35 +1,42 @@
 """What every kind of environment promises: copies, seeds, resets and states go on to the same bits."""
 
 import copy
-import multiprocessing
 
-import cloudpickle
 import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import COPIES
-from faces import COUNT, FOUR_R, KINDS, MODES, STEPS, actions, begin, flat, made, motion, plain, running
-from gymnasium.error import ResetNeeded
+from faces import COUNT, FOUR_R, MODES, STEPS, actions, begin, flat, made, motion, plain, running
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation, TransformReward
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
+from redundant_envs.envs.episode_keys import AHEAD
+
+ACTION = np.full(4, 0.5, np.float32)
+
 # ---- copies --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [0, 2, STEPS], ids=["after reset", "within an episode", "after its end"])
+@pytest.mark.parametrize("env_id", ["redundant_envs/RPRPGoalReach-v0", FOUR_R])
+@pytest.mark.parametrize("steps", [None, 0, 2, STEPS], ids=["unused", "reset", "in an episode", "at its end"])
 def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
     env = made(kind, env_id, COUNT, max_episode_steps=STEPS)
-    begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3), "hold_steps": 3, "rate_scale": 2.0}}, seed=5)
-    for k, action in enumerate(actions(env, steps)):
-        if kind in MODES and k == 1:  # some end earlier than others
-            env.reset(options={"reset_mask": np.arange(COUNT) % 2 == 0, "parameters": {"masses": 0.4}})
-        result = env.step(action)
-    twin = way(env)
-    if kind == "single" and steps == STEPS:
-        assert result[3]
-        assert flat(twin.reset()) == flat(env.reset())
+    if steps is None:
+        twin = way(env)
+        np.testing.assert_equal(begin(twin, seed=1), begin(env, seed=1))
+    else:
+        numbers = {"masses": (1.0, 0.5, 0.4, 0.3), "hold_steps": 3, "rate_scale": 2.0}
+        begin(env, {"parameters": numbers}, seed=5)
+        for k, action in enumerate(actions(env, steps)):
+            if kind in MODES and k == 1:  # some end earlier than others
+                env.reset(options={"reset_mask": np.arange(COUNT) % 2 == 0, "parameters": {"masses": 0.4}})
+            env.step(action)
+        twin = way(env)
+        if kind == "single" and steps == STEPS:
+            assert flat(twin.reset()) == flat(env.reset())
     expected = motion(env)
     assert motion(twin) == expected
     assert len({row[0] for row in expected}) > STEPS
@@ -53,14 +60,6 @@ def test_a_copy_has_a_memory_and_generators_of_its_own(face, way):
     assert copy.copy(env.core).memory is not env.core.memory
 
 
-def test_a_copy_before_the_first_reset(face, way):
-    env = made(face)
-    twin = way(env)
-    with pytest.raises(ResetNeeded, match="before reset"):
-        twin.step(actions(env, 1)[0])
-    np.testing.assert_array_equal(begin(twin, seed=1), begin(env, seed=1))
-
-
 def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way):
     env = made("sb3")
     env.seed(1)
@@ -72,14 +71,14 @@ def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way
     assert flat([*twin.step_wait()]) == flat([*env.step_wait()])
 
 
-def test_a_copy_draws_pictures_of_its_own(face, way):
+def test_a_copy_draws_pictures_of_its_own(face):
     env = running(face, render_mode="rgb_array")
 
     def draw(env):
         return env.get_images()[0] if face == "sb3" else np.array(env.render())
 
     before = draw(env)
-    twin = way(env)
+    twin = copy.deepcopy(env)
     twin.step(actions(twin, 1)[0])
     assert (draw(twin) != before).any()
     np.testing.assert_array_equal(draw(env), before)
@@ -109,40 +108,19 @@ def test_copies_within_what_stable_baselines3_copies():
     assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
 
 
-def child(connection, data):
-    env = cloudpickle.loads(data)
-    rows = motion(env)
-    try:
-        env.reset(seed=1, options={"goal": (9.0, 9.0)})
-    except ValueError as error:
-        connection.send((rows, error))
-
-
-@pytest.mark.parametrize("mode", [MODES[0], *(pytest.param(m, marks=pytest.mark.long) for m in MODES[1:])])
-def test_a_copy_in_a_spawned_process_continues_to_the_same_bits(mode):
-    env = running(mode, count=COUNT, max_episode_steps=STEPS)
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=child, args=(sender, cloudpickle.dumps(env)))
-    process.start()
-    sender.close()
-    assert receiver.poll(120)
-    rows, error = receiver.recv()
-    process.join(60)
-    assert rows == motion(env)
-    assert "options['goal']" in str(error)
-
-
-def test_environments_in_spawned_workers_equal_those_here():
+def test_copies_and_new_environments_in_spawned_workers_equal_those_here():
     def make():
         import redundant_envs  # noqa: F401  # a worker knows the ids only then
 
         return gym.make("redundant_envs/FourRReach-v0", max_episode_steps=6)
 
-    worker = gym.vector.AsyncVectorEnv([make] * 2, context="spawn")
-    here = gym.vector.SyncVectorEnv([make] * 2)
+    copied = make()
+    copied.reset(seed=1)
+    copied.step(ACTION)
+    worker = gym.vector.AsyncVectorEnv([make, lambda: copied], context="spawn")
+    here = gym.vector.SyncVectorEnv([make, lambda: copy.deepcopy(copied)])
     try:
-        assert flat(worker.reset(seed=2)) == flat(here.reset(seed=2))
+        assert flat(worker.reset(seed=[2, None])) == flat(here.reset(seed=[2, None]))
         assert motion(worker, actions(worker, STEPS + 2)) == motion(here, actions(here, STEPS + 2))
     finally:
         worker.close()
@@ -236,15 +214,6 @@ def test_equal_seed_and_options_give_equal_episodes(face, env_id):
     assert episode(env, {"parameters": {}}) == first  # ... until given again
 
 
-def test_a_state_continues_to_the_same_bits_through_resets(face, env_id):
-    env = running(face, env_id)
-    state = env.get_state()
-    first = motion(env)
-    env.set_state(state)
-    assert motion(env) == first
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_whole_numbers_of_any_kind_are_seeds(kind):
     env = made(kind)
     expected = begin(env, seed=5)
@@ -254,3 +223,31 @@ def test_whole_numbers_of_any_kind_are_seeds(kind):
     if kind == "sb3":
         assert len(env.seed()) == 3
         env.reset()
+
+
+def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
+    """However many were drawn ahead, and whatever generator took the place of another meanwhile."""
+    env, begun = made("disabled", FOUR_R), np.array([True, True, True])
+    env.reset(seed=20)
+    generators = [np_random(20 + lane)[0] for lane in range(3)]
+
+    def check():
+        for lane in np.flatnonzero(begun):
+            key = generators[lane].integers(0, 2**32, size=4, dtype=np.uint32)
+            np.testing.assert_array_equal(env.core.keys[lane], key)
+        for one, other in zip(copy.deepcopy(env).core.generators, copy.deepcopy(generators), strict=True):
+            assert one.integers(2**62) == other.integers(2**62)
+
+    check()
+    for k in range(2 * AHEAD + 3):
+        begun = np.array([True, k % 2 == 0, True])
+        env.reset(options={"reset_mask": begun})
+        check()
+    generators[0], begun = np_random(7)[0], np.array([True, True, False])
+    env.reset(seed=[7, None, None], options={"reset_mask": begun})
+    check()
+    generators[1] = np.random.Generator(np.random.MT19937(5))
+    env.core.generators[1] = copy.deepcopy(generators[1])
+    for _ in range(3):
+        env.reset(options={"reset_mask": begun})
+        check()

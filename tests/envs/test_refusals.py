@@ -1,27 +1,13 @@
 """What users may not give: refused by one short message, in every kind of environment; nothing changes."""
 
 import copy
+import itertools
 import re
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import (
-    FACES,
-    FOUR_R,
-    ID,
-    KINDS,
-    MODES,
-    actions,
-    begin,
-    flat,
-    made,
-    motion,
-    parts,
-    plain,
-    refused,
-    running,
-)
+from faces import FACES, FOUR_R, ID, KINDS, MODES, actions, begin, flat, made, plain, refused, running
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
@@ -40,29 +26,21 @@ def with_effect(kind, **numbers):
     return changed(effects=[{**x, **numbers} if x["type"] == kind else x for x in SCENE["effects"]])
 
 
-def free_sliders():
-    return changed(effects=[x for x in SCENE["effects"] if x["type"] != "PrismaticStop"])
-
-
 # ---- arguments of make ---------------------------------------------------------------------------------
 
 BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "tolerance")}
 ARGUMENTS = {
     "scene is 'nowhere'; .*rprp_reach": {"scene": "nowhere"},
     "scene is .*int": {"scene": 5},
-    r"robot.type is 'Delta'.*RPRP": {"scene": {"robot": {"type": "Delta"}}},
-    "'robt'.*robot": {"scene": {"robt": {}}},
     "no EffortLimits": {"scene": {"robot": SCENE["robot"]}},
-    "'r1'; add a PrismaticStop": free_sliders(),
+    "'r1'; add a PrismaticStop": changed(effects=[x for x in SCENE["effects"] if "Stop" not in x["type"]]),
     r"effects\[0\].type is 'Gravitas'; valid: .*Gravity": changed(effects=[{"type": "Gravitas"}]),
-    "unknown key 'gee'; valid: g, down": changed(effects=[{"type": "Gravity", "gee": 1}]),
     "render_mode is 'ansi'": {"render_mode": "ansi"},
     "on_bad_action is 'ignore'.*terminate": {"on_bad_action": "ignore"},
     "'goal_tolerence'.*goal_tolerance": {"task": {"goal_tolerence": 1}},
     "ReachTask.goal_tolerance is -1.0; it must be positive": {"task": {"goal_tolerance": -1}},
     "accuracy is 'fine'.*standard.*exact.*metres": {"accuracy": "fine"},
     "tolerance is 0.0.*1e-13": {"accuracy": 0.0},
-    "accuracy is True": {"accuracy": True},
     "accuracy is 'exact'.*integrator.*one or the other": {
         "accuracy": "exact", "scene": {**BARE, "integrator": "rk4"},
     },
@@ -94,36 +72,32 @@ def test_an_unknown_keyword():
         gym.make(ID, efects=1)
 
 
-LIMITS = [float("inf"), NAN, [1], (3,), "100", 1.5, 2.5, 0, -2, True, HUGE, {}, np.array([3]), 1j]
+@pytest.mark.parametrize(
+    "limit", [float("inf"), NAN, [1], "100", 1.5, 0, -2, True, HUGE, {}, np.array([3]), 1j], ids=str
+)
+def test_a_limit_of_steps_is_a_whole_number(limit):
+    for kind in ("next_step", "sb3"):
+        with pytest.raises(ValueError, match=r"^max_episode_steps is .*; give a whole number") as error:
+            made(kind, max_episode_steps=limit)
+        assert len(str(error.value)) < 300
+    for allowed in (None, -1, 1, 5.0, np.int64(7), 2**53):
+        made("sb3", max_episode_steps=allowed).reset()
 
 
-@pytest.mark.parametrize("kind", ["next_step", "sb3"])
-@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: type(limit).__name__)
-def test_a_limit_of_steps_is_a_whole_number(kind, limit):
-    with pytest.raises(ValueError, match=r"^max_episode_steps is .*; give a whole number") as error:
-        made(kind, max_episode_steps=limit)
-    assert len(str(error.value)) < 300
-
-
-@pytest.mark.parametrize("limit", [None, -1, 1, 5.0, np.int64(7), 2**53])
-def test_a_limit_of_steps_may_be_any_whole_number_or_none(limit):
-    made("sb3", max_episode_steps=limit).reset()
-
-
-@pytest.mark.parametrize("as_data", [False, True])
 @pytest.mark.parametrize("task", ["Reach", "GoalReach"])
 @pytest.mark.parametrize(("arm", "other"), [("RPRP", "FourR"), ("FourR", "RPRP")])
-def test_an_id_refuses_a_scene_of_another_arm(arm, other, task, as_data):
+def test_an_id_refuses_a_scene_of_another_arm(arm, other, task):
     name = "four_r_reach" if other == "FourR" else "rprp_reach"
     env_id, fitting = (f"redundant_envs/{kind}{task}-v0" for kind in (arm, other))
-    scene = rde.load_scene(name).to_dict() if as_data else name
-    makes = [lambda kind=kind: made(kind, env_id, scene=scene) for kind in FACES]
-    makes.append(lambda: gym.make_vec(env_id, num_envs=2, scene=scene, vectorization_mode="sync"))
-    makes.append(lambda: rde.make_sb3(f"{arm}{task}-v0", 2, scene=scene))
-    for make in makes:
-        with pytest.raises(ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} ") as error:
-            make()
-        assert "\n" not in str(error.value)
+    for scene in (name, rde.load_scene(name).to_dict()):
+        makes = [lambda kind=kind, scene=scene: made(kind, env_id, scene=scene) for kind in FACES]
+        makes.append(lambda scene=scene: rde.make_sb3(f"{arm}{task}-v0", 2, scene=scene))
+        for make in makes:
+            with pytest.raises(
+                ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} "
+            ) as error:
+                make()
+            assert "\n" not in str(error.value)
 
 
 # ---- options, seeds and actions ------------------------------------------------------------------------
@@ -137,16 +111,14 @@ ROUGH = (1, 1, 1, 1e-13)
 OPTIONS = [
     (5, "options is 5; give a mapping"), ("q", "options is 'q'"),
     ({5: 1}, "options has the unknown key 5"), ({"pose": 1}, "'pose'; valid: q, qd, goal"),
-    ({"q": object()}, r"options\['q'\] is <object"),
     ({"q": "abc"}, r"options\['q'\] is 'abc'; give real numbers"),
-    ({"q": [[1], [1, 2]]}, r"options\['q'\] is"), ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
+ ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
     ({"q": (0, NAN, 0, 0)}, "q.* non-finite"), ({"q": (1e30, 0.1, 0, 0.1)}, r"'q'.* 1e\+30.* 1e\+06"),
     ({"q": (0, 0.3, 0, 0)}, r"options\['q'\]: r1 is 0.3 m; its stops are at 0 and 0.25 m"),
     ({"q": (0, 0.1, 0, -1e-9)}, r"options\['q'\]: r2 is -1e-09 m"),
     ({"q": (0, 0.24, 0, 0), "parameters": {"prismatic_stop.upper": (0.05, 0.2)}}, "r1 is 0.24 m.* 0.05 m"),
-    ({"qd": {}}, r"options\['qd'\] is \{\}"), ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
+ ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
     ({"qd": (0, 1e200, 0, 0)}, r"'qd'.* 1e\+200.* 1e\+100"),
-    ({"goal": 1j}, r"options\['goal'\] is 1j; give real numbers"),
     ({"goal": np.array([1j, 0])}, r"options\['goal'\] is"), ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
     ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
     ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
@@ -154,8 +126,6 @@ OPTIONS = [
     ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
     (number(mass=1), "'mass'.*masses"), (number(m1=-5.0), "'m1'.*masses"),
     (number(gravity__h=1), "'gravity.h'.*gravity.g"),
-    (number(masses={}), r"masses is \{\}; give real numbers"),
-    (number(masses=None), "masses is None; give real numbers"),
     (number(masses=(1, 1, 0, 1)), "masses has the entry 0.0; it must be positive"),
     (number(masses=(1, 1)), r"masses.*\(2,\)"), (number(masses=ROUGH), "masses spans a ratio"),
     (number(masses=1e-31), "masses.* 1e-31.* 1e-30"),
@@ -213,14 +183,12 @@ def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
 
 
 def test_a_refused_first_reset_leaves_no_seed():
-    env = made("single")
+    env, vector = made("single"), made("next_step")
     with pytest.raises(ValueError, match="goal"):
         env.reset(seed=4, options={"goal": (9.0, 9.0)})
-    assert env._np_random is None
-    assert env.core.generators == [None]
+    assert env._np_random is env.core.generators[0] is None
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(4, np.float32))
-    vector = made("next_step")
     with pytest.raises(ValueError, match="leaves environments out of the first reset"):
         vector.reset(options={"reset_mask": np.array([True, False, True])})
 
@@ -229,38 +197,17 @@ def test_a_refused_first_reset_leaves_no_seed():
 def test_seeds(face, seed):
     env = running(face)
     refused(env, lambda env: begin(env, seed=seed), r"seed is .*whole number of at least 0")
-    if face == "sb3":
-        assert env._seeds == [None] * 3
+    assert face != "sb3" or env._seeds == [None] * 3
 
 
-@pytest.mark.parametrize(
-    ("seeds", "words"),
-    [
+def test_seeds_of_a_vector_by_their_place():
+    for seeds, words in (
         ([1.7, 2, 3], r"seed\[0\] is 1.7"), ([1, True, 3], r"seed\[1\] is True"),
-        ([1, 2, -3], r"seed\[2\] is -3"), ([1, None, "3"], r"seed\[2\] is '3'"),
-        ((1, 2), "one per environment, 3"), ("123", "seed is '123'"),
+        ([1, None, "3"], r"seed\[2\] is '3'"), ((1, 2), "one per environment, 3"),
         (np.array([1.0, 2.0, 3.0]), r"seed\[0\] is"), (np.array([[1, 2, 3]]), "seed has 1 entries"),
         (np.zeros((3, 1), int), r"seed\[0\] is"), ({1, 2, 3}, "seed is"), ({"a": 1}, "seed is"),
-    ],
-    ids=str,
-)  # fmt: skip
-def test_seeds_of_a_vector_by_their_place(seeds, words):
-    refused(running("next_step"), lambda env: env.reset(seed=seeds), words)
-
-
-def test_actions(face):
-    env = running(face, on_bad_action="raise")
-    shape = (4,) if face == "single" else (3, 4)
-    for action, words in (
-        (np.zeros(3), r"\(3,\)"), (np.zeros((2, 4)), r"\(2, 4\)"), (np.zeros((1, *shape)), "shape"),
-        (np.full(shape, NAN), "non-finite"), (np.full(shape, -np.inf), "non-finite"),
-        (np.full(shape, "a"), "dtype"), (None, "dtype"), (np.zeros(shape, bool), "dtype"),
     ):  # fmt: skip
-        refused(env, lambda env, action=action: env.step(action), words)
-    one, other = running(face), running(face)
-    with pytest.raises(ValueError, match="shape"):
-        one.step(np.zeros(5))
-    assert motion(one) == motion(other)
+        refused(running("next_step"), lambda env, seeds=seeds: env.reset(seed=seeds), words)
 
 
 def test_actions_are_not_kept_for_the_second_half_of_a_step():
@@ -289,14 +236,11 @@ def test_large_finite_actions_saturate(size):
     assert rows[1][4]["saturated_actions"] - rows[0][4]["saturated_actions"] == 2
 
 
-@pytest.mark.parametrize(
-    ("achieved", "desired"),
-    [(np.zeros((5, 2)), np.zeros((4, 2))), (np.zeros((5, 3)), np.zeros((5, 3))), (np.zeros(3), np.zeros(2))],
-)
-def test_goals_of_compute_reward(achieved, desired):
+def test_goals_of_compute_reward():
     env = made("single", "redundant_envs/FourRGoalReach-v0")
-    with pytest.raises(ValueError, match="goals have shapes"):
-        env.compute_reward(achieved, desired, {})
+    for shapes in (((5, 2), (4, 2)), ((5, 3), (5, 3)), (3, 2)):
+        with pytest.raises(ValueError, match="goals have shapes"):
+            env.compute_reward(*map(np.zeros, shapes), {})
     assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 1.0).all()
     with pytest.raises(ValueError, match="compute_reward belongs to the goal environments"):
         made("sb3").compute_reward(np.zeros(2), np.zeros(2), {})
@@ -323,14 +267,6 @@ def test_a_step_needs_an_episode(kind):
             env.step(table[0])
 
 
-def test_a_vector_that_begins_nothing_itself_wants_a_reset_of_ended_lanes():
-    env = running("disabled", max_episode_steps=3)
-    for action in actions(env, 2):
-        env.step(action)
-    refused(env, lambda env: env.step(np.zeros((3, 4))), r"environments \[0, 1, 2\] have ended.*reset_mask")
-    assert np.isfinite(env.reset(options={"reset_mask": np.ones(3, bool)})[0]).all()
-
-
 @pytest.mark.parametrize("kind", ["single", "next_step"])
 def test_pictures_need_a_reset_and_a_mode(kind):
     env = made(kind, render_mode="rgb_array")
@@ -348,14 +284,12 @@ def test_pictures_need_a_reset_and_a_mode(kind):
 
 OTHERS = {
     "tolerance is 1e-12 there and 1e-06 here": {"accuracy": "exact"},
-    "tolerance is 0.0001 there": {"accuracy": 1e-4},
     "control_dt is 0.01 there and 0.02 here": changed(control_dt=0.01),
     "masses": changed(robot={**SCENE["robot"], "masses": [1.0, 0.5, 0.3, 0.1]}),
     "effects": with_effect("Gravity", g=1.6),
     "restitution is 0.5 there": with_effect("PrismaticStop", restitution=0.5),
     "tolerance is None there": changed(tolerance=None, substeps=2),
     "task.goal_tolerance is 0.05 there and 0.02 here": {"task": {"goal_tolerance": 0.05}},
-    "task.speed_bound is 20": {"task": {"speed_bound": 20.0}},
     "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
     "of another scene": {"env_id": FOUR_R},
     "goal_conditioned|another scene": {"env_id": GOAL_ID},
@@ -363,10 +297,8 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("words", "kwargs"), OTHERS.items(), ids=OTHERS)
-def test_states_of_another_scene(face, words, kwargs):
-    if face == "single" and "max_episode_steps" in kwargs:
-        return  # there the limit is a wrapper's
-    env, other = running(face), running(face, **kwargs)
+def test_states_of_another_scene(words, kwargs):
+    env, other = running("next_step"), running("next_step", **kwargs)
     refused(env, lambda env: env.set_state(other.get_state()), words)
     refused(other, lambda other: other.set_state(env.get_state()), "another scene")
 
@@ -374,19 +306,12 @@ def test_states_of_another_scene(face, words, kwargs):
 def test_states_of_another_kind_or_number_of_environments():
     envs = [running("single"), running("next_step", count=1), running("sb3", count=1)]
     envs += [running(mode, count=3) for mode in MODES] + [running("next_step", count=9)]
-    for a in envs:
-        for b in envs:
-            if a is not b:
-                refused(a, lambda a, b=b: a.set_state(b.get_state()), "state")
-    assert "state lacks ended" in message(envs[1], envs[0])
-    assert re.search("1 environments.* 9", message(envs[-1], envs[1]))
-    assert "autoreset_mode 'same_step' and this one 'next_step'" in message(envs[3], envs[4])
-
-
-def message(env, other):
-    with pytest.raises(ValueError) as error:
-        env.set_state(other.get_state())
-    return str(error.value)
+    said = {}
+    for a, b in itertools.permutations(range(len(envs)), 2):
+        said[a, b] = refused(envs[a], lambda env, b=b: env.set_state(envs[b].get_state()), "state")
+    assert "state lacks ended" in said[1, 0]
+    assert re.search("1 environments.* 9", said[6, 1])
+    assert "autoreset_mode 'same_step' and this one 'next_step'" in said[3, 4]
 
 
 def without(state, *keys):
@@ -406,25 +331,16 @@ def tampered(env, name, value):
 
 CHANGES = {
     r"a float": lambda s: 0.5,
-    r"a NoneType": lambda s: None,
     r"unknown keys more": lambda s: {**s, "more": 1},
     r"\['simulator'\] is": lambda s: {**s, "simulator": "0123"},
     r"of a version before": lambda s: {**without(s, "states", "parameters"), "numbers": s["states"]},
-    r"\['states'\] is 0.5": lambda s: {**s, "states": 0.5},
     r"\['states'\] has shape \(5,\)": lambda s: {**s, "states": s["states"][:5]},
-    r"\['states'\] has shape .* float32": lambda s: {**s, "states": s["states"].astype(np.float32)},
     r"\['states'\] has a .* not finite": lambda s: {**s, "states": s["states"] + np.nan},
-    r"\['parameters'\] is 0.5": lambda s: {**s, "parameters": 0.5},
-    r"\['parameters'\] is an array of shape \(5,\)": lambda s: {**s, "parameters": s["parameters"][:5]},
-    r"\['parameters'\] has a .* not finite": lambda s: {**s, "parameters": s["parameters"] + np.nan},
     r"belongs to the scene": lambda s: {**s, "parameters": 2.0 * s["parameters"]},
-    r"\['keys'\] has shape \(4,\)": lambda s: {**s, "keys": s["keys"][0]},
     r"\['keys'\] is 7": lambda s: {**s, "keys": 7},
     r"\['keys'\] .*int64": lambda s: {**s, "keys": s["keys"].astype(np.int64)},
     r"\['mask'\] is False": lambda s: {**s, "mask": False},
-    r"\['mask'\] has shape": lambda s: {**s, "mask": np.zeros(9, np.uint32)},
     r"\['waiting'\] .*float64": lambda s: {**s, "waiting": s["waiting"].astype(float)},
-    r"\['generators'\] must": lambda s: {**s, "generators": []},
     r"\['generators'\] has 5": lambda s: {**s, "generators": [5] * len(s["generators"])},
     r"\['generators'\] must be": lambda s: {**s, "generators": None},
 }
@@ -458,10 +374,11 @@ def test_every_part_of_a_state_is_needed(kind):
         refused(env, lambda env, key=key: env.set_state(without(env.get_state(), key)), f"lacks {key}")
 
 
-@pytest.mark.parametrize("ended", [True, np.zeros(2, bool), np.zeros((3, 1), bool), np.zeros(3), [False] * 3])
-def test_ended_of_a_vector(ended):
+def test_ended_of_a_vector():
     env = running("next_step")
-    refused(env, lambda env: env.set_state({**env.get_state(), "ended": ended}), r"state\['ended'\]")
+    for ended in (True, np.zeros(2, bool), np.zeros((3, 1), bool), np.zeros(3), [False] * 3):
+        state = {**env.get_state(), "ended": ended}
+        refused(env, lambda env, state=state: env.set_state(state), r"state\['ended'\]")
 
 
 def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
@@ -473,12 +390,10 @@ def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
 
 
 def test_parameters_of_lanes_are_part_of_a_state():
+    given = {"masses": (1.0, 0.5, 0.4, 0.3), "prismatic_stop.upper": 0.2, "inner": 0.3}
     for kind in KINDS:
         env, twin = running(kind), running(kind)
-        begin(
-            env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3), "prismatic_stop.upper": 0.2, "inner": 0.3}}
-        )
+        begin(env, {"parameters": given})
         twin.set_state(env.get_state())
         assert plain(twin.get_state()) == plain(env.get_state())
         assert twin.core.memory.read(("m2", "inner"))[0].tolist() == [0.5, 0.3]
-        assert parts(twin)["parameters"] != parts(running(kind))["parameters"]

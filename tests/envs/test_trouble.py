@@ -62,6 +62,7 @@ FOUR_R = rde.load_scene("four_r_reach").to_dict()
 SPRING = {"type": "LimitSpring", "coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 1.0}
 SPRUNG = {**FOUR_R, "effects": [*FOUR_R["effects"], {**SPRING, "damping": 0.1}]}
 ADAPTIVE = {**FOUR_R, "integrator": "dop853", "tolerance": None}
+COARSE = {**FOUR_R, "integrator": "euler", "substeps": 1, "tolerance": None}
 UPPER = {"prismatic_stop.upper": (0.05, 0.2)}
 TROUBLES = {
     "an action with a NaN or an infinity": [
@@ -107,6 +108,9 @@ TROUBLES = {
     "another length of a link": each("parameters", {"lengths": 0.3}, harmless=True),
     '`on_bad_action="ignore"`': [trouble({"on_bad_action": "ignore"})],
     "a state that is not finite": each("qd", FAST),
+    "a motion of which nothing can be observed": [
+        trouble({"scene": COARSE}, {"qd": (1e16, 0.0, 0.0, 0.0)}, arms=("FourR",))
+    ],
     "a velocity beyond the speed bound": each("qd", BEYOND_BOUND),
     "a tolerance that is not reached": [
         trouble(
@@ -270,18 +274,3 @@ def test_same_step_tells_the_fault_in_the_final_info():
     assert infos["final_info"]["numerics"][0] == rde.Numerics.BAD_ACTION
     assert infos["_final_info"].tolist() == [True, False]
     assert infos["numerics"].tolist() == [0, 0]
-
-
-def test_a_picture_can_be_drawn_of_the_end_and_a_reset_begins_anew():
-    env = made("single", on_bad_action="terminate", render_mode="rgb_array")
-    before = begin(env, seed=0)
-    obs, _, terminated, _, info = env.step(NAN)
-    assert (terminated, info["numerics"]) == (True, rde.Numerics.BAD_ACTION)
-    np.testing.assert_array_equal(obs, before)
-    assert env.render().shape[2] == 3
-    ended = env.get_state()
-    begin(env)
-    assert not env.step(ZERO)[2]
-    env.set_state(ended)
-    with pytest.raises(ResetNeeded, match="step was called after the end of the episode"):
-        env.step(ZERO)
