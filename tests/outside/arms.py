@@ -1,5 +1,7 @@
 """The arms of these tests: two of the package, and two from outside; their states, and scenes on them."""
 
+from dataclasses import dataclass
+
 import actuator_lag
 import held_command
 import numpy as np
@@ -61,6 +63,25 @@ def effects_from_outside(arm):
         "a law that changes": (TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3),),
         "sensors": (SensorBias(0.01, 0.02),),
     }
+
+
+@dataclass(frozen=True)
+class Bumper(e.Effect):
+    """Stops of one slider with its own restitution."""
+
+    joint: int = 1
+    upper: float = 0.2
+    lower: float = 0.0
+    restitution: float = 0.0
+
+    static = ("joint",)
+
+    @property
+    def key(self):
+        return f"bumper{self.joint}"
+
+    def hooks(self, arm):
+        return (e.Impact(self.joint, ".lower", ".upper", ".restitution"),)
 
 
 STEPS = {

@@ -15,7 +15,6 @@ import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.control.statics import static_efforts
-from redundant_envs.effects import Effect, Inertia, Point, PointMass
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.model.listing import _counts
 
@@ -223,51 +222,3 @@ def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
             np.testing.assert_array_equal(copied(one).mass_matrix([0.3] * 4), one.mass_matrix([0.3] * 4))
     with pytest.raises(ValueError, match="robot is a FourR with the inertias of another scene's effects"):
         rde.Scene(arm, (e.Gravity(),))
-
-
-# ---- what is refused -----------------------------------------------------------------------------------
-
-
-@dataclasses.dataclass(frozen=True)
-class Added(Effect):
-    """A hook that a test gives, and a number of kg or kg m^2."""
-
-    number: float = 0.1
-    hook: object = None
-
-    static = ("hook",)
-
-    def hooks(self, arm):
-        return (self.hook,)
-
-
-TURNED, LIGHTER = Inertia((0,), ".number"), PointMass(Point(1), ".number")
-
-
-@pytest.mark.parametrize(
-    ("hook", "number", "change", "said"),
-    [
-        (Inertia(1, ".number"), 0.1, None, r"joints is 1; give a tuple"),
-        (Inertia((), ".number"), 0.1, None, r"joints is \(\); give a tuple"),
-        (Inertia((1, 1), ".number"), 0.1, None, r"each once"),
-        (Inertia((7,), ".number"), 0.1, None, r"joint is 7; give 0 to 3"),
-        (Inertia((0, 1), ".number"), 0.1, None, r"which turn and slide"),
-        (Inertia((0,), "number"), 0.1, None, r"'number' is not a number of this effect; it has .number"),
-        (TURNED, -0.5, None, r"added.number is -0.5; give 0 to 45000 kg m\^2, a million times"),
-        (PointMass(Point(4), ".number"), 0.1, None, r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
-        (PointMass(3, ".number"), 0.1, None, "Point is 3"),
-        (PointMass(Point(0), ".weight"), 0.1, None, "'.weight' is not a number of .*; it has .number"),
-        (LIGHTER, -2.0, None, r"masses with what effects add.*-0.5"),
-        (TURNED, 0.1, {"added.number": [0.1, -0.1]}, r"added.number is -0.1; give 0 to 45000 kg m\^2"),
-        (TURNED, 0.1, {"added.number": 1e6}, r"is 1e\+06; give 0 to 45000 kg m\^2.* hide the arm"),
-        (TURNED, 0.1, {"masses": [2.0, 1.5, 1.0, 5e-7]}, r"added.number is 0.1; give 0 to 0.045 kg m\^2"),
-        (LIGHTER, -1.0, {"added.number": [-1.0, -2.0]}, r"m2 with added.number has the entry -0.5"),
-        (LIGHTER, -1.0, {"masses": (2.0, 0.1, 1.0, 0.5)}, r"m2 with added.number has the entry -0.9"),
-    ],
-)
-def test_what_does_not_fit_is_refused_of_a_scene_and_of_a_lane(hook, number, change, said):
-    """A scene is refused where no change of a lane is given."""
-    effects = (Added(number, hook),)
-    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], effects), 2) if change else None
-    with pytest.raises(ValueError, match=said):
-        batch.set_parameters(change) if change else rde.Scene(ARMS["RPRP"], effects)
