@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import actuator_lag
 import held_command
 import numpy as np
-import pytest
 import rrp
 import three_r
 from armature import Armature, LinkInertia
@@ -23,14 +22,7 @@ ARMS = {
     "3R": three_r.ThreeR(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5, 0.4)),
     "RRP": rrp.RRP(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5)),
 }
-ADDED = ("3R", "RRP")
 ROTORS, LINKS = (0.12, 0.3, 0.05, 0.02), (0.07, 0.02, 0.11, 0.004)
-
-
-def on_arms(*short):
-    """Run a test on all arms; on others than the named ones in long runs only."""
-    marks = {name: [] if name in short or not short else [pytest.mark.long] for name in ARMS}
-    return pytest.mark.parametrize("name", [pytest.param(name, marks=m) for name, m in marks.items()])
 
 
 def states(arm, count, spread=1.0, seed=3):

@@ -1,9 +1,9 @@
-"""Torch steps of scenes from outside are the compiled ones and have gradients; chains are arms by hand."""
+"""Torch steps of scenes from outside are the compiled ones and have gradients."""
 
 import numpy as np
 import pytest
 from armature import Armature
-from arms import ADDED, ARMS, advanced, e, effects_from_outside, states, stops
+from arms import ARMS, e, effects_from_outside, states
 from payload import Payload
 
 import redundant_envs as rde
@@ -11,19 +11,12 @@ from redundant_envs.backends.torch import torch
 from redundant_envs.lane.dynamics import Dynamics
 
 CASES = {
-    **{
-        f"states of effects on {name}": (
-            rde.Scene(ARMS[name], effects_from_outside(ARMS[name])["states and links"][:2], tolerance=1e-7),
-            "z", np.linspace(-1.0, 1.0, 24).reshape(4, 6),
-        )
-        for name in ADDED
-    },
-    "inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.2))), "armature.inertias", [0.2] * 4),
-    "a load": (rde.Scene(ARMS["4R"], (e.Gravity(), Payload(0.4))), "payload.mass", 0.4),
-    "positions": (
-        rde.Scene(rde.Chain("PRP", (1.0, 0.5, 0.5), (0.4,)), (e.Gravity(),), "rk4"),
-        "q", [[0.1, 0.4, 0.2]] * 4,
+    "states of effects": (
+        rde.Scene(ARMS["3R"], effects_from_outside(ARMS["3R"])["states and links"][:2], tolerance=1e-7),
+        "z", np.linspace(-1.0, 1.0, 24).reshape(4, 6),
     ),
+    "inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.2))), "armature.inertias", [0.2] * 4),
+    "a load": (rde.Scene(ARMS["RRP"], (e.Gravity(), Payload(0.4))), "payload.mass", 0.4),
 }  # fmt: skip
 
 
@@ -35,10 +28,10 @@ def test_torch_steps_are_the_compiled_ones_and_their_gradients_those_of_differen
 
     def moved(value):
         z = {"z": value} if what == "z" else {}
-        return step(value if what == "q" else q, qd, efforts, {what: value} if "." in what else {}, **z)
+        return step(q, qd, efforts, {what: value} if "." in what else {}, **z)
 
     batch = rde.BatchSimulator(scene, 4)
-    batch.set_state(np.array(values) if what == "q" else q.numpy(), qd.numpy())
+    batch.set_state(q.numpy(), qd.numpy())
     batch._memory.write(tuple(Dynamics(scene).effect_states), values if what == "z" else batch.z)
     batch.advance(efforts.numpy())
     found = moved(value)
@@ -54,16 +47,3 @@ def test_torch_steps_are_the_compiled_ones_and_their_gradients_those_of_differen
     if what == "z":
         with pytest.raises(ValueError, match="z is missing"):
             step(q, qd, efforts)
-
-
-@pytest.mark.parametrize(("types", "hand"), [("RPRP", ARMS["RPRP"]), ("RRRR", ARMS["4R"])])
-def test_a_chain_moves_as_the_arm_written_by_hand(types, hand):
-    """Through impacts, with separate masses for each lane."""
-    effects = [e.Gravity(), e.ViscousFriction(0.1), *stops(hand, 0.7)]
-    masses, ends = {"masses": np.random.default_rng(4).uniform(0.5, 2.0, (16, 4))}, []
-    for arm in (hand, rde.Chain(types, hand.masses, hand.lengths)):
-        scene = rde.Scene(arm, effects, tolerance=1e-10)
-        batch, status = advanced(scene, *states(hand, 16), masses, intervals=10)
-        assert status.finite.all()
-        ends.append(np.concatenate([batch.q, batch.qd], axis=1))
-    assert np.abs(ends[0] - ends[1]).max() < 1e-7

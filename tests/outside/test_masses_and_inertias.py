@@ -1,12 +1,12 @@
 """Loads, rotors and links with inertia: a loaded arm is, to the bit, a heavier one."""
 
 import dataclasses
-from collections import Counter
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from armature import Armature
-from arms import ARMS, LINKS, ROTORS, advanced, e, inertias, on_arms, states, stops
+from arms import ARMS, LINKS, ROTORS, advanced, e, inertias, states, stops
 from catalogue import COPIES
 from payload import Payload
 from tether import Tether
@@ -16,7 +16,6 @@ from redundant_envs.algebra import physics
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.control.statics import static_efforts
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.model.listing import _counts
 
 LOAD = 0.7
 
@@ -46,31 +45,26 @@ def motion(scene, change=None):
 # ---- loads ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("steps", [{"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str)
-@on_arms("4R", "3R", "RRP")
-def test_a_load_moves_as_a_heavier_arm(name, steps):
-    loaded, heavy = scenes(name, **steps)
+@pytest.mark.parametrize("name", ["4R", "RRP"])
+def test_a_load_moves_as_a_heavier_arm(name):
+    loaded, heavy = scenes(name, tolerance=1e-6)
     np.testing.assert_array_equal(motion(loaded), motion(heavy))
 
 
-@on_arms("4R")
-def test_lanes_have_loads_of_their_own(name):
-    loaded, _ = scenes(name, load=0.0, integrator="rk4")
-    loads = np.linspace(0.0, 2.0, 16)
-    found = motion(loaded, {"payload.mass": loads})
-    for lane in (0, 3, 15):
-        heavy = scenes(name, load=loads[lane], integrator="rk4")[1]
+def test_lanes_have_loads_and_masses_of_their_own():
+    loads, arm = np.linspace(0.0, 2.0, 16), ARMS["4R"]
+    found = motion(scenes("4R", load=0.0, integrator="rk4")[0], {"payload.mass": loads})
+    for lane in (0, 15):
+        heavy = scenes("4R", load=loads[lane], integrator="rk4")[1]
         np.testing.assert_array_equal(found[lane], motion(heavy)[lane])
-    masses = (*ARMS[name].masses[:-1], 0.2)
-    light = dataclasses.replace(ARMS[name], masses=masses)
-    found = motion(scenes(name, load=0.3)[0], {"masses": masses})
-    again = dataclasses.replace(scenes(name, load=0.3)[1], robot=heavier(light, 0.3))
-    np.testing.assert_array_equal(found, motion(again))
+    masses = (*arm.masses[:-1], 0.2)
+    loaded, heavy = scenes("4R", load=0.3)
+    light = dataclasses.replace(heavy, robot=heavier(dataclasses.replace(arm, masses=masses), 0.3))
+    np.testing.assert_array_equal(motion(loaded, {"masses": masses}), motion(light))
 
 
-@on_arms("RRP")
-def test_energies_and_statics_know_the_load(name):
-    loaded, heavy = scenes(name)
+def test_energies_and_statics_know_the_load():
+    loaded, heavy = scenes("RRP")
     q, qd, _ = states(loaded.robot, 20)
     np.testing.assert_array_equal(kinetic_energy(loaded, q, qd), kinetic_energy(heavy, q, qd))
     np.testing.assert_array_equal(potential_energy(loaded, q), potential_energy(heavy, q))
@@ -94,28 +88,22 @@ def test_computed_torque_carries_a_load_and_turns_rotors():
     assert np.abs(actions["rotors"] - actions["bare"]).max() > 0.01
 
 
-@pytest.mark.parametrize(
-    ("env_id", "scene", "effect", "field"),
-    [
-        ("RPRPReach-v0", "rprp_reach", Payload(0.0), "payload.mass"),
-        ("FourRReach-v0", "four_r_reach", Armature(0.0), "armature.inertias"),
-    ],
-)
-def test_what_is_added_is_a_parameter_of_an_episode_and_zero_is_nothing(env_id, scene, effect, field):
-    bare = rde.load_scene(scene)
-    loaded = dataclasses.replace(bare, effects=(*bare.effects, effect))
-    envs, seen = [rde.make_sb3(env_id, num_envs=2, scene=s.to_dict()) for s in (bare, loaded)], []
-    for env in envs:
-        env.seed(3)
-        seen += [env.reset(), env.step(np.full((2, 4), 0.4, np.float32))[0]]
-    for plain, zero in zip(seen[:2], seen[2:], strict=True):
-        np.testing.assert_allclose(zero, plain, rtol=0.0, atol=0.0 if "payload" in field else 1e-6)
-    envs[1].set_options({"parameters": {field: 1.0}})
-    envs[1].seed(3)
-    np.testing.assert_array_equal(envs[1].reset(), seen[2])
-    assert np.abs(envs[1].step(np.full((2, 4), 0.4, np.float32))[0] - seen[3]).max() > 1e-3
+def test_a_load_is_a_parameter_of_an_episode_and_zero_is_nothing():
+    bare = rde.load_scene("rprp_reach")
+    loaded = dataclasses.replace(bare, effects=(*bare.effects, Payload(0.0)))
+    envs, action = (
+        [gym.make("redundant_envs/RPRPReach-v0", scene=s.to_dict()) for s in (bare, loaded)],
+        np.full(4, 0.4, np.float32),
+    )
+    seen = [(env.reset(seed=3)[0], env.step(action)[0]) for env in envs]
+    np.testing.assert_array_equal(*seen)
+    env = envs[1].unwrapped
+    np.testing.assert_array_equal(
+        env.reset(seed=3, options={"parameters": {"payload.mass": 1.0}})[0], seen[1][0]
+    )
+    assert np.abs(env.step(action)[0] - seen[1][1]).max() > 1e-3
     with pytest.raises(ValueError, match="another scene"):
-        envs[0].set_state(envs[1].get_state())
+        envs[0].unwrapped.set_state(env.get_state())
 
 
 # ---- inertias ------------------------------------------------------------------------------------------
@@ -152,15 +140,11 @@ def test_lanes_have_inertias_of_their_own_and_zero_is_none():
 
 
 def test_the_bill_counts_the_mass_matrix_for_the_effect_that_needs_it():
-    scene = rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.1)), "rk4")
-    with_rotors, without = rde.bill(scene), rde.bill(rde.Scene(ARMS["4R"], (e.Gravity(),), "rk4"))
-    assert with_rotors["armature"].divisions > 0
-    assert with_rotors["arm"].additions == without["arm"].additions
-    counted = sum((c for c in _counts(scene, False)[0].values()), Counter())
-    for kind in ("additions", "products", "divisions", "sine_pairs"):
-        assert sum(getattr(o, kind) for o in with_rotors.values()) == counted[kind]
-    assert "armature" not in without
-    assert "armature" in rde.listing(rde.Scene(ARMS["4R"], (Armature(0.1),), "rk4"))
+    without, bill = (
+        rde.bill(rde.Scene(ARMS["4R"], (e.Gravity(), *x), "rk4")) for x in ((), (Armature(0.1),))
+    )
+    assert bill["armature"].divisions > 0
+    assert bill["arm"].additions == without["arm"].additions
 
 
 # ---- arms with inertias are arms -----------------------------------------------------------------------
