@@ -1,4 +1,4 @@
-"""Effects that a scene does not name are not computed, on arms of the package and from outside."""
+"""Effects that a scene does not name are not computed."""
 
 import dataclasses
 
@@ -13,7 +13,7 @@ from redundant_envs.backends.torch import torch
 e = rde.effects
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ["4R", "RRP"])
 def test_a_scene_without_gravity_computes_nothing_of_it(name):
     """On arms that compute a sum of their forces, too: an absent effect leaves no operation."""
     arm = ARMS[name]
