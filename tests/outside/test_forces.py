@@ -1,4 +1,7 @@
-"""Forces from outside move as their laws say: at points, with states, with laws that change, and at stops."""
+"""Forces from outside move as their laws say: at points, with states, with laws that change, and at stops.
+
+Those that a scene does not name are not computed.
+"""
 
 import dataclasses
 from dataclasses import dataclass
@@ -6,13 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from actuator_lag import ActuatorLag
+from armature import Armature
 from arms import ARMS, Bumper, advanced, e, states
 from held_command import HeldCommand
+from payload import Payload
 from tether import Tether
 from two_stage_spring import TwoStageSpring, energy
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.algebra import ABSENT, exp, maximum, physics, sqrt, where
+from redundant_envs.backends.torch import torch
 from redundant_envs.control.statics import static_efforts
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
@@ -86,13 +92,6 @@ def test_static_efforts_balance_forces_at_points():
     scene = rde.Scene(ARMS["RRP"], (e.Gravity(), Tether(2, 0.3, -0.2, 60.0)), "rk8", 1e-3)
     q = states(ARMS["RRP"], 30, 2.0)[0]
     assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
-
-
-def test_a_scene_with_a_force_at_a_point_lists_it_and_counts_its_operations():
-    without, tethered = (rde.Scene(ARMS["3R"], x, "rk4") for x in ((), (Tether(3, 1.0, 1.0, 10.0),)))
-    assert "tether" not in {*rde.bill(without), *rde.listing(without).split()}
-    assert rde.bill(tethered)["tether"].products > 0
-    assert "pull_and_damping" in rde.listing(tethered)
 
 
 # ---- laws that change ----------------------------------------------------------------------------------
@@ -177,3 +176,61 @@ def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
     assert batch.q[0, 1] > 0.21
     assert Bumper().travel(arm) == {1: ("lower", "upper")}
     assert Bumper(upper=np.inf).travel(arm) == {}
+
+
+# ---- gradients -----------------------------------------------------------------------------------------
+
+LAGS = (ActuatorLag(0.04), HeldCommand())
+GRADIENTS = {
+    "z": (rde.Scene(ARMS["3R"], LAGS, tolerance=1e-7), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
+    "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.2))), [0.2] * 4),
+    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), Payload(0.4))), 0.4),
+}
+
+
+@pytest.mark.parametrize("what", GRADIENTS)
+def test_torch_steps_have_the_gradients_of_differences(what):
+    scene, values = GRADIENTS[what]
+    start, step = [torch.tensor(x) for x in states(scene.robot, 4)], rde.torch_step(scene)
+
+    def moved(value):
+        return (step(*start, z=value) if what == "z" else step(*start, {what: value}))[1].sum()
+
+    value = torch.tensor(values, dtype=torch.float64, requires_grad=True)
+    moved(value).backward()
+    shift = torch.zeros_like(value)
+    shift.view(-1)[-1] = 1e-5
+    with torch.no_grad():
+        slope = (moved(value + shift) - moved(value - shift)) / 2e-5
+    assert float(value.grad.view(-1)[-1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
+    assert abs(slope) > 1e-4
+    if what == "z":
+        with pytest.raises(ValueError, match="z is missing"):
+            step(*start)
+
+
+# ---- absent effects ------------------------------------------------------------------------------------
+
+
+def test_a_scene_without_gravity_computes_nothing_of_it():
+    """On an arm that computes a sum of its forces, too: an absent effect leaves no operation."""
+    without = rde.Scene(ARMS["RRP"], (), "rk4")
+    bill, more = rde.bill(without), rde.bill(rde.Scene(ARMS["RRP"], (e.Gravity(),), "rk4"))
+    assert "gravity" not in rde.listing(without)
+    assert "gravity" not in bill
+    assert more["arm"] == bill["arm"]
+    assert more["gravity"].products >= 16
+
+
+@pytest.mark.parametrize(
+    "x", [3.0, np.array([3.0, -1.0]), np.float64(3.0), torch.tensor([3.0, -1.0], dtype=torch.float64)]
+)
+def test_a_number_that_is_not_there_leaves_sums_as_they_are(x):
+    for found in (x + ABSENT, ABSENT + x, x - ABSENT, x - 2.0 * ABSENT, x + ABSENT * x, x - x * ABSENT / 3.0):
+        assert found is x
+    assert all(np.ravel(np.asarray((ABSENT - x) == -x)))
+    assert abs(-ABSENT) ** 2 + ABSENT is ABSENT
+    assert np.ravel(np.asarray(maximum(x, ABSENT)))[0] == 3.0
+    assert float(np.ravel(np.asarray(where(x > ABSENT, ABSENT, x)))[0]) == 0.0
+    assert not np.any(np.asarray(x == ABSENT))
+    assert (-ABSENT, sqrt(ABSENT), exp(ABSENT), float(ABSENT)) == (ABSENT, 0.0, 1.0, 0.0)

@@ -431,11 +431,6 @@ def test_shapes_and_times_of_a_simulation(q, qd, times, said):
     refused(said, rde.simulate, rde.Scene(FOUR_R, ()), q, qd, times)
 
 
-def test_a_slider_at_the_base_is_drawn():
-    still = rde.simulate(rde.Scene(rde.Chain("P", (1.0,))), [0.0], [0.0], [0.0, 0.1])
-    assert rde.animate(still).frame(0).shape == (480, 480, 3)
-
-
 # ---- tasks ---------------------------------------------------------------------------------------------
 
 

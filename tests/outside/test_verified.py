@@ -13,7 +13,7 @@ import rrp
 import three_r
 from actuator_lag import ActuatorLag, LagChain
 from armature import Armature, LinkInertia
-from arms import ARMS, STEPS, e, effects_from_outside, inertias, stops
+from arms import ARMS, STEPS, e, effects_from_outside, stops
 from catalogue import assert_same_bits, motion, started
 from held_command import HeldCommand
 from humming_stop import HummingStop
@@ -309,23 +309,13 @@ ALL_EFFECTS = *EQUATIONS, conservation.energy_book, conservation.momentum, impac
 ROTORS = Armature((9.0, 9.0, 0.2)), LinkInertia((0.1,))
 SUBJECTS = {  # the checks that apply, if they are told
     "all effects": (rde.Scene(ARMS["RRP"], FULL, "rk4"), {c.name for c in ALL_EFFECTS} - {"Coriolis matrix"}),
-    "link inertia": (LinkInertia((0.1, 0.05)), ()),
     "inertias of a cart": (rde.Scene(chain("PPR"), (*GRAVITY, *ROTORS)), ("momentum", "angular momentum")),
-    "inertias without weight": (rde.Scene(ARMS["4R"], inertias(ARMS["4R"]), "dop853"), ("momentum",)),
-    "stops that are elastic": (
-        rde.Scene(ARMS["RPRP"], (*GRAVITY, *inertias(ARMS["RPRP"]), *stops(ARMS["RPRP"], 1.0))),
-        ("impacts: energy",),
-    ),
     "one joint": (chain("R"), ("momentum", "scaling of masses")),
     "parallel": (Parallel((1.0, 2.0), (0.3, 0.4)), ()),
-    "ten joints": (chain("R" * 10), ("momentum", "scaling of masses")),
 }
-LONG = "link inertia", "inertias without weight", "stops that are elastic", "ten joints"
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in SUBJECTS]
-)
+@pytest.mark.parametrize("name", SUBJECTS)
 def test_what_is_right_is_verified(name):
     thing, apply = SUBJECTS[name]
     found = verify(thing, 64)
