@@ -15,12 +15,7 @@ from rrp import RRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.lane.common_step import others_error
-from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
-from redundant_envs.numerics.methods import Step
 from redundant_envs.scene import Scene
 from redundant_envs.studies.interval_families import kinked
 from redundant_envs.studies.intervals import judge_family
@@ -67,15 +62,6 @@ CASES = {  # scene, q, qd, efforts
         [-2.551933086859295, 1.5218598099777925, -1.7725500606304223, -0.14427764567725393],
         [-0.8181701621317538, -1.3800113817173059, 1.08283535154945, -13.495148901159393],
         [-0.6577393873611658, -0.44021367649451865, 0.6749627987207422, 0.20294622279491042],
-    ),
-    "a slider carries the tip by its joint": (
-        Scene(
-            RRP((0.01208740184524503, 0.08005877789840588, 0.027690692772503207), (0.3, 0.2)),
-            (e.Gravity(),), tolerance=1e-9,
-        ),
-        [-1.314285601434418, -2.4955923937554934, -0.2120306213350545],
-        [-0.31285751907604287, -0.17752224895112736, 1.8289170023427135],
-        [1.2746265196012447, 0.2728142142805186, 0.7103495210468126],
     ),
     "the tip is at both ends equally far from the joint": (
         Scene(
@@ -149,35 +135,6 @@ def test_the_tolerance_is_kept_behind_a_row_of_lags():
     rng, n = np.random.default_rng(0), 1000
     off = errors(scene, rng.uniform(-3.0, 3.0, (n, 4)), np.zeros((n, 4)), rng.normal(0.0, 3.0, (n, 4)))
     assert off.max() < 1.0
-
-
-def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_estimates():
-    scene = Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), (LagChain(0.01, 2),), tolerance=1e-6)
-    dynamics, rng = Dynamics(scene), np.random.default_rng(0)
-    fields = dict.fromkeys(dynamics.states, 0.5) | fields_of(dynamics)
-    lane = Lane(Interval(dynamics).layout(), lambda name: fields.get(name, 0.0))
-    six, five, three, after = (rng.uniform(0.1, 1.0, len(dynamics.states)) for _ in range(4))
-    n, h = dynamics.count, 0.02
-
-    def moved(errors, steps):
-        step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], list(zip(errors, steps, strict=True)))
-        return others_error(dynamics, lane, step, h)
-
-    errors = np.array([six, five, three])
-    # The blend of the second and third estimate is the larger one, then that of the first and second.
-    for steps, unused in (((1e-4, 1e-3, 1e-2), 0), ((1e-2, 1e-3, 1e-2), 2)):
-        steps = np.array(steps)
-        expected = moved(errors, steps)
-        assert expected > 0.0
-        for factor in (1e-9, 3.0, 1e6):
-            assert moved(factor * errors, steps) == pytest.approx(factor * expected)
-            assert moved(errors, factor * steps) == pytest.approx(factor * expected)
-            for k in range(3):
-                scale = np.where(np.arange(3) == k, factor, 1.0)
-                assert moved(scale[:, None] * errors, steps / scale) == pytest.approx(expected)
-        for k in range(3):
-            more = moved(errors, np.where(np.arange(3) == k, 1.1, 1.0) * steps)
-            assert (more == expected) == (k == unused)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])

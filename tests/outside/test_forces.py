@@ -4,7 +4,6 @@ Those that a scene does not name are not computed.
 """
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -50,35 +49,23 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-@physics
-def backwards(x, y, post_x, post_y, stiffness):
-    return stiffness * (x - post_x), stiffness * (y - post_y)
-
-
-@physics
-def doubled(position, lower, upper, side, soft, harder):
-    return 2.0 * energy(position, lower, upper, side, soft, harder)
-
-
 def test_wrong_potentials_are_found():
     tether, knees = Tether(2, 0.1, -0.4, 80.0), TwoStageSpring(3, -0.1, 0.05, 20.0, 4e3)
+    backwards = physics(
+        lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
+    )
+    doubled = physics(
+        lambda position, lower, upper, side, soft, harder: (
+            2.0 * energy(position, lower, upper, side, soft, harder)
+        )
+    )
     for right, change in ((tether, {"conservative": backwards}), (knees, {"potential": doubled})):
-        wrong = rde.Scene(ARMS["RPRP"], (e.Gravity(), changed(right, **change)), "rk8", 0.01)
-        (miss,) = verify(wrong, 64, checks=[forces.potentials]).misses
+        hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], **change)
+        body = {"hooks": lambda self, arm, hook=hook: (hook,), "key": "wrong"}
+        wrong = type("Wrong", (type(right),), body)(**vars(right))
+        (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
         assert "wrong: at" in miss
         assert "derivative of the potential" in miss
-
-
-def changed(effect, **change):
-    """An effect with the key "wrong" whose only hook is changed."""
-    kind = type(effect)
-
-    def hooks(self, arm):
-        (hook,) = kind.hooks(self, arm)
-        return (dataclasses.replace(hook, **change),)
-
-    wrong = dataclass(frozen=True)(type("Wrong", (kind,), {"hooks": hooks, "key": "wrong"}))
-    return wrong(**{f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)})
 
 
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():

@@ -150,24 +150,9 @@ def test_the_bill_counts_the_mass_matrix_for_the_effect_that_needs_it():
 # ---- arms with inertias are arms -----------------------------------------------------------------------
 
 
-@physics(gives="x1 y1")
-def bob(l1, s1, c1):
-    return l1 * c1, l1 * s1
-
-
-@physics(gives="M11")
-def of_bob(m1, l1):
-    return m1 * l1 * l1
-
-
-@physics(gives="G1")
-def weight(M11, l1, s1, c1, ax, ay, more):
-    return M11 / l1 * (ay * c1 - ax * s1) + more
-
-
-@physics(gives="T")
-def energy(M11, w):
-    return 0.5 * M11 * w * w
+bob = physics(gives="x1 y1")(lambda l1, s1, c1: (l1 * c1, l1 * s1))
+weight = physics(gives="G1")(lambda M11, l1, s1, c1, ax, ay, more: M11 / l1 * (ay * c1 - ax * s1) + more)
+energy = physics(gives="T")(lambda M11, w1: 0.5 * M11 * w1 * w1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,10 +161,8 @@ class Pendulum(rde.Arm):
 
     more: float
 
-    num_masses = num_lengths = 1
-    coordinates, rates, joints, prismatic = ("theta",), ("w",), ("hinge",), (False,)
-    sincos = {"theta": ("s1", "c1")}
-    functions = (bob, of_bob, weight, energy)
+    joint_types = "R"
+    functions = (bob, weight, energy)
 
     def parameter_values(self):
         return {**super().parameter_values(), "more": self.more}

@@ -327,13 +327,15 @@ def test_what_is_right_is_verified(name):
 
 
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-6}, {"integrator": "rk8"}, {"integrator": "dop853"}])
-def test_an_arm_of_sliders_alone_falls_along_them(steps):
+def test_an_arm_of_sliders_alone_falls_along_them_and_is_drawn(steps):
     arm = rde.Chain("PP", masses=(1.0, 0.5))
     scene = rde.Scene(arm, (e.Gravity(9.81, (1.0, 0.0)),), control_dt=0.1, **steps)
     batch = rde.BatchSimulator(scene, 2)
     assert not batch.advance(np.zeros((2, 2))).numerics.any()
     # The first mass falls freely, and the second beside it.
     np.testing.assert_allclose(batch.q, [[0.5 * 9.81 * 0.1**2, 0.0]] * 2, rtol=0.0, atol=1e-13)
+    still = rde.simulate(scene, np.zeros(2), np.zeros(2), [0.0, 0.1])
+    assert rde.animate(still).frame(0).shape == (480, 480, 3)
 
 
 # ---- no false alarms: many arms, effects and scenes, in states of three seeds --------------------------
