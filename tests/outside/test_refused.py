@@ -19,17 +19,7 @@ import redundant_envs as rde
 import redundant_envs.robots
 from redundant_envs.algebra import physics
 from redundant_envs.backends.torch import torch
-from redundant_envs.effects import (
-    Effect,
-    Field,
-    Force,
-    Gap,
-    Inertia,
-    Point,
-    PointMass,
-    Sensing,
-    State,
-)
+from redundant_envs.effects import Effect, Force, Point, State
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import IDS
@@ -255,14 +245,14 @@ def added(hook, number=0.1):
 
 
 def rotors(self, arm):
-    return tuple(Inertia((k,), f".k[{k}]") for k in range(len(arm.joints)))
+    return tuple(e.Inertia((k,), f".k[{k}]") for k in range(len(arm.joints)))
 
 
 def inertia_of(*joints):
-    return added(Inertia(joints, ".number"))
+    return added(e.Inertia(joints, ".number"))
 
 
-TURNED, LIGHTER = Inertia((0,), ".number"), PointMass(Point(1), ".number")
+TURNED, LIGHTER = e.Inertia((0,), ".number"), e.PointMass(Point(1), ".number")
 BELOW = "the first must be below the second"
 
 
@@ -295,7 +285,7 @@ BELOW = "the first must be below the second"
             "travel gives 'top', which is not a number of this effect; it has a, b",
         ),
         # fields and forces
-        (effect_of(Field(upwards)), r"depends on phid1; a uniform field .* parameters alone"),
+        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* parameters alone"),
         (
             effect_of(Force(0, nothing, {"phid_1": "phid2"})),
             "bind has 'phid_1', which no function here takes; they take phi1",
@@ -315,15 +305,15 @@ BELOW = "the first must be below the second"
         (TwoStageSpring(1, 0.3, 0.1, 20.0, 2e3), BELOW),
         (TwoStageSpring(1, 0.1, 0.1, 20.0, 2e3), BELOW),
         # masses and inertias
-        (added(Inertia(1, ".number")), "joints is 1; give a tuple"),
+        (added(e.Inertia(1, ".number")), "joints is 1; give a tuple"),
         (inertia_of(), r"joints is \(\); give a tuple"),
         (inertia_of(1, 1), "each once"),
         (inertia_of(7), "joint is 7; give 0 to 3"),
         (inertia_of(0, 1), "which turn and slide"),
-        (added(Inertia((0,), "number")), "'number' is not a number of this effect; it has .number"),
+        (added(e.Inertia((0,), "number")), "'number' is not a number of this effect; it has .number"),
         (added(TURNED, -0.5), r"mine.number is -0.5; give 0 to 45000 kg m\^2, a million times"),
-        (added(PointMass(3, ".number")), "Point is 3"),
-        (added(PointMass(Point(0), ".weight")), "'.weight' is not a number of .*; it has .number"),
+        (added(e.PointMass(3, ".number")), "Point is 3"),
+        (added(e.PointMass(Point(0), ".weight")), "'.weight' is not a number of .*; it has .number"),
         (added(LIGHTER, -2.0), "masses with what effects add.*-0.5"),
         # stops and walls
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
@@ -332,17 +322,17 @@ BELOW = "the first must be below the second"
         (Bumper(restitution=1.5), r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
         (Bumper(restitution=-0.1), r"Bumper\).restitution is -0.1; it must lie in 0 to 1"),
         (Bumper(lower=0.3), f"travel is .lower to .upper, which are 0.3 and 0.2; {BELOW}"),
-        (effect_of(Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),
-        (effect_of(Gap(of_place, ".a", {"place": ".b"}), numbers=AB), "a gap must move"),
+        (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),
+        (effect_of(e.Gap(of_place, ".a", {"place": ".b"}), numbers=AB), "a gap must move"),
         # sensors
-        (effect_of(Sensing(9, nothing)), r"joint is 9; give 0 to 3"),
-        (effect_of(Sensing(0, of_command)), r"depends on command1; a sensor may use the motion"),
-        (effect_of(Sensing(0, upwards)), r"returns 2 values; a Sensing needs 1"),
+        (effect_of(e.Sensing(9, nothing)), r"joint is 9; give 0 to 3"),
+        (effect_of(e.Sensing(0, of_command)), r"depends on command1; a sensor may use the motion"),
+        (effect_of(e.Sensing(0, upwards)), r"returns 2 values; a Sensing needs 1"),
         (
-            effect_of(Sensing(0, nothing, {}, "position")),
+            effect_of(e.Sensing(0, nothing, {}, "position")),
             r"reading is 'position'; choose Reading.POSITION, Reading.RATE",
         ),
-        (effect_of(Sensing(0, nothing, {"phi1": ".bias"})), r"'.bias' is not a number of this effect"),
+        (effect_of(e.Sensing(0, nothing, {"phi1": ".bias"})), r"'.bias' is not a number of this effect"),
     ],
 )
 def test_an_effect_that_contradicts_itself(effects, said):
