@@ -8,8 +8,7 @@ import redundant_envs as rde
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import BoundedCoordinate
 from redundant_envs.events.contacts import Happening
-from redundant_envs.events.crossings import Crossing
-from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.crossings import Crossing, Encounter, first_event
 from redundant_envs.events.search import (
     Search,
     Trial,
