@@ -18,8 +18,7 @@ from gymnasium.error import DependencyNotInstalled
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-<<<<<<< HEAD
-from redundant_envs.envs.animation import energies_figure, save_figures, stated_limits, total_figure
+from redundant_envs.envs.animation import energies_figure, stated_limits, total_figure
 from redundant_envs.envs.rendering import (
     BARS,
     GLYPHS,
@@ -31,11 +30,6 @@ from redundant_envs.envs.rendering import (
     cover,
     from_segment,
 )
-=======
-from redundant_envs.envs.animation import energies_figure, stated_limits, total_figure
-from redundant_envs.envs.lettering import GLYPHS, cover, from_segment
-from redundant_envs.envs.rendering import BARS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window
->>>>>>> work-env3
 from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 

@@ -13,7 +13,7 @@ from gymnasium.wrappers import FlattenObservation, TransformReward
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
-from redundant_envs.envs.episode_keys import AHEAD
+from redundant_envs.envs.core import AHEAD
 
 ACTION = np.full(4, 0.5, np.float32)
 

@@ -1,9 +1,10 @@
 """The arms of these tests: two of the package, and two from outside; their states, and scenes on them."""
 
+from dataclasses import dataclass
+
 import actuator_lag
 import held_command
 import numpy as np
-import pytest
 import rrp
 import three_r
 from armature import Armature, LinkInertia
@@ -21,14 +22,7 @@ ARMS = {
     "3R": three_r.ThreeR(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5, 0.4)),
     "RRP": rrp.RRP(masses=(2.0, 1.5, 1.0), lengths=(0.3, 0.5)),
 }
-ADDED = ("3R", "RRP")
 ROTORS, LINKS = (0.12, 0.3, 0.05, 0.02), (0.07, 0.02, 0.11, 0.004)
-
-
-def on_arms(*short):
-    """Run a test on all arms; on others than the named ones in long runs only."""
-    marks = {name: [] if name in short or not short else [pytest.mark.long] for name in ARMS}
-    return pytest.mark.parametrize("name", [pytest.param(name, marks=m) for name, m in marks.items()])
 
 
 def states(arm, count, spread=1.0, seed=3):
@@ -61,6 +55,25 @@ def effects_from_outside(arm):
         "a law that changes": (TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3),),
         "sensors": (SensorBias(0.01, 0.02),),
     }
+
+
+@dataclass(frozen=True)
+class Bumper(e.Effect):
+    """Stops of one slider with its own restitution."""
+
+    joint: int = 1
+    upper: float = 0.2
+    lower: float = 0.0
+    restitution: float = 0.0
+
+    static = ("joint",)
+
+    @property
+    def key(self):
+        return f"bumper{self.joint}"
+
+    def hooks(self, arm):
+        return (e.Impact(self.joint, ".lower", ".upper", ".restitution"),)
 
 
 STEPS = {

@@ -14,24 +14,10 @@ def push_back(position, lower, upper, side, stiffness, hum):
     return -stiffness * (1.0 + 0.5 * hum) * beyond_knee(position, lower, upper, side)
 
 
-@physics
-def slope(change, frequency):
-    return frequency * change
-
-
-@physics
-def curvature(hum, frequency):
-    return -frequency * hum
-
-
-@physics
-def rate(frequency):
-    return frequency
-
-
-@physics
-def stiffest(stiffness):
-    return 1.5 * stiffness
+slope = physics(lambda change, frequency: frequency * change)
+curvature = physics(lambda hum, frequency: -frequency * hum)
+fastest = physics(lambda frequency: frequency)
+stiffest = physics(lambda stiffness: 1.5 * stiffness)
 
 
 @dataclass(frozen=True)
@@ -49,17 +35,13 @@ class HummingStop(Effect):
 
     def hooks(self, arm):
         own = {name: f".{name}" for name in ("lower", "upper", "stiffness", "hum")}
-        hum = State(
-            "hum", "1", slope, bind={"change": ".change", "frequency": ".frequency"}, initial=1.0, rate=rate
+        with_hum, with_change = ({x: f".{x}", "frequency": ".frequency"} for x in ("hum", "change"))
+        states = (
+            State("hum", "1", slope, bind=with_change, initial=1.0, rate=fastest),
+            State("change", "1", curvature, bind=with_hum, rate=fastest),
         )
-        change = State("change", "1", curvature, bind={"hum": ".hum", "frequency": ".frequency"}, rate=rate)
-        bind = {"position": f"phi{self.joint + 1}", **own}
-        switch = (".lower", ".upper")
-        return (
-            Force(
-                self.joint, push_back, bind, stiffness=stiffest, switch=switch, states=(hum, change),
-            ),
-        )  # fmt: skip
+        bind, switch = {"position": f"phi{self.joint + 1}", **own}, (".lower", ".upper")
+        return (Force(self.joint, push_back, bind, stiffness=stiffest, switch=switch, states=states),)
 
 
 rde.register_effect(HummingStop)

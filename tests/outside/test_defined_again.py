@@ -6,7 +6,6 @@ import pickle
 import sys
 import types
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -87,22 +86,6 @@ def test_a_pickle_of_other_equations_is_refused(gain, states):
     batch.advance()
     again.advance()
     np.testing.assert_array_equal(batch.qd, again.qd)
-
-
-def test_a_copy_of_an_environment_goes_on_as_it_was_when_its_effect_is_defined_again():
-    scene = rde.load_scene("four_r_reach")
-    rde.register_effect(define(1.0))
-    try:
-        data = scene.to_dict()
-        data["effects"].append({"type": "Drag", "k": 1.0})
-        env = gym.make("redundant_envs/FourRReach-v0", scene=data).unwrapped
-        env.reset(seed=0)
-        define(20.0)
-        other = copy.deepcopy(env)
-        action = np.full(4, 0.3, np.float32)
-        np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
-    finally:
-        rde.effects.REGISTRY.pop("Drag")
 
 
 def test_classes_without_a_module_are_traced_anew():

@@ -1,19 +1,23 @@
-"""Forces from outside move as their laws say: at points, with states, with laws that change, and at stops."""
+"""Forces from outside move as their laws say: at points, with states, with laws that change, and at stops.
+
+Those that a scene does not name are not computed.
+"""
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from actuator_lag import ActuatorLag
-from arms import ARMS, advanced, e, states
-from bumper import Bumper
+from armature import Armature
+from arms import ARMS, Bumper, advanced, e, states
 from held_command import HeldCommand
+from payload import Payload
 from tether import Tether
 from two_stage_spring import TwoStageSpring, energy
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.algebra import ABSENT, exp, maximum, physics, sqrt, where
+from redundant_envs.backends.torch import torch
 from redundant_envs.control.holding import static_efforts
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
@@ -25,9 +29,9 @@ AT_POINTS = [(name, k + 1) for name, arm in ARMS.items() for k in range(arm.num_
 # ---- at points -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("actuation", ["joint", "generalized"])
 @pytest.mark.parametrize(("name", "k"), AT_POINTS)
-def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k, actuation):
+def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
+    actuation = ("joint", "generalized")[k % 2]
     arm, tether = ARMS[name], Tether(k, 0.3, -0.2, 50.0, 2.0)
     q, qd, efforts = states(arm, 30, 2.0)
     dynamics = Dynamics(rde.Scene(arm, (e.Gravity(9.81), tether), "rk4", actuation=actuation))
@@ -45,35 +49,23 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k, actuation)
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-@physics
-def backwards(x, y, post_x, post_y, stiffness):
-    return stiffness * (x - post_x), stiffness * (y - post_y)
-
-
-@physics
-def doubled(position, lower, upper, side, soft, harder):
-    return 2.0 * energy(position, lower, upper, side, soft, harder)
-
-
 def test_wrong_potentials_are_found():
     tether, knees = Tether(2, 0.1, -0.4, 80.0), TwoStageSpring(3, -0.1, 0.05, 20.0, 4e3)
+    backwards = physics(
+        lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
+    )
+    doubled = physics(
+        lambda position, lower, upper, side, soft, harder: (
+            2.0 * energy(position, lower, upper, side, soft, harder)
+        )
+    )
     for right, change in ((tether, {"conservative": backwards}), (knees, {"potential": doubled})):
-        wrong = rde.Scene(ARMS["RPRP"], (e.Gravity(), changed(right, **change)), "rk8", 0.01)
-        (miss,) = verify(wrong, 64, checks=[forces.potentials]).misses
+        hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], **change)
+        body = {"hooks": lambda self, arm, hook=hook: (hook,), "key": "wrong"}
+        wrong = type("Wrong", (type(right),), body)(**vars(right))
+        (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
         assert "wrong: at" in miss
         assert "derivative of the potential" in miss
-
-
-def changed(effect, **change):
-    """An effect with the key "wrong" whose only hook is changed."""
-    kind = type(effect)
-
-    def hooks(self, arm):
-        (hook,) = kind.hooks(self, arm)
-        return (dataclasses.replace(hook, **change),)
-
-    wrong = dataclass(frozen=True)(type("Wrong", (kind,), {"hooks": hooks, "key": "wrong"}))
-    return wrong(**{f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)})
 
 
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
@@ -83,55 +75,29 @@ def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
     assert verify(scene, 64, checks=[accuracy.tolerance_kept, accuracy.flagged]).misses == ()
 
 
-@pytest.mark.parametrize("name", ARMS)
-def test_static_efforts_balance_forces_at_points(name):
-    scene = rde.Scene(ARMS[name], (e.Gravity(), Tether(2, 0.3, -0.2, 60.0)), "rk8", 1e-3)
-    q = states(ARMS[name], 30, 2.0)[0]
+def test_static_efforts_balance_forces_at_points():
+    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), Tether(2, 0.3, -0.2, 60.0)), "rk8", 1e-3)
+    q = states(ARMS["RRP"], 30, 2.0)[0]
     assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
-
-
-def test_a_scene_with_a_force_at_a_point_lists_it_and_counts_its_operations():
-    scene = rde.load_scene("rprp_reach")
-    tethered = dataclasses.replace(scene, effects=(*scene.effects, Tether(4, 1.0, 1.0, 10.0)))
-    assert "tether" not in {*rde.bill(scene), *rde.listing(scene).split()}
-    assert rde.bill(tethered)["tether"].products > 0
-    assert "pull_and_damping" in rde.listing(tethered)
 
 
 # ---- laws that change ----------------------------------------------------------------------------------
 
 
-def near_knees(arm):
+@pytest.mark.parametrize("name", ["3R", "RPRP"])
+def test_the_tolerance_of_a_law_that_changes_is_kept(name):
+    arm = ARMS[name]
     rng, shape = np.random.default_rng(3), (24, len(arm.joints))
     inverse = np.linalg.inv(arm.motor_map)
     joints, rates = rng.uniform(-0.2, 0.2, shape), rng.normal(0.0, 2.0, shape)
-    return joints @ inverse, rates @ inverse, rng.normal(0.0, 3.0, shape)
-
-
-@pytest.mark.parametrize("name", ARMS)
-def test_the_tolerance_of_a_law_that_changes_is_kept(name):
-    arm = ARMS[name]
+    start = joints @ inverse, rates @ inverse, rng.normal(0.0, 3.0, shape)
     scene = rde.Scene(arm, (e.Gravity(), TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3)))
-    found, status = advanced(dataclasses.replace(scene, tolerance=1e-8), *near_knees(arm))
-    fine, _ = advanced(dataclasses.replace(scene, integrator="rk4", substeps=20000), *near_knees(arm))
+    found, status = advanced(dataclasses.replace(scene, tolerance=1e-8), *start)
+    fine, _ = advanced(dataclasses.replace(scene, integrator="rk4", substeps=20000), *start)
     off = np.linalg.norm(arm.forward_kinematics(found.q) - arm.forward_kinematics(fine.q), axis=1)
     assert off.max() <= 1e-8
     assert (status.numerics == 0).all()
     assert status.evaluations.mean() <= 400
-
-
-@pytest.mark.parametrize(("lower", "upper"), [(0.3, 0.1), (0.1, 0.1)])
-def test_positions_of_a_switch_in_the_wrong_order_are_refused_of_a_scene_and_a_lane(lower, upper):
-    said = "the first must be below the second"
-    with pytest.raises(ValueError, match=said):
-        rde.Scene(ARMS["RPRP"], (TwoStageSpring(1, lower, upper, 20.0, 2e3),))
-    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], (TwoStageSpring(1, 0.1, 0.2, 20.0, 2e3),)), 3)
-    before = batch.save()["parameters"]
-    change = {"two_stage_spring.lower": [0.0, lower], "two_stage_spring.upper": upper}
-    with pytest.raises(ValueError, match=said):
-        batch.set_parameters(change, [0, 2])
-    np.testing.assert_array_equal(batch.save()["parameters"], before)
-    batch.set_parameters({"two_stage_spring.lower": 0.15}, [2])
 
 
 # ---- states --------------------------------------------------------------------------------------------
@@ -178,17 +144,15 @@ def test_states_of_effects_begin_anew_where_a_state_is_set():
     batch, _ = advanced(scene, *np.zeros((2, 9, 3)), np.ones((9, 3)), intervals=2)
     before = batch.z
     batch.set_state(np.zeros((1, 3)), np.zeros((1, 3)), index=[4])
-    assert not batch.z[4].any()
-    assert np.array_equal(np.delete(batch.z, 4, 0), np.delete(before, 4, 0))
+    assert np.array_equal(batch.z, np.where(np.arange(9)[:, None] == 4, 0.0, before))
 
 
 # ---- stops ---------------------------------------------------------------------------------------------
 
-SLIDERS = rde.RPRP((1.0,) * 4, (0.3, 0.3))
-
 
 def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
-    batch = rde.BatchSimulator(rde.Scene(SLIDERS, (Bumper(),), tolerance=1e-8))
+    arm = ARMS["RPRP"]
+    batch = rde.BatchSimulator(rde.Scene(arm, (Bumper(),), tolerance=1e-8))
     batch.set_state([0.0, 0.1, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0])
     for _ in range(20):
         batch.advance([0.0, 30.0, 0.0, 0.0])
@@ -197,23 +161,63 @@ def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
     for _ in range(3):
         batch.advance([0.0, 30.0, 0.0, 0.0])
     assert batch.q[0, 1] > 0.21
-    assert Bumper().travel(SLIDERS) == {1: ("lower", "upper")}
-    assert Bumper(upper=np.inf).travel(SLIDERS) == {}
+    assert Bumper().travel(arm) == {1: ("lower", "upper")}
+    assert Bumper(upper=np.inf).travel(arm) == {}
+
+
+# ---- gradients -----------------------------------------------------------------------------------------
+
+LAGS = (ActuatorLag(0.04), HeldCommand())
+GRADIENTS = {
+    "z": (rde.Scene(ARMS["3R"], LAGS, tolerance=1e-7), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
+    "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.2))), [0.2] * 4),
+    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), Payload(0.4))), 0.4),
+}
+
+
+@pytest.mark.parametrize("what", GRADIENTS)
+def test_torch_steps_have_the_gradients_of_differences(what):
+    scene, values = GRADIENTS[what]
+    start, step = [torch.tensor(x) for x in states(scene.robot, 4)], rde.torch_step(scene)
+
+    def moved(value):
+        return (step(*start, z=value) if what == "z" else step(*start, {what: value}))[1].sum()
+
+    value = torch.tensor(values, dtype=torch.float64, requires_grad=True)
+    moved(value).backward()
+    shift = torch.zeros_like(value)
+    shift.view(-1)[-1] = 1e-5
+    with torch.no_grad():
+        slope = (moved(value + shift) - moved(value - shift)) / 2e-5
+    assert float(value.grad.view(-1)[-1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
+    assert abs(slope) > 1e-4
+    if what == "z":
+        with pytest.raises(ValueError, match="z is missing"):
+            step(*start)
+
+
+# ---- absent effects ------------------------------------------------------------------------------------
+
+
+def test_a_scene_without_gravity_computes_nothing_of_it():
+    """On an arm that computes a sum of its forces, too: an absent effect leaves no operation."""
+    without = rde.Scene(ARMS["RRP"], (), "rk4")
+    bill, more = rde.bill(without), rde.bill(rde.Scene(ARMS["RRP"], (e.Gravity(),), "rk4"))
+    assert "gravity" not in rde.listing(without)
+    assert "gravity" not in bill
+    assert more["arm"] == bill["arm"]
+    assert more["gravity"].products >= 16
 
 
 @pytest.mark.parametrize(
-    ("numbers", "said"),
-    [
-        ({"restitution": 1.5}, r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
-        ({"restitution": -0.1}, r"Bumper\).restitution is -0.1; it must lie in 0 to 1"),
-        ({"lower": 0.3}, r"travel is .lower to .upper, which are 0.3 and 0.2; the first must be below"),
-    ],
+    "x", [3.0, np.array([3.0, -1.0]), np.float64(3.0), torch.tensor([3.0, -1.0], dtype=torch.float64)]
 )
-def test_impacts_that_cannot_be_are_refused_of_a_scene_and_of_a_lane(numbers, said):
-    with pytest.raises(ValueError, match=said):
-        rde.Scene(SLIDERS, (Bumper(**numbers),))
-    batch = rde.BatchSimulator(rde.Scene(SLIDERS, (Bumper(),)), 3)
-    before = batch.save()["parameters"]
-    with pytest.raises(ValueError, match=said.replace(r"Bumper\)", "bumper1")):
-        batch.set_parameters({f"bumper1.{name}": value for name, value in numbers.items()}, [1])
-    np.testing.assert_array_equal(batch.save()["parameters"], before)
+def test_a_number_that_is_not_there_leaves_sums_as_they_are(x):
+    for found in (x + ABSENT, ABSENT + x, x - ABSENT, x - 2.0 * ABSENT, x + ABSENT * x, x - x * ABSENT / 3.0):
+        assert found is x
+    assert all(np.ravel(np.asarray((ABSENT - x) == -x)))
+    assert abs(-ABSENT) ** 2 + ABSENT is ABSENT
+    assert np.ravel(np.asarray(maximum(x, ABSENT)))[0] == 3.0
+    assert float(np.ravel(np.asarray(where(x > ABSENT, ABSENT, x)))[0]) == 0.0
+    assert not np.any(np.asarray(x == ABSENT))
+    assert (-ABSENT, sqrt(ABSENT), exp(ABSENT), float(ABSENT)) == (ABSENT, 0.0, 1.0, 0.0)
