@@ -62,11 +62,3 @@ def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour
     assert status.numerics.tolist() == [rde.Numerics.NO_STEP_FOUND | rde.Numerics.TOLERANCE_NOT_REACHED, 0]
     np.testing.assert_array_equal(np.c_[batch.q, batch.qd][0], before[0])
     assert (batch.q[1] != before[1, :4]).any()
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "said"), [({"substeps": 3}, "substeps is 3"), ({"tolerance": 1e-6}, "tolerance is 1e-06")]
-)
-def test_substeps_and_tolerance_are_not_for_it(kwargs, said):
-    with pytest.raises(ValueError, match=said):
-        rde.Scene(rde.FourR((1,) * 4, (1,) * 4), integrator="dop853", **kwargs)

@@ -1,7 +1,6 @@
-"""Motions that are known without the package: closed forms, conserved quantities, symmetries, bounces.
+"""Motions that are known without the package: closed forms, mirrors and bounces.
 
-Others are elsewhere: O5 is hard case 10, and O9, O12, O13, O16 (MuJoCo, random efforts of all motors) and O17
-are checks of ``verify``.
+Hard cases have more (10, 13, 20, 25), and ``verify`` checks energy, momentum, units and MuJoCo's motions.
 """
 
 import math
@@ -74,11 +73,8 @@ def largest(difference, scale=1.0):
 
 # ---- frequencies and motions that have closed forms ----------------------------------------------------
 
-TINY = 1e-12
-"""Mass that represents an absent one: the least that a chain with a mass of 1 kg may have."""
 
-
-def test_o01_hanging_arm_has_laguerre_frequencies():
+def test_hanging_arm_has_laguerre_frequencies():
     """4R, equal masses and lengths: omega_k^2 = (g/l) x_k with x_k the zeros of Laguerre's L_4.
 
     A second of compiled motion in each mode, in units of its amplitude of 1e-6 rad; rounding of pi/2 is 2e-10
@@ -104,29 +100,7 @@ def test_o01_hanging_arm_has_laguerre_frequencies():
     )
 
 
-@EVERY
-def test_o02_straight_arm_turns_uniformly(robot):
-    """g = 0, all links in line at one rate: theta = theta_0 + omega t; sliders held by constant forces.
-
-    The forces are those that turn the masses beyond each slider on circles.
-    """
-    omega, seconds = 2.0, 10.0
-    q0, qd0 = np.full(4, 0.3), np.full(4, omega)
-    efforts = np.zeros(4)
-    if robot.kind == "RPRP":
-        q0[1], q0[3], qd0[1], qd0[3] = 0.2, 0.1, 0.0, 0.0
-        m, l = robot.masses, robot.lengths
-        r2, r3, r4 = l[0] + q0[1], l[0] + q0[1] + l[1], l[0] + q0[1] + l[1] + q0[3]
-        efforts[1] = -(omega**2) * (m[1] * r2 + m[2] * r3 + m[3] * r4)
-        efforts[3] = -(omega**2) * m[3] * r4
-    q, qd = motion(exact(robot, 0.0), q0, qd0, seconds, efforts)
-    assert_within(
-        {"q": 1e-12, "qd": 1e-15},
-        {"q": largest(q - (q0 + qd0 * seconds)), "qd": largest(qd - qd0)},
-    )
-
-
-def test_o03_light_links_leave_a_pendulum():
+def test_light_links_leave_a_pendulum():
     """m_2 .. m_4 = eps: released at A = 2 rad, theta_1 is at A cd's closed values after each eighth period.
 
     T = 4 K sqrt(l/g) with K by the arithmetic-geometric mean; sin(theta/2) = k cd, which after T/8 is
@@ -171,57 +145,7 @@ def test_o03_light_links_leave_a_pendulum():
     )  # fmt: skip
 
 
-def test_o04_free_masses_of_rprp_fly_as_one():
-    """m_1 = 0, no efforts: the centre of m_2, m_3, m_4 is a projectile, and their spin about it stays.
-
-    What m_1 = 2e-12 kg takes is in the residuals; sliders leave the base, near which it would take more.
-    """
-    seconds, arm = 0.3, rde.RPRP((2.0 * TINY, 0.7, 1.9, 0.4), (1.1, 0.6))
-    share = np.array(arm.masses[1:]) / sum(arm.masses[1:])
-    q0, qd0 = states(arm, 64)
-    qd0[:, 1] = np.abs(qd0[:, 1])  # away from the base
-
-    def of_the_free(q, qd):
-        known = {
-            **arm.parameter_values(),
-            **dict(zip((*arm.coordinates, *arm.rates), (*q.T, *qd.T), strict=True)),
-        }
-        x, y, vx, vy = (
-            np.stack(arm.evaluate([f"{n}{k}" for k in (2, 3, 4)], known)) for n in ("x", "y", "vx", "vy")
-        )
-        centre, velocity = np.stack([share @ x, share @ y]), np.stack([share @ vx, share @ vy])
-        spin = share @ ((x - centre[0]) * (vy - velocity[1]) - (y - centre[1]) * (vx - velocity[0]))
-        return centre, velocity, spin
-
-    (centre0, velocity0, spin0), fall = of_the_free(q0, qd0), np.array([[0.0], [-G * seconds]])
-    centre, velocity, spin = of_the_free(*motion(exact(arm), q0, qd0, seconds))
-    found = {
-        "centre": largest(centre - (centre0 + (velocity0 + 0.5 * fall) * seconds)),
-        "velocity": largest(velocity - (velocity0 + fall)),
-        "spin": largest(spin - spin0),
-    }
-    assert_within({"centre": 4e-12, "velocity": 2e-11, "spin": 1e-11}, found)
-
-
-def test_o05_a_free_mass_passes_the_base_on_a_straight_line():
-    """RPRP, g = 0, m_2 alone has mass: rho^2 = (x_0 + v t)^2 + b^2, theta_1 = atan2, however near it passes.
-
-    The link length is 1 mm, so that m_1 has a moment of inertia of 1e-18 kg m^2 only.
-    """
-    arm, seconds = rde.RPRP((TINY, 1.0, TINY, TINY), (1e-3, 0.5)), 2.0
-    b = np.array([0.1, 0.01, 0.001])
-    x = np.full(3, -1.0)
-    theta, rho = np.arctan2(b, x), np.hypot(x, b)
-    q0 = np.column_stack([theta, rho - 1e-3, np.zeros(3), np.full(3, 0.1)])
-    qd0 = np.column_stack([-np.sin(theta) / rho, np.cos(theta), np.zeros(3), np.zeros(3)])
-    q, _ = motion(exact(arm, 0.0), q0, qd0, seconds)
-    place = (q[:, 1] + 1e-3) * np.array([np.cos(q[:, 0]), np.sin(q[:, 0])])
-    error = np.hypot(*(place - [x + seconds, b]))
-    found = {f"b = {n} m": float(e) for n, e in zip(b, error, strict=True)}
-    assert_within(dict.fromkeys(found, 4e-12), found)
-
-
-def test_o06_upright_and_hanging_sliders_move_on_parabolas():
+def test_upright_and_hanging_sliders_move_on_parabolas():
     """RPRP, theta_1 = theta_2 = +-pi/2 at rest: constant forces give r_1, r_2 constant accelerations.
 
     m_234 r_1'' + m_4 r_2'' = F_1 -+ m_234 g and m_4 (r_1'' + r_2'') = F_2 -+ m_4 g. Upright is unstable:
@@ -240,7 +164,7 @@ def test_o06_upright_and_hanging_sliders_move_on_parabolas():
     assert_within({"r": 2e-15, "rate of r": 1e-14, "theta": 1e-15}, found)
 
 
-def test_o07_a_mass_on_a_turning_rod_leaves_by_cosh():
+def test_a_mass_on_a_turning_rod_leaves_by_cosh():
     """RPRP, g = 0, theta_1 at constant omega: rho = rho_0 cosh(omega t) + (v_0/omega) sinh(omega t).
 
     A heavy m_1 = 1/eps keeps omega, m_3 = m_4 = eps weigh nothing. The rest is linear in eps, and what
@@ -266,30 +190,6 @@ def test_o07_a_mass_on_a_turning_rod_leaves_by_cosh():
     assert_within(bounds, found)
 
 
-# ---- conserved quantities; verify checks every scene over short times ----------------------------------
-
-WHIRLS = {
-    "FourR": ((0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)),
-    "RPRP": ((0.2, 0.1, -0.5, 0.2), (6.0, -0.5, 8.0, -1.0)),
-}
-"""Fast starts of the arms of equal links."""
-BOUNDS = {("FourR", "rk4"): (4.5e-7, 2e-6), ("FourR", "rk8"): (2e-7, 2e-6),
-          ("RPRP", "rk4"): (1.5e-10, 6e-11), ("RPRP", "rk8"): (4e-14, 5e-14)}  # fmt: skip
-"""Relative changes of momentum and energy in 20 s."""
-
-
-@pytest.mark.parametrize(("kind", "method"), BOUNDS)
-def test_o08_energy_and_momentum_stay_without_gravity(kind, method):
-    """20 s after a fast start by RK4 of 1 ms and RK8 of 5 ms. The RPRP arm flies apart then, and turns ever
-    more slowly."""
-    arm, start = LAB[kind], WHIRLS[kind]
-    substeps = {"rk4": 20, "rk8": 4}[method]
-    end = motion(rde.Scene(arm, (Gravity(0.0),), method, 0.02, substeps), *start, 20.0)
-    now, before = (np.ravel([arm.angular_momentum(*x), arm.kinetic_energy(*x)]) for x in (end, start))
-    found = dict(zip(("momentum", "energy"), np.abs(now / before - 1.0), strict=True))
-    assert_within(dict(zip(found, BOUNDS[kind, method], strict=True)), found)
-
-
 # ---- units and mirrors ---------------------------------------------------------------------------------
 
 COUNT = 100
@@ -304,20 +204,7 @@ def bits(q, qd):
 
 
 @EVERY
-def test_o10_units_of_mass_change_no_bit(robot):
-    """m -> 4 m with Q -> 4 Q leaves the path bitwise equal, under error control and across impacts."""
-    q, qd = states(robot, COUNT)
-    efforts = np.random.default_rng(3).uniform(-5.0, 5.0, (COUNT, 4))
-    heavy, scene = {"masses": 4.0 * np.array(robot.masses)}, exact(robot)
-    if robot.kind == "RPRP":
-        stops = PrismaticStop((-0.3, -0.3), (0.3, 0.3), 0.7)
-        scene = replace(scene, effects=(*scene.effects, stops))
-    path, scaled = motion(scene, q, qd, 0.2, efforts), motion(scene, q, qd, 0.2, 4.0 * efforts, heavy)
-    assert (bits(*path) == bits(*scaled)).all()
-
-
-@EVERY
-def test_o11_mirrors_and_turns_are_symmetries(robot):
+def test_mirrors_and_turns_are_symmetries(robot):
     """g = 0: theta -> -theta bitwise, theta + alpha and theta + 2 pi to rounding; g: theta -> pi - theta.
 
     The last rounds the start by 4e-16 rad, which grows to 1.5e-14 in a typical motion of 0.2 s and a little
@@ -346,7 +233,7 @@ def test_o11_mirrors_and_turns_are_symmetries(robot):
 # ---- bounces, and sliders locked at their stops --------------------------------------------------------
 
 
-def test_o14_bounces_shrink_by_e_squared_and_end_in_zeno_time():
+def test_bounces_shrink_by_e_squared_and_end_in_zeno_time():
     """RPRP hanging, r_1 falls 0.3 m: heights h_n = e^(2n) h_0, at rest after sqrt(2 h/g) (1 + e)/(1 - e).
 
     m_4 is next to nothing and r_2 has no stop, so that r_1 falls freely. That time is of the last impact and
@@ -390,48 +277,3 @@ def test_o14_bounces_shrink_by_e_squared_and_end_in_zeno_time():
         "away, e = 0.5": 0.0, "away, e = 0.9": 0.0, "elastic period": 5e-15,
     }  # fmt: skip
     assert_within(bounds, found)
-
-
-def double_pendulum(first, second, q, qd):
-    """Two links with masses at distances ``{distance: mass}`` along them: angles from +x, (..., 2)."""
-    (a, b), (wa, wb) = np.moveaxis(q, -1, 0), np.moveaxis(qd, -1, 0)
-    length = max(first)
-    carried = sum(second.values())
-    inertia_a = sum(m * x**2 for x, m in first.items()) + carried * length**2
-    moment_a = sum(m * x for x, m in first.items()) + carried * length
-    inertia_b, moment_b = (sum(m * x**k for x, m in second.items()) for k in (2, 1))
-    c, s = length * moment_b * np.cos(a - b), length * moment_b * np.sin(a - b)
-    fa, fb = -s * wb**2 - moment_a * G * np.cos(a), s * wa**2 - moment_b * G * np.cos(b)
-    det = inertia_a * inertia_b - c**2
-    return np.stack([(inertia_b * fa - c * fb) / det, (inertia_a * fb - c * fa) / det], axis=-1)
-
-
-def test_o15_locked_sliders_leave_a_double_pendulum():
-    """A compiled motion of 0.25 s whose sliders rest at stops, pressed there, against short classical
-    Runge-Kutta steps of the textbook's."""
-    rng = np.random.default_rng(5)
-    pose, rates = rng.uniform(-np.pi, np.pi, (200, 2)), rng.uniform(-2.0, 2.0, (200, 2))
-    arm = UNEQUAL["RPRP"]
-    m, l = arm.masses, arm.lengths
-    first, second = {l[0]: m[0], l[0] + 0.2: m[1]}, {l[1]: m[2], l[1] + 0.1: m[3]}
-    stops = PrismaticStop((-0.2, -0.2), (0.2, 0.1), 0.0)
-    made = rde.Scene(arm, (Gravity(G), stops), tolerance=1e-12)
-    start, going = np.insert(pose, (1, 2), (0.2, 0.1), axis=1), np.insert(rates, (1, 2), 0.0, axis=1)
-    q, qd = motion(made, start, going, 0.25, [0.0, 500.0, 0.0, 500.0], duration=0.25 / 16)
-
-    def slope(y):
-        return np.stack([y[1], double_pendulum(first, second, *y)])
-
-    y, h = np.stack([pose, rates]), 0.25 / 1000
-    for _ in range(1000):
-        k1 = slope(y)
-        k2 = slope(y + 0.5 * h * k1)
-        k3 = slope(y + 0.5 * h * k2)
-        k4 = slope(y + h * k3)
-        y = y + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-    found = {
-        "angles": largest(q[:, [0, 2]] - y[0]),
-        "rates": largest(qd[:, [0, 2]] - y[1]),
-        "sliders": largest(q[:, [1, 3]] - [0.2, 0.1]),
-    }
-    assert_within({"angles": 2e-12, "rates": 6e-11, "sliders": 0.0}, found)
