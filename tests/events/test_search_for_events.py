@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from contact_problems import contact, resolved
 
 import redundant_envs as rde
-from redundant_envs.events import contacts
 from redundant_envs.events.boundary import BoundedCoordinate
-from redundant_envs.events.contacts import Happening
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.events.first_event import Encounter, first_event
 from redundant_envs.events.search import (
@@ -96,7 +93,7 @@ def test_an_impact_takes_less_than_two_pieces_to_be_found():
 
 @pytest.mark.parametrize(
     ("kwargs", "mean", "most"),
-    [({"integrator": "euler"}, 10, 100), ({"integrator": "rk4"}, 90, 1000), ({}, 250, 3000),
+    [({"integrator": "euler"}, 10, 100), ({}, 250, 3000),
      ({"integrator": "rk4", "control_dt": 0.25}, 320, 1900)],
     ids=str,
 )  # fmt: skip
@@ -146,11 +143,7 @@ def test_sliders_that_an_effort_lets_go_take_the_common_step_alone_and_are_logge
     np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    "kwargs",
-    [{}, {"tolerance": 1e-6}, {"control_dt": 0.1}, {"integrator": "rk4", "control_dt": 0.1}],
-    ids=str,
-)
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "control_dt": 0.1}], ids=str)
 def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs):
     """With the log of events and without: the same motion to the last bit."""
     count = 2000
@@ -182,30 +175,6 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
             assert (x.kind, last.get((x.lane, x.joint))) != ("release", "release")
             last[x.lane, x.joint] = x.kind
         assert "release" in last.values()
-
-
-def test_one_slider_alone_leaves_before_a_step_if_the_other_is_on_its_way():
-    """Not if that touches a stop and is not at rest there; both at rest are decided as at a contact."""
-    w = [[1.0, 0.2], [0.2, 1.0]]
-    for side in (-1.0, 1.0):
-        held, other = contact(0.0, side, resting=True, force=side), contact(-1.0, 1.0, force=side)
-        on_its_way = contact(-1.0, away=True, force=side)
-        pushed = contact(0.0, side, resting=True, force=-side)
-        assert contacts.leaving([held, on_its_way], w) == [True, False]
-        assert contacts.leaving([pushed, on_its_way], w) == [False, False]
-        assert contacts.leaving([held, other], w) == [False, False]
-        assert contacts.leaving([on_its_way, held], w) == [False, True]
-
-
-def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
-    """r2 comes to rest, which sets off r1, so that it is released at the same instant."""
-    r1 = contact(0.0, -1.0, resting=True, force=11.7263)
-    r2 = contact(-1.1996e-4, 1.0, acceleration=10.6508)
-    got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)
-    assert got.velocities[0] < -1e-4  # into its stop
-    assert got.active_stops == [0.0, 1.0]
-    assert got.happened == [Happening.RELEASE, Happening.REST]
-    assert not got.going_on
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """A simulation of an arm with hard stops that shares no code with the package.
 
-Dense equations of motion from the point masses, SciPy's DOP853 with event location, impulses and resting sliders found by trying
-every set of contacts. It favours simplicity over speed, since the compiled core is compared with it.
+Dense equations of motion from the point masses, SciPy's DOP853 with event location, impulses and resting
+sliders found by trying every set of contacts. It favours simplicity over speed: the compiled core is compared
+with it.
 """
 
 from __future__ import annotations
