@@ -8,10 +8,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import floor, maximum, minimum, physics, where
-from redundant_envs.events import crossings
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.kinks import levels_of
-from redundant_envs.numerics.methods import Watched
 from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
 
 RPRP = rde.RPRP((0.5,) * 4, (0.25, 0.25))
@@ -109,35 +107,6 @@ def test_a_kink_is_watched_once_if_its_argument_moves(what):
 )
 def test_nothing_is_watched_without_a_tolerance_and_in_the_scenes_of_environments(made):
     assert Dynamics(made).kinks == {}
-
-
-MET = [
-    *(
-        (stages, levels, met)
-        for levels in (False, True)
-        for stages, met in (  # first, last, least, most
-            ((-0.5, 0.5, -0.5, 0.5), "seen"),
-            ((0.5, -0.5, -0.5, 0.5), "seen"),
-            ((0.9, 0.8, 0.01, 0.9), "hidden"),
-            ((-0.9, -0.8, -0.9, -0.01), "hidden"),
-            ((0.9, 0.001, 0.001, 0.9), "hidden"),
-            ((0.9, 0.1, 0.1, 0.9), "no"),
-            ((0.9, 0.8, 0.3, 0.9), "no"),
-        )
-    ),
-    ((0.0, 0.9, 0.0, 0.9), False, "no"),  # a motion that starts at a kink leaves it
-    ((2.5, 3.5, 2.5, 3.5), True, "seen"),  # a kink at each whole number is met at others than 0
-    ((-1.5, -0.5, -1.5, -0.5), True, "seen"),
-    ((2.2, 2.8, 2.2, 2.8), True, "not seen"),
-]
-
-
-@pytest.mark.parametrize(("stages", "levels", "met"), MET)
-def test_a_kink_is_met_where_its_value_passes_0_or_may_do_so_between_stages(stages, levels, met):
-    overshoot = Dynamics(scene(QuadraticDrag(0.1))).overshoot
-    seen, hidden = crossings.meets_kink(Watched(*stages), levels, overshoot)
-    assert bool(seen) == (met == "seen")
-    assert bool(hidden) == (met == "hidden") or met in ("seen", "not seen")
 
 
 # ---- the tolerance is kept ----------------------------------------------------------------------------

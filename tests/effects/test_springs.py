@@ -14,7 +14,6 @@ from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.verify.checks import random_states
 
 
@@ -47,10 +46,6 @@ def tips(made, *states):
 def near_limits(arm, count):
     q, qd, _ = random_states(scene(arm, *springs(arm, 1.0), tolerance=1e-6), count, 0, beyond=0.05)
     return q, qd, np.random.default_rng(0).uniform(-10.0, 10.0, q.shape)
-
-
-def energy_of(made, q, qd):
-    return kinetic_energy(made, q, qd) + potential_energy(made, q)
 
 
 # ---- the tolerance is kept ------------------------------------------------------------------------------
@@ -176,23 +171,6 @@ def test_a_damping_that_depends_on_a_rate_needs_steps_from_the_first_interval_on
 
 
 # ---- beside others --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("lower", "upper"), [(0.02, 0.28), (0.0, 0.3), (-1e-12, 0.3 + 1e-12)])
-def test_springs_and_stops_of_one_slider_serve_together(lower, upper):
-    """The spring begins before the stop, at it, and behind it, where it never acts."""
-    effects = (e.LimitSpring("r1", lower, upper, 5e3), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0))
-    made = scene(RPRP, *effects, tolerance=1e-9)
-    batch = rde.BatchSimulator(made, 64, track_work=True)
-    rng = np.random.default_rng(0)
-    q = np.column_stack([rng.uniform(-3, 3, 64), rng.uniform(0, 0.3, 64)] * 2)
-    qd = rng.normal(0.0, 3.0, (64, 4))
-    batch.set_state(q, qd)
-    for _ in range(25):
-        assert (batch.advance().numerics == 0).all()
-        assert (np.abs(batch.q[:, 1] - 0.15) <= 0.15).all()
-    change = energy_of(made, batch.q, batch.qd) - energy_of(made, q, qd)
-    assert np.abs(change - batch.work).max() <= 1e-6
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize(("types", "count"), [("RPRP", 12), ("PRPRP", 20)])
+@pytest.mark.parametrize(("types", "count"), [("RPRP", 8), ("PRPRP", 12)])
 def test_an_account_that_shares_no_code_supports_them_too(types, count, restitution):
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
     arm = ARMS[types]

@@ -1,4 +1,5 @@
-"""Events of sliders at their stops that are reversed within one step."""
+"""Events of sliders at their stops: those that are reversed within one step, releases, and how many trial steps
+find them."""
 
 import dataclasses
 
@@ -141,3 +142,120 @@ def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
     steps = [x.time / 0.02 for x in motion.events if x.kind == "release" and x.time > 0.0]
     assert steps
     assert all(abs(n - round(n)) > 1e-3 for n in steps)
+
+
+ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+
+
+# ---- searches ------------------------------------------------------------------------------------------
+
+
+def scene(restitution=0.5, upper=(0.3, 0.3), **kwargs):
+    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), upper, restitution))
+    return rde.Scene(ARM, effects, **{"control_dt": 0.02, "tolerance": None, **kwargs})
+
+
+def random_states(count, seed=1):
+    rng = np.random.default_rng(seed)
+    q = np.column_stack([rng.uniform(-3, 3, count), rng.uniform(0, 0.3, count)] * 2)
+    q[::7, 1] = 0.3
+    return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
+
+
+def test_an_impact_takes_less_than_two_pieces_to_be_found():
+    batch = rde.BatchSimulator(scene(), 2000)
+    q, qd, efforts = random_states(2000)
+    q[::7, 1] = 0.1
+    batch.set_state(q, qd)
+    status = batch.advance(efforts)
+    once = status.events == 1  # the common step, the pieces towards the impact, one to the end
+    assert once.sum() > 200
+    pieces = status.evaluations[once] / 12.0 - 2.0
+    assert (pieces >= 1.0).all()
+    assert pieces.mean() < 1.7  # from the cubic through both ends it was 1.96
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "mean", "most"),
+    [({"integrator": "euler"}, 10, 100), ({}, 250, 3000),
+     ({"integrator": "rk4", "control_dt": 0.25}, 320, 1900)],
+    ids=str,
+)  # fmt: skip
+def test_no_search_stalls_in_steps_that_are_too_long(kwargs, mean, most):
+    """In steps of 0.1 s means were 47, 146 and 417 evaluations when no search was made to end."""
+    batch = rde.BatchSimulator(scene(**{"control_dt": 0.1, **kwargs}), 4000)
+    q, qd, efforts = random_states(4000, 3)
+    batch.set_state(q, qd)
+    for _ in range(2):
+        status = batch.advance(efforts)
+        assert not status.numerics.any()
+        assert status.evaluations.mean() < mean
+        assert status.evaluations.max() < most
+
+
+# ---- release -------------------------------------------------------------------------------------
+
+
+def resting(count, push=(0.0, -30.0, 0.0, -30.0), **kwargs):
+    """Arms whose sliders have come to rest at their lower stops."""
+    batch = rde.BatchSimulator(scene(0.0, **kwargs), count)
+    q = np.tile([0.3, 0.0, -0.4, 0.0], (count, 1))
+    q[:, 0] += np.linspace(0.0, 1.0, count)
+    batch.set_state(q, np.zeros((count, 4)))
+    batch.advance(np.tile(push, (count, 1)))
+    assert (batch.q[:, [1, 3]] == 0.0).all()
+    assert (batch.qd[:, [1, 3]] == 0.0).all()
+    return batch
+
+
+PULLS = [(0.0, 60.0, 0.0, -30.0), (0.0, -60.0, 0.0, 40.0), (0.0, 60.0, 0.0, 40.0)]
+
+
+@pytest.mark.parametrize("pull", PULLS, ids=str)
+def test_sliders_that_an_effort_lets_go_take_the_common_step_alone_and_are_logged(pull):
+    batch, fine = resting(9), resting(9, substeps=32)
+    status = batch.advance(np.tile(pull, (9, 1)))
+    np.testing.assert_array_equal(status.evaluations, 12)
+    leave = [f > 0.0 for f in (pull[1], pull[3])]
+    assert ((batch.q[:, [1, 3]] > 0.0) == leave).all()
+    fine.advance(np.tile(pull, (9, 1)))
+    np.testing.assert_allclose(batch.q, fine.q, rtol=0, atol=1e-11)
+    q, efforts = [0.3, 0.0, -0.4, 0.0], lambda t, q, qd: (0.0, -30.0, 0.0, -30.0) if t < 0.01 else pull
+    trajectory = rde.simulate(scene(0.0), q, [0.0] * 4, [0.02, 0.04], efforts)
+    released = {x.joint for x in trajectory.events if x.kind == "release" and x.time == 0.02}
+    assert released == {joint for joint, leaves in zip(("r1", "r2"), leave, strict=True) if leaves}
+    np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "control_dt": 0.1}], ids=str)
+def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs):
+    """With the log of events and without: the same motion to the last bit."""
+    count = 2000
+    plain, logged = (
+        rde.BatchSimulator(scene(0.0, (0.25, 0.25), **kwargs), count, track_work=track)
+        for track in (False, True)
+    )
+    rng = np.random.default_rng(8)
+    q, qd, _ = random_states(count, 8)
+    q[:, [1, 3]] = rng.choice([0.0, 0.1, 0.25], (count, 2))
+    qd[:, [1, 3]] *= q[:, [1, 3]] == 0.1
+    qd[:, [0, 2]] *= 4.0
+    for batch in (plain, logged):
+        batch.set_state(q, qd)
+    for _ in range(5):
+        efforts = rng.uniform(-20, 20, (count, 4))
+        a, b = plain.advance(efforts), logged.advance(efforts)
+        sliders = plain.q[a.numerics == 0][:, [1, 3]]  # such long steps may diverge, and are flagged
+        assert len(sliders) > 0.99 * count
+        assert (sliders >= 0.0).all()
+        assert (sliders <= 0.25).all()
+        np.testing.assert_array_equal(plain.q, logged.q)
+        np.testing.assert_array_equal(plain.qd, logged.qd)
+        np.testing.assert_array_equal(a.events, b.events)
+        np.testing.assert_array_equal(a.evaluations, b.evaluations)
+        last: dict[tuple[int, str], str] = {}
+        for x in logged.events(0.0):
+            # A released slider has to come to rest before it is released again.
+            assert (x.kind, last.get((x.lane, x.joint))) != ("release", "release")
+            last[x.lane, x.joint] = x.kind
+        assert "release" in last.values()

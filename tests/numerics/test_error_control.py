@@ -13,7 +13,6 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
-from redundant_envs.model.programs import batch_simulator
 from redundant_envs.numerics.error_control import Crossed, blended_error, tip_error
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
@@ -58,7 +57,7 @@ def test_true_error_is_within_the_tolerance(tolerance, most):
 
 def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     """Hundreds of rad/s for 0.2 s; a hostile review saw a last digit move unflagged tips by up to 1.4 m."""
-    arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 500
+    arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 200
     rng = np.random.default_rng(0)
     q, efforts = rng.uniform(-3.0, 3.0, (n, 4)), rng.uniform(-60.0, 60.0, (n, 4))
     scene = rde.Scene(arm, (e.Gravity(),), control_dt=0.2, tolerance=1e-3)
@@ -154,18 +153,6 @@ def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     assert status.numerics[0] == rde.Numerics.TOLERANCE_NOT_REACHED
     assert status.error_estimate[0] > 1e-13
     assert status.evaluations[0] > 12 * 16384
-
-
-def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
-    one, other, without = (
-        batch_simulator(rde.Scene(LAB, FREE, tolerance=t), False) for t in (1e-6, 1e-12, None)
-    )
-    assert one.key == other.key
-    assert "tip_tolerance" in one.blocks.layout
-    # Without a tolerance no lane ever leaves the common step.
-    assert "reason" in one.blocks.layout
-    assert "reason" not in without.blocks.layout
-    assert set(without.blocks.functions) == {"interval"}
 
 
 @pytest.mark.parametrize(

@@ -20,19 +20,12 @@ UNEQUAL = {
 LAB = {"RPRP": rde.RPRP((1.0,) * 4, (0.5,) * 2), "FourR": rde.FourR((1.0,) * 4, (0.5,) * 4)}
 """Equal masses of 1 kg and links of 0.5 m."""
 EVERY = pytest.mark.parametrize("robot", UNEQUAL.values(), ids=UNEQUAL)
-ANGLES = {"RPRP": np.array([True, False, True, False]), "FourR": np.array([True] * 4)}
 
 
 def assert_within(bounds, residuals):
-    """Every residual is at most its bound; the message says which is not, and by what factor."""
+    """Every residual is at most its bound."""
     assert residuals.keys() == bounds.keys()
-    misses = [
-        f"{name}: {residuals[name]:.2e} where {bound:.2e} is allowed"
-        + (f", {residuals[name] / bound:.3g} times" if bound else "")
-        for name, bound in bounds.items()
-        if not residuals[name] <= bound
-    ]
-    assert not misses, "; ".join(misses)
+    assert {n: (residuals[n], most) for n, most in bounds.items() if not residuals[n] <= most} == {}
 
 
 def exact(robot, g=G, **changes):
@@ -40,29 +33,14 @@ def exact(robot, g=G, **changes):
     return rde.Scene(robot, (Gravity(g),), **{"tolerance": 1e-12, "control_dt": 0.02, **changes})
 
 
-def states(robot, count, seed=7, speed=2.0):
-    """Random coordinates and velocities, (count, 4) each; sliders within 0.25 m of their middle."""
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(-np.pi, np.pi, (count, 4))
-    q[:, list(robot.prismatic)] *= 0.25 / np.pi
-    return q, rng.uniform(-speed, speed, (count, 4))
-
-
-def motion(scene, q, qd, seconds, efforts=None, parameters=None, duration=None):
-    """Coordinates and velocities after some time, (count, 4) each; no lane reports a fault.
-
-    ``duration`` [s] is the interval if it is not that of the scene.
-    """
+def motion(scene, q, qd, seconds, efforts=None):
+    """Coordinates and velocities after some time, (count, 4) each; no lane reports a fault."""
     q, qd = np.broadcast_arrays(np.atleast_2d(q), np.atleast_2d(qd))
     batch = rde.BatchSimulator(scene, len(q))
-    if parameters:
-        batch.set_parameters(parameters)
     batch.set_state(q, qd)
-    if efforts is not None:
-        efforts = np.broadcast_to(np.asarray(efforts, float), q.shape)
-    for _ in range(round(seconds / (duration or scene.control_dt))):
-        status = batch.advance_partly(efforts, duration) if duration else batch.advance(efforts)
-        assert not status.numerics.any()
+    efforts = None if efforts is None else np.broadcast_to(np.asarray(efforts, float), q.shape)
+    for _ in range(round(seconds / scene.control_dt)):
+        assert not batch.advance(efforts).numerics.any()
     return batch.q, batch.qd
 
 
@@ -164,43 +142,7 @@ def test_upright_and_hanging_sliders_move_on_parabolas():
     assert_within({"r": 2e-15, "rate of r": 1e-14, "theta": 1e-15}, found)
 
 
-def test_a_mass_on_a_turning_rod_leaves_by_cosh():
-    """RPRP, g = 0, theta_1 at constant omega: rho = rho_0 cosh(omega t) + (v_0/omega) sinh(omega t).
-
-    A heavy m_1 = 1/eps keeps omega, m_3 = m_4 = eps weigh nothing. The rest is linear in eps, and what
-    remains beside the linear part is judged.
-    """
-    omega, seconds, l1 = 2.0, 0.7, 0.5
-    eps = np.array([2e-6, 1e-6])
-    masses = np.column_stack([1.0 / eps, np.ones(2), eps, eps])
-    rho0, v0 = 0.7, 0.3
-    q, qd = motion(
-        exact(LAB["RPRP"], 0.0), [[0.3, rho0 - l1, 0.0, 0.1]] * 2, [omega, v0, 0.0, 0.0], seconds,
-        parameters={"masses": masses},
-    )  # fmt: skip
-    grown = rho0 * math.cosh(omega * seconds) + v0 / omega * math.sinh(omega * seconds)
-    speed = rho0 * omega * math.sinh(omega * seconds) + v0 * math.cosh(omega * seconds)
-    rho = l1 + q[:, 1]
-    found = {
-        "rho": largest(rho[1] - grown),
-        "rho without the linear part": largest(2.0 * rho[1] - rho[0] - grown),
-        "rate without the linear part": largest(2.0 * qd[1, 1] - qd[0, 1] - speed),
-    }
-    bounds = {"rho": 1e-5, "rho without the linear part": 3e-10, "rate without the linear part": 3e-9}
-    assert_within(bounds, found)
-
-
-# ---- units and mirrors ---------------------------------------------------------------------------------
-
-COUNT = 100
-
-
-def fixed(robot, method, g=G):
-    return rde.Scene(robot, (Gravity(g),), method, control_dt=0.01)
-
-
-def bits(q, qd):
-    return np.hstack([q, qd]).view(np.int64)
+# ---- mirrors -------------------------------------------------------------------------------------------
 
 
 @EVERY
@@ -210,15 +152,15 @@ def test_mirrors_and_turns_are_symmetries(robot):
     The last rounds the start by 4e-16 rad, which grows to 1.5e-14 in a typical motion of 0.2 s and a little
     more in the worst of 100.
     """
-    angles = ANGLES[robot.kind]
-    sign = np.where(angles, -1.0, 1.0)
-    q, qd = states(robot, COUNT, speed=1.0)
-    efforts = np.random.default_rng(3).uniform(-2.0, 2.0, (COUNT, 4))
+    angles, rng = np.where(robot.prismatic, 0.0, 1.0), np.random.default_rng(7)
+    sign = 1.0 - 2.0 * angles
+    q = rng.uniform(-np.pi, np.pi, (100, 4)) * np.where(robot.prismatic, 0.25 / np.pi, 1.0)
+    qd, efforts = rng.uniform(-1.0, 1.0, (100, 4)), rng.uniform(-2.0, 2.0, (100, 4))
     found = {"alpha": 0.0, "2 pi": 0.0}
-    for scene in (fixed(robot, "rk4", 0.0), fixed(robot, "rk8", 0.0), exact(robot, 0.0)):
+    for scene in (rde.Scene(robot, (Gravity(0.0),), "rk4", control_dt=0.01), exact(robot, 0.0)):
         path = motion(scene, q, qd, 0.2, efforts)
         mirrored = motion(scene, sign * q, sign * qd, 0.2, sign * efforts)
-        assert (bits(*path) == bits(*(sign * x for x in mirrored))).all()
+        assert (np.array(mirrored) == sign * np.array(path)).all()
         for name, turn in (("alpha", 0.7 * angles), ("2 pi", 2.0 * np.pi * angles)):
             turned = motion(scene, q + turn, qd, 0.2, efforts)
             error = max(largest(turned[0] - turn - path[0]), largest(turned[1] - path[1]))
@@ -230,50 +172,26 @@ def test_mirrors_and_turns_are_symmetries(robot):
     assert_within({"alpha": 2e-14, "2 pi": 3e-14, "pi - theta": 8e-14}, found)
 
 
-# ---- bounces, and sliders locked at their stops --------------------------------------------------------
+# ---- bounces -------------------------------------------------------------------------------------------
 
 
-def test_bounces_shrink_by_e_squared_and_end_in_zeno_time():
-    """RPRP hanging, r_1 falls 0.3 m: heights h_n = e^(2n) h_0, at rest after sqrt(2 h/g) (1 + e)/(1 - e).
+def test_bounces_shrink_by_e_squared():
+    """RPRP hanging, r_1 falls 0.3 m: heights h_n = e^(2n) h_0. Hard case 25 has the end of all bounces.
 
-    m_4 is next to nothing and r_2 has no stop, so that r_1 falls freely. That time is of the last impact and
-    of all bounces that it leaves out; the slider is put to rest sooner, at bounces of a nanometre, and then
-    is at its stop to the last bit. Without gravity and at e = 1 impacts on a stop are 2 d / v apart.
+    m_4 is next to nothing and r_2 has no stop, so that r_1 falls freely.
     """
-    masses, drop = (1.0, 1.0, 1.0, 1e-12), 0.3
-    arm = rde.RPRP(masses, (0.5, 0.5))
-    q0 = np.array([-0.5 * np.pi, 0.0, -0.5 * np.pi, 0.1])
-    found = {}
-    for e, seconds in ((0.5, 0.8), (0.9, 4.8)):
-        stops = PrismaticStop((-1.0, None), (drop, None), e)
-        made = rde.Scene(arm, (Gravity(G), stops), tolerance=1e-12)
-        run = rde.simulate(made, q0, np.zeros(4), [seconds])
-        hits = [x for x in run.events if x.kind == "upper impact"]
-        rest = [x for x in run.events if x.kind == "rest"]
-        speeds, times = np.array([x.speed for x in hits]), np.array([x.time for x in hits])
-        n = np.arange(len(hits))
-        fall = np.sqrt(2.0 * drop / G)
-        end = fall * (1.0 + e) / (1.0 - e)
-        # The last impact leaves a speed of e v: what it would still have bounced counts.
-        last = times[-1] + 2.0 * e * speeds[-1] / (G * (1.0 - e))
-        assert len(rest) == 1
-        found |= {
-            f"heights, e = {e}": largest(speeds**2 / (2.0 * G) - drop * e ** (2 * n), drop),
-            f"times, e = {e}": largest(times - fall * (1.0 + 2.0 * e * (1.0 - e**n) / (1.0 - e))),
-            f"end, e = {e}": abs(last - end),
-            f"early, e = {e}": end - rest[0].time,
-            f"away, e = {e}": abs(run.q[-1, 1] - drop),
-        }
-    d, v = 0.4, 1.3
-    stops = PrismaticStop((0.0, None), (d, None), 1.0)
-    made = rde.Scene(arm, (Gravity(0.0), stops), tolerance=1e-12)
-    run = rde.simulate(made, [0.0, 0.1, 0.0, 0.1], [0.0, v, 0.0, 0.0], [2.0])
-    times = np.array([x.time for x in run.events])
-    assert len(times) == 6
-    found["elastic period"] = largest(times - ((d - 0.1) + d * np.arange(6)) / v)
-    bounds = {
-        "heights, e = 0.5": 2e-15, "times, e = 0.5": 5e-13, "end, e = 0.5": 2e-12, "early, e = 0.5": 1e-4,
-        "heights, e = 0.9": 1e-14, "times, e = 0.9": 2e-12, "end, e = 0.9": 1.5e-11, "early, e = 0.9": 1e-3,
-        "away, e = 0.5": 0.0, "away, e = 0.9": 0.0, "elastic period": 5e-15,
-    }  # fmt: skip
-    assert_within(bounds, found)
+    drop, e = 0.3, 0.9
+    stops = PrismaticStop((-1.0, None), (drop, None), e)
+    made = rde.Scene(rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5)), (Gravity(G), stops), tolerance=1e-12)
+    run = rde.simulate(made, [-0.5 * np.pi, 0.0, -0.5 * np.pi, 0.1], np.zeros(4), [4.8])
+    *hits, rest = run.events
+    assert ({x.kind for x in hits}, rest.kind) == ({"upper impact"}, "rest")
+    speeds, times = np.array([x.speed for x in hits]), np.array([x.time for x in hits])
+    n, fall = np.arange(len(hits)), np.sqrt(2.0 * drop / G)
+    found = {
+        "heights": largest(speeds**2 / (2.0 * G) - drop * e ** (2 * n), drop),
+        "times": largest(times - fall * (1.0 + 2.0 * e * (1.0 - e**n) / (1.0 - e))),
+        "early": fall * (1.0 + e) / (1.0 - e) - rest.time,
+        "away": abs(run.q[-1, 1] - drop),
+    }
+    assert_within({"heights": 1e-14, "times": 2e-12, "early": 1e-3, "away": 0.0}, found)

@@ -67,19 +67,6 @@ def test_mass_points_are_where_the_joints_put_them(types):
     np.testing.assert_allclose(chain.points(q), np.stack(expected, axis=1), atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("arm", "least"),
-    [*((chain_of(types), 0.9) for types in WORDS), *((arm, 0.5) for arm in BY_HAND.values())],
-    ids=[*WORDS, *(f"{types} by hand" for types in BY_HAND)],
-)
-def test_bounds_of_mobilities_hold_in_every_pose_and_are_nearly_attained(arm, least):
-    q, *_ = states(arm, 3000)
-    found = np.einsum("ij,nik,kj->nj", arm.motor_map, np.linalg.inv(arm.mass_matrix(q)), arm.motor_map)
-    ratios = found.max(axis=0) / arm.mobility_bounds(*arm.parameter_values().values())
-    assert ratios.max() <= 1.0 + 1e-12
-    assert ratios.min() >= least
-
-
 def test_equal_chains_are_equal_after_copies_pickles_and_plain_data():
     chain = rde.Chain("RPR", (1.0, 2.0, 3.0), (0.1, 0.2))
     evaluated = eval(repr(chain), vars(rde) | {"Chain": rde.Chain})
