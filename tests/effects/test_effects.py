@@ -81,7 +81,7 @@ BEGUN = {
         lambda arm, d=d: e.ViscousFriction(d), qd, None,
         lambda arm, d=d, qd=qd: -arm.motor_map @ np.diag(d) @ arm.motor_map.T @ qd, 0.0, None,
     )
-    for d in ((0.0, 7.0, 8.0, 9.0), (2.0, 7.0, 8.0, 9.0)) for what, qd in (("rigid", RIGID), ("bent", QD0))
+    for d in ((2.0, 7.0, 8.0, 9.0),) for what, qd in (("rigid", RIGID), ("bent", QD0))
 }  # fmt: skip
 """Effect, rates, efforts, the generalized forces that it means, g, and its potential."""
 

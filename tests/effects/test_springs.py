@@ -9,7 +9,6 @@ from catalogue import FOUR_R, RPRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
 from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
@@ -143,31 +142,6 @@ def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
 
     assert steps(-0.1) < 1.0
     assert steps(0.1) > 0.05 * 0.5 * 375.0 * 0.1 * known["most_mobility4"] > 1.0
-
-
-drag = physics(lambda rate, drag: -drag * rate * abs(rate))
-slope = physics(lambda rate, drag: 2.0 * drag * abs(rate))
-
-
-@dataclasses.dataclass(frozen=True)
-class Drag(e.Effect):
-    """A user's, quadratic in the rate of a joint."""
-
-    drag: float
-
-    def hooks(self, arm):
-        return (e.Force(0, drag, {"rate": "phid1", "drag": ".drag"}, damping=slope),)
-
-
-def test_a_damping_that_depends_on_a_rate_needs_steps_from_the_first_interval_on():
-    arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
-    made = rde.Scene(arm, (Drag(5.0),), tolerance=1e-3)
-    mobility = Dynamics(made).prepare(Dynamics(made).parameters)["most_mobility1"]
-    _, _, status = advance(made, np.zeros((2, 4)), [[0.01, 0.0, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0]])
-    calm, fast = status.evaluations / 12
-    assert calm == 1
-    least = 2.0 * 5.0 * 4.0 * mobility * 0.02
-    assert fast == 2.0 ** math.ceil(math.log2(least)) > 2  # none was tried in vain
 
 
 # ---- beside others --------------------------------------------------------------------------------------

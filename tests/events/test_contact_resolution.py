@@ -190,26 +190,6 @@ def test_an_elastic_slider_rests_where_its_bounce_is_lost_in_rounding(side, stop
     assert (resolved([c], [[1.0]], 1.0).active_stops[0] != 0.0) is rests
 
 
-def test_a_single_slider_bounces_rests_and_goes():
-    """One stop, mobility 2: the formulas of a ball."""
-    w = [[2.0]]
-    got = resolved([contact(0.6, 1.0)], w, 0.5)
-    assert got.velocities == [pytest.approx(-0.3)]
-    assert got.impulses == [pytest.approx(-0.45)]
-    assert (got.happened, got.speeds) == ([Happening.UPPER_IMPACT], [0.6])
-    got = resolved([contact(-1e-6, 1.0, acceleration=3.0)], w, 0.5)
-    assert (got.velocities, got.active_stops, got.happened) == ([0.0], [1.0], [Happening.REST])
-    assert got.forces == [pytest.approx(-1.5)]
-    assert resolved([contact(-1e-3, 1.0, acceleration=3.0)], w, 0.5).active_stops == [0.0]
-    assert resolved([contact(-1e-6, 1.0, acceleration=3.0, released=True)], w, 0.5).active_stops == [0.0]
-    got = resolved([contact(0.0, -1.0, resting=True, force=-0.1)], w, 0.5)
-    assert (got.active_stops, got.happened, got.released) == ([0.0], [Happening.RELEASE], [True])
-    assert resolved([contact(0.6, 1.0, released=True)], w, 0.5).released == [False]
-    assert resolved([contact(-0.6, 1.0, released=True)], w, 0.5).released == [True]
-    away = resolved([contact(0.6, away=True)], w, 0.5)
-    assert (away.velocities, away.happened, away.going_on) == ([0.6], [Happening.NONE], True)
-
-
 def struck_by_turns(u, W, restitution, most=100_000):
     """Outward speeds after impacts of one slider at a time, at stops without any gap; None if they go on."""
     u = u.copy()

@@ -1,5 +1,4 @@
-"""Events of sliders at their stops: those that are reversed within one step, releases, and how many trial steps
-find them."""
+"""Events of sliders at their stops: reversed within one step, released, and found by few trial steps."""
 
 import dataclasses
 
@@ -144,10 +143,9 @@ def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
     assert all(abs(n - round(n)) > 1e-3 for n in steps)
 
 
-ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-
-
 # ---- searches ------------------------------------------------------------------------------------------
+
+ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 
 
 def scene(restitution=0.5, upper=(0.3, 0.3), **kwargs):
