@@ -64,7 +64,7 @@ STRETCH = 0.5 * (K * (UPPER - Q0[[1, 3]]) ** 2 + K * (LOWER - Q0[[1, 3]]) ** 2).
 """PE of report 1.1, J."""
 RIGID = np.full(4, 1.5)
 """Equal absolute rates: 4R turns as one body, and loses power at joint 1 alone."""
-EFFORTS = (1.0, 2.0, -0.5, 0.3)
+EFFORTS, DAMPING = (1.0, 2.0, -0.5, 0.3), (2.0, 7.0, 8.0, 9.0)
 BEGUN = {
     "gravity": (lambda arm: e.Gravity(1.62), QD0, EFFORTS, lambda arm: arm.motor_map @ EFFORTS, 1.62, None),
     "centring spring": (
@@ -77,11 +77,11 @@ BEGUN = {
         lambda arm: 0.25 * 8.0 * (arm.motor_map.T @ Q0)[3] ** 4,
     ),
 } | {
-    f"friction {d}, {what}": (
-        lambda arm, d=d: e.ViscousFriction(d), qd, None,
-        lambda arm, d=d, qd=qd: -arm.motor_map @ np.diag(d) @ arm.motor_map.T @ qd, 0.0, None,
+    f"friction, {what}": (
+        lambda arm: e.ViscousFriction(DAMPING), qd, None,
+        lambda arm, qd=qd: -arm.motor_map @ np.diag(DAMPING) @ arm.motor_map.T @ qd, 0.0, None,
     )
-    for d in ((2.0, 7.0, 8.0, 9.0),) for what, qd in (("rigid", RIGID), ("bent", QD0))
+    for what, qd in (("rigid", RIGID), ("bent", QD0))
 }  # fmt: skip
 """Effect, rates, efforts, the generalized forces that it means, g, and its potential."""
 
