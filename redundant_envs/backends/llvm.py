@@ -52,8 +52,7 @@ _target: ContextVar[Processor | None] = ContextVar("target", default=None)
 
 
 def target(chosen: Processor) -> AbstractContextManager[None]:
-    """Within this context programs are made for another processor, whose code this one must be able to
-    run."""
+    """Within this context programs are made for another processor, whose code this one can run."""
     return setting(_target, chosen)
 
 

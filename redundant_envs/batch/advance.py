@@ -24,7 +24,11 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
     gives_up = dynamics.local and (bool(dynamics.boundaries) or dynamics.control is Control.ADAPTIVE)
-    has = {"evaluations": dynamics.local, "error": dynamics.estimates, "events": bool(dynamics.stops)}
+    has = {
+        "evaluations": dynamics.local,
+        "error": bool(dynamics.method.error5),
+        "events": bool(dynamics.stops),
+    }
     columns = [name for name in COLUMNS if has.get(name, True)]
 
     def end(lane: Lane) -> dict[Any, Any]:
@@ -43,7 +47,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
             interval.undo(lane, given_up)
         if dynamics.logs:
             lane.logged = where(given_up, 0.0, lane.logged)
-        if dynamics.estimates:
+        if dynamics.method.error5:
             told["error"] = lane.error
         told["finite"] = defect == 0.0
         non_finite = where(defect == 0.0, 0.0, float(Fault.NON_FINITE))

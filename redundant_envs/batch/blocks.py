@@ -60,8 +60,7 @@ class Blocks:
 
     @property
     def scratch_size(self) -> int:
-        """Count of numbers of the scratch memory: two groups of blocks, and slots with states and
-        parameters."""
+        """Count of numbers of the scratch memory: two groups of blocks, and slots with all their fields."""
         if not self.interval.dynamics.local:
             return self.width(SCRATCH)
         return (2 * GROUP + 1) * self.width(SCRATCH) + self.width(STATE) + self.width(PARAMETER)
@@ -132,13 +131,11 @@ class Blocks:
                 p.store(tile, i, p.load(there, i))
         return p.select(block.lanes == LANES, there, tile, kind=array.kind)
 
-    # ---- all lanes -----------------------------------------------------------------------------------
-
     def advance(self, ends: Ends) -> None:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         parts = ends.begin, interval.step.clear, interval.step.common_step, ends.end
-        if not interval.dynamics.repeated:
+        if interval.dynamics.scene.substeps == 1:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)

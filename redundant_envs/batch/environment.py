@@ -56,10 +56,7 @@ ARGUMENTS = {
 
 
 class EnvironmentKernel:
-    """Step, reset or observe all environments in one call.
-
-    After an autoreset in the same step ``last_obs`` and ``last_out`` hold the values before it.
-    """
+    """Step, reset or observe all environments in one call."""
 
     def __init__(self, episode: Episode) -> None:
         self.episode = episode
@@ -97,8 +94,6 @@ class EnvironmentKernel:
         obs = p["obs"] + block.first * len(self.episode.observed)
         tables: dict[str, Any] = {table: p[table] + block.first for table in TABLES}
         return {"obs": obs, **tables, **{f"{table}_stride": p["stride"] for table in TABLES}}
-
-    # ---- new episodes ----------------------------------------------------------------------------------
 
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS

@@ -1,4 +1,4 @@
-"""Local time stepping in a kernel: lanes that leave the common step go through slots, eight at a time."""
+"""Local time stepping in a kernel."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Slots:
         groups = (count + (GROUP - 1)) >> 6
         # Slots never wait for the last lanes of a group: these continue beside those of the next one, but
         # for intervals of several common steps.
-        repeated = self.dynamics.repeated
+        repeated = self.dynamics.scene.substeps > 1
         with p.each(groups if repeated else groups + 1) as group:
             first = group * GROUP
             end = p.select(first + GROUP < count, first + GROUP, count)
@@ -75,7 +75,7 @@ class Slots:
         i, inputs = self.dynamics, self.ends.inputs
         begin: tuple[Procedure, ...] = (self.ends.begin, step.clear)
         self.goes_on = self.blocks.program()
-        if i.repeated:
+        if i.scene.substeps > 1:
             self.cleared = make("clear", *begin, inputs=inputs)
             begin, inputs = (), {}
         # Under error control it is known before the common step which lanes it may serve, and with stops,
@@ -156,8 +156,6 @@ class Slots:
                 self.log_released(block)
             p.call(self.common_held, **pointers)
 
-    # ---- slots -----------------------------------------------------------------------------------------
-
     def trial(self) -> None:
         """Take a trial step with all slots, and let their programs go on."""
         p, i, slots, mask = self.p, self.dynamics, self.slots, self.blocks.mask
@@ -210,8 +208,7 @@ class Slots:
         self.blocks.store(self.slots, slot, "entered", 1.0)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
-        """Return a lane that has crossed its interval to its block; ``first`` is the present group's first
-        block."""
+        """Return a lane that has crossed its interval to its block; ``first`` begins the present group."""
         p = self.p
         lane = p.load(self.homes, slot)
         self.busy.value = self.busy.value - 1

@@ -1,4 +1,8 @@
-"""Boundaries of a lane: how a step meets them, and how contacts with stops are resolved."""
+"""Boundaries of a lane: their coordinates, how a step meets them, and how contacts with stops are resolved.
+
+The coordinate of a stop is the travel of a slider, that of a force's law the motion of a joint. A boundary
+without a joint has a gap, any function of the motion; dual numbers give its derivatives.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +10,96 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import any_of, maximum, minimum, total, where
-from redundant_envs.events import contacts, crossings
-from redundant_envs.events.boundary import (
-    Boundary,
-    BoundedCoordinate,
-    limits_of_law,
-    side_touched,
-    starts_at_stop,
-)
+from redundant_envs.algebra import ABSENT, any_of, maximum, minimum, total, where
+from redundant_envs.dual import Dual, dual
+from redundant_envs.events import boundary, contacts, crossings
+from redundant_envs.events.boundary import Boundary, BoundedCoordinate
 from redundant_envs.events.contacts import Resolved
-from redundant_envs.lane import coordinates
-from redundant_envs.lane.coordinates import contact_quantities, known_numbers, pull
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.ways import branches
+
+
+def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
+    """Quantities of the arm from the fields of a form, by its functions and ``more``."""
+    arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
+    known = dict(zip(dynamics.states, states, strict=True))
+    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
+
+
+def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
+    """The numbers that are constant in a step, from quantities or a lane."""
+    return {name: x[name] for name in dynamics.numbers}
+
+
+def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+    """Value and rate of a coordinate, from the fields of a form."""
+    arm = dynamics.arm
+    if b.joint is None:
+        q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
+        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(dynamics, lane))
+        return gap.value, gap.slope
+    if b.bounces:
+        return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
+    x = quantities_of_arm(dynamics, lane, form)
+    return x[f"phi{b.number}"], x[f"phid{b.number}"]
+
+
+def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
+    """Acceleration of a gap, from quantities with the accelerations of the coordinates."""
+    q, v = x.each(dynamics.arm.coordinates), x.each(dynamics.arm.rates)
+    a = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
+    moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
+    return dual(_gap(dynamics, b, moving, numbers_of(dynamics, x)).slope).slope
+
+
+def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
+    """Derivatives of a coordinate with respect to the coordinates of the arm."""
+    q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
+    if b.joint is not None:
+        return [1.0 if k == b.joint else 0.0 for k in n]
+    numbers = numbers_of(dynamics, x)
+    return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
+
+
+def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
+    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field."""
+    arm = dynamics.arm
+    still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
+    still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
+    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
+
+
+def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: Any) -> Dual:
+    """A gap on coordinates with derivatives."""
+    arm = dynamics.arm
+    assert b.gap is not None
+    known = dict(zip(arm.coordinates, coordinates, strict=True))
+    return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
+
+
+def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
+    """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
+    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
+    return {name: lane[name] for name in (*names, *(b.side for b in dynamics.laws))}
+
+
+def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
+    """Quantities in a step, in which sliders may rest at their stops: "held1", ... are 1 while they do."""
+    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
+    if dynamics.holding:
+        x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
+        x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
+    return x
+
+
+def pull(x: Quantities, b: Boundary, side: Any) -> Any:
+    """Force with which its stop has to pull a resting slider; 0 for a free one."""
+    return where(x[f"held{b.number}"] > 0.0, side * x[f"hold{b.number}"], 0.0)
 
 
 class Boundaries:
@@ -38,7 +114,7 @@ class Boundaries:
             return 0.0, math.inf
         if b.bounces:
             return lane[b.lower], lane[b.upper]
-        return limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
+        return boundary.limits_of_law(lane[b.side], lane[b.lower], lane[b.upper])
 
     def active(self, lane: Lane, b: Boundary, form: str = "{}") -> Any:
         """Side of the stop at which a coordinate rests."""
@@ -52,8 +128,8 @@ class Boundaries:
         size = total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
         return [
             BoundedCoordinate(
-                *coordinates.motion(self.dynamics, b, lane),
-                *coordinates.motion(self.dynamics, b, lane, origin),
+                *motion(self.dynamics, b, lane),
+                *motion(self.dynamics, b, lane, origin),
                 Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
                 *self.limits(lane, b), b.bounces, size if b.joint is None else 0.0,
             )
@@ -72,23 +148,25 @@ class Boundaries:
 
     def at_stop(self, lane: Lane, b: Boundary, rule: Any, form: str = "{}") -> Any:
         """Apply such a rule to one stop, in the state in the fields of a form."""
-        motion = coordinates.motion(self.dynamics, b, lane, form)
-        return rule(*motion, self.active(lane, b, form), *self.limits(lane, b))
+        moving = motion(self.dynamics, b, lane, form)
+        return rule(*moving, self.active(lane, b, form), *self.limits(lane, b))
 
     def touched_before(self, lane: Lane) -> Any:
         """Whether a coordinate was at a stop, or rested there, before the common step."""
-        return any_of(side != 0.0 for side in self.at_start(lane, side_touched))
+        return any_of(side != 0.0 for side in self.at_start(lane, boundary.side_touched))
 
     def touches(self, lane: Lane) -> Any:
         """Whether a coordinate that rests at no stop is at one now."""
-        stops = ((self.active(lane, b), self.at_stop(lane, b, side_touched)) for b in self.dynamics.stops)
+        stops = (
+            (self.active(lane, b), self.at_stop(lane, b, boundary.side_touched)) for b in self.dynamics.stops
+        )
         return any_of((active == 0.0) & (side != 0.0) for active, side in stops)
 
     def confirm_crossings(self, lane: Lane) -> None:
         """After a common step that ends near a boundary: whether the lane meets it."""
         self.record_crossings(lane, "{}_start", lane.h)
         # A coordinate that was released before the step starts at its stop and may leave it.
-        starts = dict(zip(self.dynamics.stops, self.at_start(lane, starts_at_stop), strict=True))
+        starts = dict(zip(self.dynamics.stops, self.at_start(lane, boundary.starts_at_stop), strict=True))
         meets = any_of(
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
             for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)
@@ -131,15 +209,13 @@ class Boundaries:
         self, lane: Lane, now: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
     ) -> contacts.Contact:
         """A stop as a contact, with the motion of the lane ``now``."""
-        position, velocity = coordinates.motion(self.dynamics, b, now)
+        position, velocity = motion(self.dynamics, b, now)
         if b.joint is None:
             position = where(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
             position, velocity, self.active(lane, b), *self.limits(lane, b),
             acceleration, force, released, lane[b.restitution], b in self.dynamics.holding, b.owner,
         )  # fmt: skip
-
-    # ---- contacts ----------------------------------------------------------------------------------------
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
@@ -150,10 +226,10 @@ class Boundaries:
                 lane[f"force_{b.name}"] = x[f"hold{b.number}"]
                 pushed = x.each(f"W{k + 1}{b.number}" for k in range(dynamics.count))
             else:
-                lane[f"acceleration_{b.name}"] = coordinates.acceleration(dynamics, b, x)
-                direction = coordinates.normal(dynamics, b, x)
+                lane[f"acceleration_{b.name}"] = acceleration(dynamics, b, x)
+                direction = normal(dynamics, b, x)
                 lane.set(dynamics.arm.rates, direction, of=f"normal_{{}}_{b.name}")
-                pushed = coordinates.response(dynamics, direction, x)
+                pushed = response(dynamics, direction, x)
             lane.set(dynamics.arm.rates, pushed, of=f"mobility_{{}}_{b.name}")
 
     def mobility(self, lane: Lane, of: Boundary, by: Boundary) -> Any:

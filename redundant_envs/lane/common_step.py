@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary, side_beyond
-from redundant_envs.lane import coordinates, required_steps
+from redundant_envs.lane import boundaries, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
@@ -32,12 +32,12 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
     speeds of :attr:`Dynamics.watched_sliders`.
     """
-    numbers = coordinates.known_numbers(dynamics, lane)
+    numbers = boundaries.known_numbers(dynamics, lane)
     count, width = dynamics.count, len(dynamics.states)
 
     def derivatives(*values: Any) -> list[Any]:
         known = dict(zip(numbers, values[width:], strict=True))
-        x = coordinates.contact_quantities(dynamics, values[:width], known)
+        x = boundaries.contact_quantities(dynamics, values[:width], known)
         results = dynamics.accelerations(x)
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
@@ -63,9 +63,9 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
-        return coordinates.acceleration(dynamics, b, x)
+        return boundaries.acceleration(dynamics, b, x)
     if b.bounces:
-        return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
+        return where(x[f"held{b.number}"] > 0.0, boundaries.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
     return total(
         x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
@@ -114,7 +114,7 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
 
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
     """Metres at the tip per unit of each coordinate, from the fields of a form."""
-    x = coordinates.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
+    x = boundaries.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
     return x.each(f"n{k + 1}" for k in range(dynamics.count))
 
 
@@ -158,7 +158,7 @@ class CommonStep:
         lane.error_start = lane.error
         lane.copy(self.dynamics.counted, to="{}_start")
         for b in self.dynamics.laws:
-            position, _ = coordinates.motion(self.dynamics, b, lane)
+            position, _ = boundaries.motion(self.dynamics, b, lane)
             lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
@@ -171,8 +171,8 @@ class CommonStep:
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
-        here = coordinates.quantities_of_arm(self.dynamics, lane)
-        numbers = coordinates.numbers_of(self.dynamics, lane)
+        here = boundaries.quantities_of_arm(self.dynamics, lane)
+        numbers = boundaries.numbers_of(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return error_control.least_steps(fastest, most, lane.interval)
@@ -199,7 +199,7 @@ class CommonStep:
         """The fields of a step; the state of lanes that are not ``moving`` stays."""
         dynamics = self.dynamics
         step = lane_step(dynamics, lane, h)
-        if self.dynamics.estimates:
+        if dynamics.method.error5:
             error = step_error(dynamics, lane, step)
             # The error of an adaptive step decides on that step, all others are summed up.
             lane.error = error if self.dynamics.control is Control.ADAPTIVE else lane.error + error
@@ -245,10 +245,7 @@ class CommonStep:
         return [new > error_control.FARTHER * old for old, new in distances]
 
     def judge(self, lane: Lane) -> None:
-        """After a common step: the reason why a lane leaves it, if it does.
-
-        For a lane that the step could not serve, its result is never used.
-        """
+        """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
         reason: Any = Reason.NONE
         if self.dynamics.boundaries:
             moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot

@@ -1,31 +1,37 @@
-"""A control interval without a compiler: on floats as it is written, on arrays and tensors by an interpreter.
-
-On floats it is the reference for compiled code.
-"""
+"""A control interval without a compiler: on floats as it is written, on arrays by an interpreter."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+import operator
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from redundant_envs.algebra import where
-from redundant_envs.backends.interpreter import evaluate
+from redundant_envs import algebra
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Control, Reason
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction
+from redundant_envs.tracing.graph import Operation, Value, reached
+from redundant_envs.tracing.passes.simplify import COMPARISONS
 
 Procedure = Callable[[Lane], Any]
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
+    "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp,
+    "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
+    **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
+    "not": algebra.logical_not, "select": algebra.where,
+}  # fmt: skip
+"""Operations of a graph that is recorded with whole functions (:class:`Graph`)."""
 
 
 def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Parameters of a scene as fields of a lane, some of them replaced, and the fields that follow from
-    them."""
+    """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
     scene = dynamics.scene
     values = {**dynamics.parameters, **(parameters or {})}
     steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
@@ -41,7 +47,7 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str
     """
     several = any(getattr(x, "shape", ()) for x in fields.values())
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        return Lanes(interval, fields).cross() if several else crossed(interval, fields)
+        return several_crossed(interval, fields) if several else crossed(interval, fields)
 
 
 def crossed(interval: Interval, fields: Mapping[str, Any]) -> Any:
@@ -85,6 +91,23 @@ def trial_procedures(interval: Interval) -> list[Procedure]:
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
+def evaluate(results: Iterable[Value], load: Callable[[tuple[str, int]], Any]) -> list[Any]:
+    """Values of a graph; ``load`` returns the number at a memory location."""
+    results = list(results)
+    known: dict[Operation, Any] = {}
+    for node in reached(results):
+        arguments = [known[a] if isinstance(a, Operation) else a for a in node.arguments]
+        if node.name == "load":
+            known[node] = load(node.extra)
+        elif node.name == "stage":
+            known[node] = node.extra.function(*arguments)
+        elif node.name == "result":
+            known[node] = arguments[0][node.extra]
+        else:
+            known[node] = OPERATIONS[node.name](*arguments)
+    return [known[r] if isinstance(r, Operation) else r for r in results]
+
+
 @functools.lru_cache(maxsize=16)
 def graphs_of(interval: Interval) -> tuple[Any, ...]:
     """Procedures and the program of an interval as graphs with whole functions; and the names of all rows."""
@@ -94,51 +117,38 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-class Lanes:
-    """Many lanes: traced procedures and the traced program, by an interpreter."""
+def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Many lanes after a control interval: traced procedures and the traced program, by an interpreter."""
+    fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
 
-    def __init__(self, interval: Interval, fields: Mapping[str, Any]) -> None:
-        self.interval, self.fields = interval, dict(fields)
-        self.procedure, self.program, self.names = graphs_of(interval)
-
-    def cross(self) -> dict[str, Any]:
-        """The lanes after a control interval."""
-        interval = self.interval
-        self._call(interval.step.clear)
-        for _ in range(interval.dynamics.scene.substeps):
-            self._call(*common_procedures(interval))
-            if interval.dynamics.local:
-                self._cross_alone()
-        self._call(interval.end)
-        return self.fields
-
-    def _call(self, *parts: Procedure | LaneFunction) -> None:
-        """Apply procedures, or functions of the program, to all lanes, one after the other."""
-        fields, names = self.fields, self.names
+    def call(*parts: Procedure | LaneFunction) -> None:
         for part in parts:
-            stores = (part if isinstance(part, LaneFunction) else self.procedure(part)).stores
+            stores = (part if isinstance(part, LaneFunction) else traced_procedure(part)).stores
             found = evaluate((v for _, _, v in stores), lambda place: fields.get(names[place], 0.0))
             for (space, row, _), value in zip(stores, found, strict=True):
                 fields[names[space, row]] = value
 
-    def _some(self, name: str) -> bool:
-        value = self.fields[name] > 0.0
+    def some(name: str) -> bool:
+        value = fields[name] > 0.0
         return bool(value.any() if hasattr(value, "any") else value)
 
-    def _cross_alone(self) -> None:
-        """Let programs cross the interval where the common step does not serve."""
-        interval, program = self.interval, self.program
-        served = dict(self.fields)
-        leaves = self.fields["reason"] != float(Reason.NONE)
-        self.fields |= {"entered": where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
-        self.fields |= {"moving": 0.0, "touching": 0.0}
-        self._call(program[None])
+    call(interval.step.clear)
+    for _ in range(interval.dynamics.scene.substeps):
+        call(*common_procedures(interval))
+        if not interval.dynamics.local:
+            continue
+        served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
+        fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
+        fields |= {"moving": 0.0, "touching": 0.0}
+        call(program[None])
         if interval.dynamics.boundaries:
-            self._call(program[Request.STEP])
-        while self._some("moving") or self._some("touching"):
-            while self._some("touching"):
-                self._call(interval.boundaries.find_contact_forces, program[Request.FORCES])
-            self._call(*trial_procedures(interval), program[Request.STEP])
+            call(program[Request.STEP])
+        while some("moving") or some("touching"):
+            while some("touching"):
+                call(interval.boundaries.find_contact_forces, program[Request.FORCES])
+            call(*trial_procedures(interval), program[Request.STEP])
         for name, before in served.items():
-            if self.fields[name] is not before:
-                self.fields[name] = where(leaves, self.fields[name], before)
+            if fields[name] is not before:
+                fields[name] = algebra.where(leaves, fields[name], before)
+    call(interval.end)
+    return fields

@@ -134,16 +134,6 @@ class Dynamics:
         return bool(self.stops or self.instants) or self.controlled
 
     @property
-    def repeated(self) -> bool:
-        """Whether an interval consists of several common steps."""
-        return self.scene.substeps > 1
-
-    @property
-    def estimates(self) -> bool:
-        """Whether the method has an error estimate."""
-        return bool(self.method.error5)
-
-    @property
     def logs(self) -> bool:
         """Whether events are kept."""
         return bool(self.stops) and self.track_work
@@ -166,7 +156,7 @@ class Dynamics:
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and not self.controlled and self.repeated else "{}_start"
+        return "{}_interval" if self.local and not self.controlled and self.scene.substeps > 1 else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -242,7 +232,8 @@ class Dynamics:
             return made
         rates = required_steps.rates_of_parameters(self.scene, x)
         made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
-        return made | required_steps.mobilities(self.scene, x)
+        dampers = required_steps.dampers(self.scene)
+        return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
 
     @cached_property
     def prepared(self) -> tuple[str, ...]:
@@ -255,11 +246,8 @@ class Dynamics:
         numbers of error control, which no function takes."""
         return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
 
-    # ---- effects -----------------------------------------------------------------------------------
-
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of the chains of all motors, and the results of their states' functions, where
-        ``change`` is "derivative" or "update"."""
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
@@ -293,8 +281,7 @@ class Dynamics:
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def accelerations(self, x: Quantities) -> list[Any]:
-        """Accelerations from quantities, rates of change of effects' states, and the power if the work is
-        tracked; ``x`` then has the forces."""
+        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
         joints = range(self.count)
         if "ax" not in self.prepared:
             x["ax"] = x["ay"] = ABSENT

@@ -143,8 +143,7 @@ class Episode:
     # ---- a control step --------------------------------------------------------------------------------
 
     def command(self, lane: Lane) -> None:
-        """Efforts from actions: saturated and counted; a non-finite action is recorded and commands no
-        effort."""
+        """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
         if not self.dynamics.local:
             lane.copy(self.dynamics.kept, to="{}_start")
         count: Any = 0.0
@@ -162,10 +161,7 @@ class Episode:
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
 
     def finish_control_step(self, lane: Lane) -> None:
-        """After an interval: faults, task memory, reward and the ends of episodes.
-
-        A faulty lane returns to its last good state; its neighbours are not affected.
-        """
+        """After an interval: faults, task memory, reward, ends of episodes; a faulty lane is undone."""
         interval, task, states = self.interval, self.task, self.dynamics.states
         interval.update_effect_states(lane)
         defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
@@ -255,7 +251,10 @@ class Episode:
         )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]
         draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
-        x = self.quantities(lane, {**draws, **self.start(lane)}, functions)
+        for joint in range(self.dynamics.count):  # uniform in its range of starts, inside the lane's limits
+            low, high = range_of_starts(task, self.dynamics.scene, joint, lane.__getitem__)
+            draws[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        x = self.quantities(lane, draws, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
         zero = [*arm.rates, *remembered, *self.dynamics.active, *self.held_outputs]
@@ -263,14 +262,6 @@ class Episode:
         values |= self.dynamics.effect_states.initial
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
             lane[name] = where(lane.resetting, value, lane[name])
-
-    def start(self, lane: Lane) -> dict[str, Any]:
-        """Joint positions, uniform in each joint's range of starts inside the lane's own limits."""
-        positions = {}
-        for joint in range(self.dynamics.count):
-            low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
-            positions[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
-        return positions
 
 
 # ---- sensors -----------------------------------------------------------------------------------------

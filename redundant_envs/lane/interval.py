@@ -1,8 +1,4 @@
-"""A control interval of a lane: the step that all lanes take together, and the program of the others.
-
-A lane leaves the common step for three reasons: an error above its tolerance, a boundary that it meets, and
-the integrator dop853, whose steps are always local.
-"""
+"""A control interval of a lane: the step that all lanes take together, and the program of the others."""
 
 from __future__ import annotations
 
@@ -11,9 +7,8 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import Force
-from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
-from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
@@ -49,7 +44,7 @@ class Interval:
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, without those that only the program of a lane sets."""
-        dynamics = self.dynamics
+        dynamics, rates = self.dynamics, self.dynamics.arm.rates
         yield from motion_fields(dynamics)
         if not dynamics.local:
             return
@@ -81,11 +76,8 @@ class Interval:
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
-        if dynamics.stops:
-            yield from self._fields_of_stops()
-
-    def _fields_of_stops(self) -> Iterator[Field]:
-        dynamics, rates = self.dynamics, self.dynamics.arm.rates
+        if not dynamics.stops:
+            return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
         yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)

@@ -1,8 +1,4 @@
-"""Kinks of a right-hand side that are watched, not located, by values that change their signs there.
-
-They are declared by effects, or found by running the functions of effects on numbers that know whether they
-move.
-"""
+"""Kinks of a right-hand side that are watched, not located: effects declare them, or they are found."""
 
 from __future__ import annotations
 

@@ -132,8 +132,7 @@ class Lane:
         return self._layout
 
     def next_part(self) -> None:
-        """Start a part that is computed apart from the previous ones, so that it has the same bits as
-        alone."""
+        """Start a part that is computed apart from the previous ones: it has the same bits as alone."""
 
     def get(self, names: Iterable[str], of: str = "{}") -> list[Any]:
         """Several fields, ``of`` being a form of their names such as "{}_start"."""

@@ -14,7 +14,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
-from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.crossings import Encounter, first_event
 from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault
@@ -105,8 +105,7 @@ class LaneProgram:
                         return found
 
     def turn(self, lane: Lane) -> Generator[Request, None, Found]:
-        """Take trial steps to where a coordinate turns near its limit, until it is known whether it turns
-        before."""
+        """Take trial steps to where a coordinate turns near its limit, until it is known where it turns."""
         while True:
             yield Request.STEP
             if self.is_lost(lane):
@@ -164,11 +163,9 @@ class LaneProgram:
 
     def trial(self, lane: Lane) -> Trial:
         """The trial step, and the first event of each coordinate in it."""
-        h = lane.step
+        h, encounters = lane.step, []
         moved = self.boundaries.in_step(lane, "{}_trial")
-        boundaries = enumerate(zip(self.dynamics.boundaries, moved, strict=True))
-        encounters = []
-        for k, (b, motion) in boundaries:
+        for k, (b, motion) in enumerate(zip(self.dynamics.boundaries, moved, strict=True)):
             known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
             forces, mobility = [0.0, 0.0], 0.0
             if b in self.dynamics.holding:
@@ -196,14 +193,10 @@ class LaneProgram:
         for b in self.dynamics.holding:
             lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
 
-    def spend(self, lane: Lane, h: Any) -> None:
-        """Count the time of a step that is not repeated."""
-        lane.left, lane.elapsed = lane.left - h, lane.elapsed + h
-
     def moved(self, lane: Lane) -> Found:
         """End a trial step without an event."""
         lane.slide = 0.0
-        self.spend(lane, lane.step)
+        lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
         self.note_released(lane)
         return Found.NOTHING
 
@@ -213,8 +206,7 @@ class LaneProgram:
             lane.left = lane.after_instant
             self.cut(lane)
             return End.GOES_ON
-        end = self.control.end(lane)
-        if end is End.NEXT:
+        if (end := self.control.end(lane)) is End.NEXT:
             self.cut(lane)
         return end
 
@@ -248,7 +240,8 @@ class LaneProgram:
         exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = exact[q] if q in exact else lane[q] + slide * lane[v]
-        self.spend(lane, lane.step + slide)
+        spent = lane.step + slide
+        lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
         lane.slide = slide
         lane.at_stop = sought.bounces
         for b, side, is_sought, position in zip(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-from abc import ABC, abstractmethod
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
@@ -28,8 +27,8 @@ class End(enum.Enum):
     CROSSED = "crossed"  # the interval is crossed
 
 
-class StepControl(ABC):
-    """How the steps of a lane are chosen."""
+class StepControl:
+    """How the steps of a lane are chosen; here each common step is one step."""
 
     repeats = False  # whether an inaccurate step begins the interval anew; otherwise the step is repeated
 
@@ -37,44 +36,25 @@ class StepControl(ABC):
         self.step, self.dynamics = step, step.dynamics
         self.stages = float(step.dynamics.method.stages)
 
-    @abstractmethod
     def begin(self, lane: Lane) -> Any:
         """Plan the first step of an interval; whether the common step is useless for the lane."""
-
-    @abstractmethod
-    def accurate(self, lane: Lane) -> Any:
-        """Whether a trial step, and with equal steps the interval so far, is accurate enough."""
-
-    @abstractmethod
-    def shorten(self, lane: Lane) -> None:
-        """Plan a shorter step after an inaccurate one."""
-
-    @abstractmethod
-    def end(self, lane: Lane) -> End:
-        """After a trial step without an event, whose time is spent: what comes next."""
-
-    @abstractmethod
-    def within_budget(self, lane: Lane) -> Any:
-        """Whether the interval may have one more trial step."""
-
-
-class FixedSteps(StepControl):
-    """Each common step is one step."""
-
-    def begin(self, lane: Lane) -> Any:
         lane.left = lane.h
         return False
 
     def accurate(self, lane: Lane) -> Any:
+        """Whether a trial step, and with equal steps the interval so far, is accurate enough."""
         return True
 
     def shorten(self, lane: Lane) -> None:
+        """Plan a shorter step after an inaccurate one."""
         raise AssertionError("fixed steps are never inaccurate")
 
     def end(self, lane: Lane) -> End:
+        """After a trial step without an event, whose time is spent: what comes next."""
         return End.GOES_ON if lane.left > 0.0 else End.CROSSED
 
     def within_budget(self, lane: Lane) -> Any:
+        """Whether the interval may have one more trial step."""
         # If such steps make a slider unstable, every step can seem to end beyond a stop.
         most = MOST_TRIALS * lane.h + TRIALS_OF_SUBSTEP * lane.interval
         return lane.evaluations * lane.h < self.stages * most
@@ -107,7 +87,8 @@ class EqualSteps(StepControl):
         ended, last = logical_not(lane.left > 0.0), logical_not(lane.steps_left - 1.0 > 0.0)
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
         crossed = self._crossed(lane)
-        agrees, most = error_control.agrees(crossed), error_control.most_steps(crossed.impacts)
+        agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
+        most = error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
@@ -173,8 +154,4 @@ class AdaptiveSteps(StepControl):
         return taken < error_control.MOST_ADAPTIVE_STEPS + MOST_TRIALS
 
 
-CLASSES: dict[Control, type[StepControl]] = {
-    Control.FIXED: FixedSteps,
-    Control.EQUAL: EqualSteps,
-    Control.ADAPTIVE: AdaptiveSteps,
-}
+CLASSES = {Control.FIXED: StepControl, Control.EQUAL: EqualSteps, Control.ADAPTIVE: AdaptiveSteps}

@@ -99,7 +99,7 @@ class BatchSimulator(Copied):
         interval = simulator.interval
         # Outputs that are the same in every interval are one read-only array for all calls.
         self._unchanging = (
-            None if interval.dynamics.estimates else _constant(np.full(count, np.nan)),
+            None if interval.dynamics.method.error5 else _constant(np.full(count, np.nan)),
             None if interval.dynamics.local else _constant(np.full(count, stages)),
             None if interval.dynamics.stops else _constant(np.zeros(count, dtype=np.int64)),
         )

@@ -121,12 +121,6 @@ class Crossed(NamedTuple):
     hidden_kink: Any = False  # whether it may have had one between the stages
 
 
-def agrees(c: Crossed) -> Any:
-    """Whether the result of an interval is confirmed: by its estimate alone, or by that of the previous
-    time."""
-    return growth_allowed(c) | confirmed(c)
-
-
 @branches
 def growth_allowed(c: Crossed) -> Any:
     """Whether errors that grow as much as the steps and impacts of an interval permit would still pass."""
@@ -168,8 +162,7 @@ CROSSED_SHARE = 1e-14
 
 @branches
 def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Any:
-    """Length of a first step, s: that of the last one of the previous interval, if there was one and it is
-    not too long."""
+    """Length of a first step, s: that of the last one of the previous interval, unless it is too long."""
     longest = interval / maximum(min_steps, 1.0)
     return next_step if next_step > 0.0 and next_step <= longest else longest
 

@@ -1,8 +1,4 @@
-"""One step of an explicit method: stages, sums and the error estimate, on any kind of numbers.
-
-Positions and velocities have the same count; other states are of first order. The derivative is any
-function.
-"""
+"""One step of an explicit method: stages, sums and the error estimate, on any kind of numbers."""
 
 from __future__ import annotations
 

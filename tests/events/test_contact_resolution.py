@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from redundant_envs.events import complementarity, contacts
+from redundant_envs.events import contacts
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.events.contacts import Contact, Happening, resolve_contacts
 from tests.oracles.independent_stops import complementary
@@ -53,7 +53,7 @@ def test_impulses_solve_the_complementarity_problem(count):
         d = u + restitution * np.maximum(u, 0.0)
         expected = np.zeros(count)
         expected[at] = complementary(outward[np.ix_(at, at)], d[at])
-        p = complementarity.impulses(u.tolist(), sides.tolist(), w.tolist(), [restitution] * count)
+        p = contacts.impulses(u.tolist(), sides.tolist(), w.tolist(), [restitution] * count)
         np.testing.assert_allclose(p, expected, rtol=1e-9, atol=1e-12)
         struck.add(tuple(expected > 0.0))
     assert len(struck) == 2**count - 1

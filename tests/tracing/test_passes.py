@@ -8,7 +8,7 @@ import pytest
 from compiled import on_columns, recorded
 
 from redundant_envs.algebra import logical_not, minimum, sqrt, where
-from redundant_envs.backends.interpreter import OPERATIONS
+from redundant_envs.lane.direct import OPERATIONS
 from redundant_envs.tracing.graph import FREE, Graph, Operation, reached
 from redundant_envs.tracing.number import Number
 from redundant_envs.tracing.passes.order import in_order

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import ANYTHING
 
-from redundant_envs.backends.interpreter import evaluate
+from redundant_envs.lane.direct import evaluate
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import ANYTHING
 
-from redundant_envs.backends.interpreter import evaluate
+from redundant_envs.lane.direct import evaluate
 from redundant_envs.tracing.graph import Graph, reached
 from redundant_envs.tracing.number import Number
 from redundant_envs.tracing.ways import branches

@@ -41,23 +41,29 @@ class Schedule:
         for n in reversed(nodes):
             self.chain[n] = n.latency + max((self.chain[u] for u in self.users[n]), default=0)
         self.inputs: dict[Operation, dict[Operation, None]] = {}
-        uses: dict[Operation, list[int]] = {n: [] for n in nodes if n.name not in FREE}
-        for n in uses:
-            self.inputs[n] = dict.fromkeys(s for s in map(source_of, n.operands) if s in uses)
+        self.uses: dict[Operation, list[Operation]] = {n: [] for n in nodes if n.name not in FREE}
+        for n in self.uses:
+            self.inputs[n] = dict.fromkeys(s for s in map(source_of, n.operands) if s in self.uses)
             for a in self.inputs[n]:
-                uses[a].append(self.chain[n])
-        self.far = {a for a, chains in uses.items() if chains and max(chains) - min(chains) > FAR}
-        self.left = {a: len(chains) for a, chains in uses.items()}
+                self.uses[a].append(n)
+        self.left = {a: len(users) for a, users in self.uses.items()}
+        chains = {a: [self.chain[u] for u in users] for a, users in self.uses.items() if users}
+        self.near = {a for a, some in chains.items() if max(some) - min(some) <= FAR}
+        self.more_waiting = {n: int(n in self.near) for n in self.uses}
+        """How many more values wait to be used after an operation than before it."""
+        for a in self.near:
+            self._last_use_frees(a)
         self.missing = {n: len(set(n.operands)) for n in nodes}
         self.begins = dict.fromkeys(self.place, 0)
         self.coming = [(0, self.place[n]) for n in nodes if self.missing[n] == 0]
         self.ready: set[int] = set()
         self.waiting = 0
 
-    def more_waiting(self, n: Operation) -> int:
-        """How many more values wait to be used after an operation than before it."""
-        freed = sum(self.left[a] == 1 and a not in self.far for a in self.inputs[n])
-        return (n not in self.far and self.left[n] > 0) - freed
+    def _last_use_frees(self, a: Operation) -> None:
+        """Count that the only use left of a value, if there is one left, ends its waiting."""
+        if self.left[a] == 1:
+            for u in self.uses[a]:
+                self.more_waiting[u] -= 1
 
     def done(self, n: Operation, cycle: int) -> None:
         """An operation has begun in a cycle: those that waited for it alone may follow."""
@@ -78,20 +84,22 @@ class Schedule:
 
     def next(self) -> Operation | None:
         """The operation that begins next; None if it is better to wait."""
-        nodes, chain = self.nodes, self.chain
+        nodes, chain, more = self.nodes, self.chain, self.more_waiting
         if not self.ready:
             return None
         if self.waiting < REGISTERS:
             return nodes[max(self.ready, key=lambda k: (chain[nodes[k]], -k))]
-        k = min(self.ready, key=lambda k: (max(self.more_waiting(nodes[k]), 0), -chain[nodes[k]], k))
-        return None if self.more_waiting(nodes[k]) > 0 and self.coming else nodes[k]
+        k = min(self.ready, key=lambda k: (max(more[nodes[k]], 0), -chain[nodes[k]], k))
+        return None if more[nodes[k]] > 0 and self.coming else nodes[k]
 
     def begin(self, n: Operation, cycle: int) -> None:
         """Begin an operation in a cycle."""
         self.ready.discard(self.place[n])
-        self.waiting += self.more_waiting(n)
+        self.waiting += self.more_waiting[n]
         for a in self.inputs[n]:
             self.left[a] -= 1
+            if a in self.near:
+                self._last_use_frees(a)
         self.done(n, cycle)
 
 
