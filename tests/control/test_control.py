@@ -1,7 +1,6 @@
 """Poses at goals, efforts at rest, goals that can be held, and the expert that reaches nearly all of them."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -121,7 +120,7 @@ def test_a_stop_pushes_and_never_pulls():
     np.testing.assert_allclose(motor_efforts(RPRP, np.array(q))[:, [1, 3]], expected, atol=1e-12)
 
 
-# ---- goals that can be held: loads by hand, the simulator, an optimiser --------------------------------
+# ---- goals that can be held: loads by hand, and the simulator -------------------------------------------
 
 
 def test_goals_out_of_reach_have_no_pose_and_no_load():
@@ -192,55 +191,6 @@ def test_a_tolerance_finds_the_best_point_near_the_goal(name):
     for turn in rng.uniform(-np.pi, np.pi, 4):
         step = 0.05 * np.sqrt(rng.random()) * np.array([np.cos(turn), np.sin(turn)])
         assert (load <= holding_load(scene, goals + step) + 1e-3).all()
-
-
-STOPS = {"free": (None, (1, -1)), "lower": (0.0, (-1,)), "upper": (0.25, (1,))}
-"""For a slider: its position, and the signs of the motor efforts that the stop does not take over."""
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("scene", "cases", "starts"),
-    [(FOUR_R, [("free", "free")], 40), (RPRP, list(itertools.product(STOPS, repeat=2)), 6)],
-)
-def test_an_optimiser_does_not_beat_the_search(scene, cases, starts):
-    """SLSQP from random poses minimises the load at the goal, each slider free or at one of its stops."""
-    from scipy.optimize import minimize
-
-    rng, arm, inverse = np.random.default_rng(11), scene.robot, np.linalg.inv(scene.robot.motor_map)
-    limits, goals = effort_limits(scene), drawn_goals(6, 12)
-    found = np.full(6, np.inf)
-    for (i, goal), (first, second) in itertools.product(enumerate(goals), cases):
-        place = [None, STOPS[first][0], None, STOPS[second][0]]
-        signs = [(1, -1), STOPS[first][1], (1, -1), STOPS[second][1]]
-        rows = [(k, sign / limits[k]) for k in range(4) for sign in signs[k]]
-        joints, scales = [k for k, _ in rows], np.array([scale for _, scale in rows])
-        free = [k for k in range(4) if place[k] is None]
-        pose = np.array([0.0 if x is None else x for x in place])
-        ends = [(0.0, 0.25) if arm.prismatic[k] else (-7.0, 7.0) for k in free]
-
-        def full(v, pose=pose, free=free):
-            x = pose.copy()
-            x[free] = v[:-1]
-            return x
-
-        def loads(v, full=full, joints=joints, scales=scales):
-            return (inverse @ arm.gravity_forces(full(v)))[joints] * scales
-
-        constraints = [
-            {"type": "eq", "fun": lambda v, full=full, goal=goal: arm.forward_kinematics(full(v)) - goal},
-            {"type": "ineq", "fun": lambda v, loads=loads: v[-1] - loads(v)},
-        ]
-        for _ in range(starts):
-            start = np.append([rng.uniform(max(low, -3.0), min(high, 3.0)) for low, high in ends], 1.0)
-            bounds = [*ends, (0.0, 9.0)]
-            v = minimize(lambda v: v[-1], start, bounds=bounds, constraints=constraints, method="SLSQP").x
-            inside = all(low <= x <= high for x, (low, high) in zip(v[:-1], ends, strict=True))
-            if inside and np.abs(arm.forward_kinematics(full(v)) - goal).max() < 1e-8:
-                found[i] = min(found[i], max(loads(v).max(), 0.0))
-    least = holding_load(scene, goals)
-    assert (least <= found + 1e-3).all()
-    assert (found <= least + 1e-3).sum() >= 5  # the optimiser is a serious one
 
 
 # ---- the expert ----------------------------------------------------------------------------------------

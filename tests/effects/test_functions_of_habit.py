@@ -95,14 +95,3 @@ def test_what_is_written_instead_is_the_same_function(name):
     given = values[: len(names)]
     np.testing.assert_allclose(function(*given), REPLACED[name](*given), rtol=1e-13, atol=1e-15)
     assert isinstance(function(*(0.3, 0.7)[: len(names)]), float)
-
-
-def test_a_function_of_ones_own_with_such_a_name_is_not_blamed():
-    """What stopped it is inside."""
-    own = "def clip(x):\n    return max(x, 0.0)\n\ndef f(x, y):\n    return clip(x)"
-    for text, words in (
-        (own, "it calls max; write maximum"),
-        ("def f(x, y):\n    return where(x, 1.0, y)", "compare it first"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            dialect.check(physics(made(text)))

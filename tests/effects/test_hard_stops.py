@@ -14,7 +14,6 @@ from redundant_envs.numerics.tableaus import METHODS
 from tests.oracles.independent_stops import StoppedArm
 
 ARM = EQUAL["RPRP"]
-REACH = rde.load_scene("rprp_reach")
 OVER = rde.Numerics.EVENT_BUDGET
 
 
@@ -39,8 +38,7 @@ def tips(made, *states):
 # ---- impacts --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("substeps", [1, 2, 3, 4])
-@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+@pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk4", 3), ("rk8", 2)])
 def test_the_time_of_an_impact_does_not_depend_on_the_substep_it_falls_in(integrator, substeps):
     made = scene(upper=(0.4, 0.4), gravity=0.0, integrator=integrator, substeps=substeps)
     speed = 1.003  # the arm lies still and straight: slider 2 glides alone
@@ -61,30 +59,22 @@ def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
 @pytest.mark.parametrize(
     "how", [{"tolerance": 1e-9}, {"tolerance": None, "integrator": "rk4", "substeps": 3}], ids=str
 )
-@pytest.mark.parametrize("doublings", [-24, -6, 10])
-def test_the_unit_of_time_changes_no_bit_of_a_motion_with_impacts(how, doublings):
+def test_units_of_time_and_mass_change_no_bit_of_a_motion_with_impacts(how):
     """Found by fuzzing: a nanosecond was neglected, so fast sliders missed tolerances in short intervals."""
-    arm, stop = rde.RPRP((0.33, 0.25, 0.28, 0.33), (0.14, 0.14)), e.PrismaticStop((0, 0), (0.02, 0.02), 0.9)
+    masses, stop = np.array((0.33, 0.25, 0.28, 0.33)), e.PrismaticStop((0, 0), (0.02, 0.02), 0.9)
     rng, n = np.random.default_rng(0), 512
     q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.02, 3.0, 0.02), (n, 4))
     qd, efforts = rng.normal(0.0, (5.0, 0.5, 5.0, 0.5), (n, 4)), rng.normal(0.0, 1.0, (n, 4))
     found = []
-    for unit in (1.0, 2.0**doublings):
+    for unit, mass in ((1.0, 1.0), (2.0**-24, 1.0), (2.0**-6, 4.0), (2.0**10, 0.25)):
+        arm = rde.RPRP(mass * masses, (0.14, 0.14))
         made = rde.Scene(arm, (stop,), control_dt=0.02 * unit, **how)
-        batch, status = advanced(made, q, qd / unit, efforts / unit**2)
+        batch, status = advanced(made, q, qd / unit, mass * efforts / unit**2)
         assert not status.numerics.any()
         assert status.events.sum() > 400
         found.append((batch.q, batch.qd * unit, status.evaluations))
-    assert_same_bits(*found)
-
-
-def test_a_scene_without_stops_has_no_trace_of_them():
-    """No operation and no field, even if lanes take local steps."""
-    bare = rde.Scene(ARM, (e.Gravity(),), tolerance=1e-6)
-    without, with_stops = rde.listing(bare), rde.listing(scene(tolerance=1e-6))
-    for word in ("prismatic_stop", "active_stop", "touching", "impacts", "released_r1", "contacts.py"):
-        assert word in with_stops, word
-        assert word not in without, word
+    for other in found[1:]:
+        assert_same_bits(found[0], other)
 
 
 def test_a_hard_stop_decides_the_travel_also_from_its_file():
@@ -129,11 +119,13 @@ def judged(found, coarser, finer, most):
     return np.linalg.norm(found - finer, axis=1)[sure], sure
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("control_dt", [0.02, 1e-4])
-@pytest.mark.parametrize("smallest", [-18.0, -13.0], ids=["digits before", "picometres before"])
+@pytest.mark.parametrize(
+    ("restitution", "control_dt", "smallest"),
+    [(0.0, 0.02, -18.0), (1.0, 0.02, -18.0), (0.5, 1e-4, -18.0), (0.5, 0.02, -13.0)],
+)
 def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, control_dt, smallest):
-    arm, n, rng = rde.RPRP((0.5,) * 4, (0.5, 0.5)), 8000, np.random.default_rng(0)
+    """Of sliders from digits, or from picometres, before their stops."""
+    arm, n, rng = rde.RPRP((0.5,) * 4, (0.5, 0.5)), 20_000, np.random.default_rng(0)
     lower, upper = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])
     gaps = 10.0 ** rng.uniform(smallest, smallest + 5.0, (n, 2))
     gaps[::3, 1] = gaps[::3, 0]
@@ -150,8 +142,7 @@ def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, cont
     assert flagged.mean() < 1e-3
 
 
-@pytest.mark.parametrize("travel", [0.001, 0.25])
-@pytest.mark.parametrize("restitution", [0.0, 0.7])
+@pytest.mark.parametrize(("travel", "restitution"), [(0.001, 0.7), (0.25, 0.0)])
 def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, restitution):
     """They start a few digits before them, are slow, and some are pulled away: no impact is made up."""
     n, rng = 20_000, np.random.default_rng(1)
@@ -182,13 +173,12 @@ def slow_leavers(n):
     return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
 
 
-@pytest.mark.parametrize("control_dt", [0.02, 0.1])
-@pytest.mark.parametrize("restitution", [0.0, 0.7])
+@pytest.mark.parametrize(("restitution", "control_dt"), [(0.0, 0.02), (0.7, 0.1)])
 def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
     control_dt, restitution
 ):
     """When it strikes, the slow one has not yet moved by a digit of its position."""
-    states, ends = slow_leavers(4000), []
+    states, ends = [x[:2000] for x in slow_leavers(4000)], []
     for how in ({"integrator": "dop853"}, {"tolerance": 1e-9}, {"substeps": 160}, {"substeps": 1536}):
         made = scene(NARROW, restitution, upper=(TRAVEL,) * 2, control_dt=control_dt, **how)
         end, flagged = tips(made, *states)
@@ -231,24 +221,12 @@ def test_every_start_at_both_stops_goes_on(restitution):
         status = batch.advance(efforts)
 
 
-def test_sliders_that_meet_their_stops_together_and_turn_back_are_found():
-    """Both are beyond their stops at the end of the step and began inwards: no piece is repeated."""
-    _, status = advanced(
-        REACH,
-        [-1.5713146444638297, 0.0, -1.2969997173756138, 0.0],
-        [0.23692911649314546, 2.1348563896103114e-05, -0.9254754272155492, 4.398584186074587e-06],
-        [[14.570766490420826, -4.643575696458498, -6.314069605314101, -1.105005150928406]],
-    )
-    assert not status.numerics[0]
-    assert status.evaluations[0] < 1000
-
-
-@pytest.mark.parametrize("speed", [1e-15, 1e-12, 1e-8, 1e-5, 1e-3])
-def test_slow_sliders_at_both_stops_come_to_rest(speed):
-    rng, n = np.random.default_rng(0), 5000
-    q, qd = with_sliders(rng, rng.choice([0, 0.25], (n, 2)), speed * rng.normal(size=(n, 2)))
+def test_slow_sliders_at_both_stops_come_to_rest():
+    rng, n = np.random.default_rng(0), 20_000
+    speeds = 10.0 ** rng.uniform(-15.0, -3.0, (n, 1)) * rng.normal(size=(n, 2))
+    q, qd = with_sliders(rng, rng.choice([0, 0.25], (n, 2)), speeds)
     q[:, 2] = q[:, 0]  # in line
-    _, status = advanced(REACH, q, qd, rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
+    _, status = advanced(rde.load_scene("rprp_reach"), q, qd, rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
     assert not status.numerics.any()
     assert status.evaluations.max() < 2000
 
@@ -304,10 +282,10 @@ def test_simulate_refuses_a_motion_with_too_many_impacts():
 
 
 @pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {}, {"tolerance": 1e-6}], ids=str)
-@pytest.mark.parametrize("speed", [50.0, 1e3, 1e8])
-def test_steps_far_too_long_end_lanes_but_never_hang(kwargs, speed):
+def test_steps_far_too_long_end_lanes_but_never_hang(kwargs):
     """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
-    rng, n = np.random.default_rng(0), 512
+    rng, n = np.random.default_rng(0), 768
+    speed = rng.choice([50.0, 1e3, 1e8], (n, 1))
     q = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(0, 0.3, n)] * 2)
     qd, efforts = rng.normal(0, speed, (n, 4)), rng.normal(0, 20, (n, 4))
     batch, status = advanced(scene(restitution=0.5, **kwargs), q, qd, efforts)
@@ -336,8 +314,7 @@ def damped(**how):
 BETWEEN = [0.755, 0.0, 0.702, 0.42]
 
 
-@pytest.mark.parametrize("substeps", [1, 50])
-@pytest.mark.parametrize("integrator", ["euler", pytest.param("rk4", marks=pytest.mark.long), "rk8"])
+@pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk8", 50)])
 def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integrator, substeps):
     """Every trial step ended beyond a stop, 1e7 times in an interval."""
     made = damped(integrator=integrator, substeps=substeps, control_dt=0.002)

@@ -6,7 +6,6 @@ A message is short, names the field or the function and its value, and says what
 import math
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, StiffeningSpring
 from notebooks import with_force
@@ -22,19 +21,9 @@ NAN = math.nan
 
 # ---- functions ----------------------------------------------------------------------------------------
 
-tanh = math.tanh
-
 
 def tanh_of_math(x):
     return math.tanh(x)
-
-
-def bare_tanh(x):
-    return tanh(x)
-
-
-def tanh_of_numpy(x):
-    return np.tanh(x)
 
 
 def with_default(x, k=2.0):
@@ -53,10 +42,6 @@ def calls_one_with_a_branch(x):
     return with_branch(y)
 
 
-def with_recursion(x):
-    return with_recursion(-x)
-
-
 def unmarked(x):
     return -x
 
@@ -65,27 +50,14 @@ def two_values(x):
     return x, x
 
 
-def a_list(x):
-    return [x]
-
-
-def a_condition(x):
-    return x > 0.0
-
-
 LINE = f"test_refused_effects.py:{with_branch.__code__.co_firstlineno + 2}"
 TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
 FUNCTIONS = {
     tanh_of_math: ("tanh_of_math (", "effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
-    bare_tanh: ("bare_tanh (", TANH),
-    tanh_of_numpy: ("tanh_of_numpy (", TANH, "of redundant_envs.algebra"),
     with_default: ("'k'", "bind a number of the effect"),
     with_branch: ("where(condition, a, b)", "instead of if", LINE),
     calls_one_with_a_branch: ("calls_one_with_a_branch (", "where(condition, a, b)", LINE),
-    with_recursion: ("with_recursion calls itself",),
     two_values: ("returns 2 values", "Force needs 1"),
-    a_list: ("a_list returns a list", "return numbers"),
-    a_condition: ("returns a condition", "where(condition, 1.0, 0.0)"),
 }
 AT = "effects[0] (Odd), hook 0 (Force)"
 
@@ -203,11 +175,9 @@ SCENES = {
         FOUR_R, (e.CentringSpring((1, 1), (0, 0), (1, 1)),),
         "CentringSpring acts on prismatic joints, and FourR has none",
     ),
-    "no sliders to stop": (FOUR_R, (e.PrismaticStop((0, 0), (1, 1)),), "FourR has none"),
     "one of two sliders": (
         RPRP, (e.CentringSpring((1,), (0,), (1,)),), "for 1 prismatic joints and RPRP has 2: give as many",
     ),
-    "one of two stops": (RPRP, (e.PrismaticStop((0,), (1,)),), "RPRP has 2: give as many"),
     "two of four joints": (
         RPRP, (e.ViscousFriction((0.1, 0.1)),),
         "ViscousFriction.coefficients has 2 entries; RPRP has 4 joints",
@@ -237,33 +207,24 @@ REFUSED = {
             (e.Gravity, (1e300,), "Gravity.g is 1e+300", "-1e+100 to 1e+100"),
             (e.Gravity, (9.81, (0.0, -1.1)), "Gravity.down is (0.0, -1.1)"),
             (e.Gravity, (9.81, (0.0,)), "Gravity.down has 1 entries"),
-            (e.Gravity, (9.81, (0.0, NAN)), "Gravity.down[1] is nan"),
             (e.Gravity.on_plane, (9.81, NAN), "tilt is nan"),
             (e.Gravity.on_plane, (9.81, 0.0, "x"), "roll is 'x'"),
             (e.ViscousFriction, (-0.1,), "ViscousFriction.coefficients is -0.1"),
             (e.ViscousFriction, ((0.1, 0.1, NAN, 0.1),), "ViscousFriction.coefficients[2] is nan"),
             (e.EffortLimits, ((1.0, 1.0, 1.0, -1.0),), "EffortLimits.limits[3] is -1.0"),
-            (e.ViscousFriction, (1e300,), "ViscousFriction.coefficients is 1e+300", "1e+100"),
-            (e.EffortLimits, ((1, 1, 1e300, 1),), "EffortLimits.limits[2] is 1e+300", "1e+100"),
-            (e.EffortLimits, ("9",), "EffortLimits.limits is '9'"),
             (e.EffortLimits, (None,), "EffortLimits.limits is None"),
             (e.LimitSpring, ("r1", 0.3, 0.3), "LimitSpring.lower is 0.3, upper is 0.3; lower must be below"),
-            (e.LimitSpring, ("r1", 0.4, 0.3), "LimitSpring.lower is 0.4"),
             (e.LimitSpring, ("r1", 0.0, 1e-31), "LimitSpring.lower is 0.0", "at least 1e-30 apart"),
             (e.LimitSpring, ("r1", -1e308, 1e308), "LimitSpring.lower is -1e+308", "-1e+30 to 1e+30"),
             (e.LimitSpring, ("r1", 0, 1, 1e300), "LimitSpring.stiffness is 1e+300", "1e+100"),
-            (e.LimitSpring, ("r1", 0, 1, 1, 1e300), "LimitSpring.damping is 1e+300", "1e+100"),
             (e.LimitSpring, ("r1", NAN, 0.3), "LimitSpring.lower is nan"),
             (e.LimitSpring, ("r1", 0.0, True), "LimitSpring.upper is True"),
             (e.LimitSpring, ("r1", 0.0, 0.3, 0.0), "LimitSpring.stiffness is 0.0"),
-            (e.LimitSpring, ("r1", 0.0, 0.3, -5.0), "LimitSpring.stiffness is -5.0"),
             (e.LimitSpring, ("r1", 0.0, 0.3, 5.0, -1.0), "LimitSpring.damping is -1.0"),
             (e.CentringSpring, ((1.0, -2.0), (0, 0), (1, 1)), "CentringSpring.stiffness[1] is -2.0"),
             (e.CentringSpring, ((1.0, 2.0), (0, 2), (1, 1)), "CentringSpring.lower[1] is 2.0, upper"),
             (e.CentringSpring, ((1.0,), (0, 0), (1, 1)), "CentringSpring.lower has 2 entries; give 1"),
             (e.CentringSpring, ((1.0, 1.0), (0, 0), (1, "b")), "CentringSpring.upper[1] is 'b'"),
-            (e.CentringSpring, ((1, 1e300), (0, 0), (1, 1)), "CentringSpring.stiffness[1] is 1e+300"),
-            (e.CentringSpring, ((1, 1), (0, -1e308), (1, 1)), "CentringSpring.lower[1] is -1e+308"),
             (e.PrismaticStop, ((0, 0), (1, 1e308)), "PrismaticStop.upper[1] is 1e+308", "-1e+30 to 1e+30"),
             (e.PrismaticStop, ((0, 0), (1, 5e-324)), "PrismaticStop.lower[1] is 0.0", "1e-30 apart"),
             (e.PrismaticStop, ((0.3, 0.0), (0.0, 0.3)), "PrismaticStop.lower[0] is 0.3, upper[0] is 0.0"),

@@ -19,7 +19,7 @@ def scene(arm, length=LENGTH, **steps):
     return rde.Scene(arm, effects, control_dt=length, **steps)
 
 
-def starts(arm, lanes=12):
+def starts(arm, lanes=4):
     rng = np.random.default_rng(8)
     q, qd = rng.uniform(-1.0, 1.0, (lanes, 4)), 2.0 * rng.normal(size=(lanes, 4))
     q[:, np.array(arm.prismatic)] *= 0.1

@@ -5,10 +5,9 @@ import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, traced
+from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.tasks.reach import ReachTask
-from redundant_envs.tracing.number import Condition
 
 LAYOUT = Layout(
     [
@@ -115,31 +114,3 @@ def test_a_truth_is_read_as_a_condition_and_kept_as_a_number(number):
     np.testing.assert_array_equal(lane.resting, np.array(number, bool))
     lane.resting = lane.resting | (lane.q > 5.0)
     np.testing.assert_array_equal(lane.written()["resting"], number)
-
-
-def test_truths_of_a_traced_lane_are_conditions():
-    kinds = []
-
-    def look(lane):
-        kinds.append(type(lane.resting))
-        lane.resting = lane.v == 0.0
-        kinds.append(type(lane.resting))
-
-    function = traced("look", LAYOUT, look)
-    assert kinds == [Condition, Condition]
-    ((space, row, value),) = function.stores
-    assert (space, row, value.name, value.arguments[1:]) == ("scratch", 1, "select", [1.0, 0.0])
-
-
-def test_parts_of_a_traced_function_have_products_of_their_own_and_the_same_sums():
-    def work(lane):
-        before = lane.q * lane.v, lane.q + lane.v
-        lane.next_part()
-        after = lane.q * lane.v, lane.q + lane.v
-        for name, value in zip(("q", "q_start", "v", "v_start"), (*before, *after), strict=True):
-            lane[name] = value
-
-    work(Lane(LAYOUT, NUMBERS.__getitem__))  # a plain lane has parts, too
-    values = [value for _, _, value in traced("work", LAYOUT, work).stores]
-    assert values[0] is not values[2]
-    assert values[1] is values[3]

@@ -3,28 +3,26 @@
 ``model/test_trajectory.py`` has known motions, and that more times do not change one.
 """
 
-import dataclasses
-
 import numpy as np
 import pytest
-from catalogue import ARMS, EQUAL, FOUR_R
+from catalogue import ARMS, EQUAL
 
 import redundant_envs as rde
 
 e = rde.effects
-FREE, RPRP = rde.Scene(FOUR_R, (e.Gravity(),), "dop853", 1.0), EQUAL["RPRP"]
+RPRP = EQUAL["RPRP"]
 
 
-@pytest.mark.parametrize("arm", [FOUR_R, ARMS["RPRP"]], ids=["FourR", "RPRP"])
-def test_scipy_agrees_and_needs_as_many_evaluations(arm):
+def test_scipy_agrees_and_needs_as_many_evaluations():
     integrate = pytest.importorskip("scipy.integrate", reason="SciPy is in the extra verify")
+    arm = ARMS["RPRP"]
     q, qd, efforts = (-1.2, 0.2, -0.4, 0.1), (0.5, -0.3, 0.2, 0.4), (1.5, -0.7, 0.4, 0.2)
 
     def slope(t, y):
         return np.r_[y[4:], arm.forward_dynamics(y[:4], y[4:], arm.motor_map @ efforts, 9.81)]
 
     peer = integrate.solve_ivp(slope, (0, 1), [*q, *qd], "DOP853", rtol=1e-13, atol=1e-14, t_eval=[0.3, 1.0])
-    scene = dataclasses.replace(FREE, robot=arm)
+    scene = rde.Scene(arm, (e.Gravity(),), "dop853", 1.0)
     got = rde.simulate(scene, q, qd, [0.3, 1.0], efforts)
     np.testing.assert_allclose(np.c_[got.q, got.qd], peer.y.T, rtol=0, atol=1e-10)
     batch = rde.BatchSimulator(scene, 1)
@@ -45,16 +43,9 @@ def test_a_motion_that_overflows_ends():
         rde.simulate(batch.scene, [0.3, 0.1, -0.4, 0.2], [0, 1e200, 0, 0], [1.0])
 
 
-@pytest.mark.parametrize(
-    "stops",
-    [
-        pytest.param((), id="free"),
-        pytest.param((e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5),), id="stops", marks=pytest.mark.long),
-    ],
-)
-def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour_does_not(stops):
+def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour_does_not():
     stiff = e.ViscousFriction((1e12, 0.0, 0.0, 0.0))
-    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.Gravity(), stiff, *stops), integrator="dop853"), 2)
+    batch = rde.BatchSimulator(rde.Scene(RPRP, (e.Gravity(), stiff), integrator="dop853"), 2)
     batch.set_parameters({"viscous_friction.coefficients": (0.0,) * 4}, index=[1])
     batch.set_state([0.3, 0.1, -0.4, 0.2], [1.0, 0.2, -0.3, 0.1])
     before = np.c_[batch.q, batch.qd]
@@ -62,11 +53,3 @@ def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour
     assert status.numerics.tolist() == [rde.Numerics.NO_STEP_FOUND | rde.Numerics.TOLERANCE_NOT_REACHED, 0]
     np.testing.assert_array_equal(np.c_[batch.q, batch.qd][0], before[0])
     assert (batch.q[1] != before[1, :4]).any()
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "said"), [({"substeps": 3}, "substeps is 3"), ({"tolerance": 1e-6}, "tolerance is 1e-06")]
-)
-def test_substeps_and_tolerance_are_not_for_it(kwargs, said):
-    with pytest.raises(ValueError, match=said):
-        rde.Scene(rde.FourR((1,) * 4, (1,) * 4), integrator="dop853", **kwargs)

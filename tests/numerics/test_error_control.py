@@ -13,16 +13,13 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
-from redundant_envs.model.programs import batch_simulator
 from redundant_envs.numerics.error_control import Crossed, blended_error, tip_error
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
-from redundant_envs.studies.kinked_effects import TorqueSpeed, VelocityController
 from redundant_envs.verify.checks import random_states
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
-RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 FREE = (e.Gravity(), e.ViscousFriction(0.1))
 
 
@@ -60,7 +57,7 @@ def test_true_error_is_within_the_tolerance(tolerance, most):
 
 def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     """Hundreds of rad/s for 0.2 s; a hostile review saw a last digit move unflagged tips by up to 1.4 m."""
-    arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 500
+    arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 200
     rng = np.random.default_rng(0)
     q, efforts = rng.uniform(-3.0, 3.0, (n, 4)), rng.uniform(-60.0, 60.0, (n, 4))
     scene = rde.Scene(arm, (e.Gravity(),), control_dt=0.2, tolerance=1e-3)
@@ -72,25 +69,22 @@ def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     assert tip_errors(arm, one, other)[sure].max() < 2e-3
 
 
-@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
-def test_the_tolerance_is_kept_where_sliders_are_thrown_far_away(tolerance):
+def test_the_tolerance_is_kept_where_sliders_are_thrown_far_away():
     """Found by fuzzing: a tip of 5e-5 kg goes from 14 m to 90 km, where an early error of an angle counts."""
     arm = rde.RPRP((500.0, 5000.0, 700.0, 5e-5), (60.0, 80.0))
     rng, n = np.random.default_rng(0), 512
     q = np.array([-0.54, -27.0, 1.7, -66.0]) + rng.normal(0.0, 1.0, (n, 4)) * (1.0, 2.0, 1.0, 2.0)
     qd = rng.normal(0.0, 1.0, (n, 4)) * (0.5, 20.0, 0.5, 5.0)
     efforts = np.array([7.6e6, 3e3, 3.5e6, 2.3e4]) * rng.uniform(-2.0, 2.0, (n, 4))
-    got, status = advance(rde.Scene(arm, tolerance=tolerance), q, qd, efforts)
+    got, status = advance(rde.Scene(arm, tolerance=1e-8), q, qd, efforts)
     reference, _ = advance(rde.Scene(arm, substeps=256), q, qd, efforts)
-    off = tip_errors(arm, got, reference)[status.numerics == 0]
-    assert off.max() <= 2.0 * tolerance
-    assert len(off) == n
+    assert not status.numerics.any()
+    assert tip_errors(arm, got, reference).max() <= 2e-8
 
 
-@pytest.mark.parametrize("arm", [LAB, RPRP], ids=["FourR", "RPRP"])
-def test_a_lane_is_that_many_fixed_steps_bit_for_bit(arm):
-    q, qd, efforts = lab_states(200, 1)
-    q[:, [k for k in range(4) if arm.prismatic[k]]] *= 0.05
+def test_a_lane_is_that_many_fixed_steps_bit_for_bit():
+    arm, (q, qd, efforts) = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)), lab_states(200, 1)
+    q[:, [1, 3]] *= 0.05
     got, status = advance(rde.Scene(arm, FREE, tolerance=1e-11), q, qd, efforts)
     used = np.zeros(200)
     for n in (1, 2, 4, 8, 16, 32, 64):
@@ -161,18 +155,6 @@ def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     assert status.evaluations[0] > 12 * 16384
 
 
-def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
-    one, other, without = (
-        batch_simulator(rde.Scene(LAB, FREE, tolerance=t), False) for t in (1e-6, 1e-12, None)
-    )
-    assert one.key == other.key
-    assert "tip_tolerance" in one.blocks.layout
-    # Without a tolerance no lane ever leaves the common step.
-    assert "reason" in one.blocks.layout
-    assert "reason" not in without.blocks.layout
-    assert set(without.blocks.functions) == {"interval"}
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -182,9 +164,11 @@ def test_the_tolerance_is_a_number_of_the_lane_not_of_the_code():
         ({"tolerance": "exact"}, "tolerance.*'exact'"),
         ({"tolerance": 1e-6, "integrator": "rk4"}, "tolerance.*rk4.*rk8"),
         ({"tolerance": 1e-6, "substeps": 2}, "tolerance.*2 substeps.*1"),
+        ({"tolerance": 1e-6, "integrator": "dop853"}, "tolerance is 1e-06"),
+        ({"substeps": 3, "integrator": "dop853"}, "substeps is 3"),
     ],
 )
-def test_a_tolerance_that_cannot_be_is_refused(changes, said):
+def test_a_tolerance_or_a_method_that_cannot_be_is_refused(changes, said):
     with pytest.raises(ValueError, match=said):
         dataclasses.replace(rde.Scene(LAB, FREE), **changes)
 
@@ -195,14 +179,14 @@ def test_tolerance_is_kept_with_nearly_vanishing_links(short, tolerance):
     """Hard case 44 with others: the error of the angle of such a link grows with it."""
     arm = rde.FourR((1.0,) * 4, (1.0, short, 1.0, short))
     scene = rde.Scene(arm, (e.Gravity(),), tolerance=tolerance)
-    q, qd, _ = random_states(scene, 1024, 0)
+    q, qd, _ = random_states(scene, 2048, 0)
     got, status = advance(scene, q, qd)
     # Which way such a link points may be chance, and two references agree by chance now and then.
     *others, finer = (
         advance(rde.Scene(arm, scene.effects, substeps=n), q, qd)[0] for n in (2048, 4096, 5801, 8192)
     )
     judged = np.max([tip_errors(arm, x, finer) for x in others], axis=0) <= 0.1 * tolerance
-    assert judged.sum() > 600
+    assert judged.sum() > 1200
     assert (tip_errors(arm, got, finer) <= tolerance)[judged & (status.numerics == 0)].all()
     assert np.mean(status.numerics[judged] != 0) <= 1e-3
 
@@ -243,47 +227,6 @@ def test_random_steps_are_off_by_at_most_twice_their_estimate(name):
     judged = (how.numerics == 0) & (step.error_estimate < 1e-5) & (error > 1e-11)
     assert judged.sum() > 10_000
     assert (error <= 2.0 * step.error_estimate)[judged].all()
-
-
-ONE_STEP_OF_CHANCE = {  # effect, masses, lengths, angles, rates, efforts
-    "torque-speed curve": (
-        TorqueSpeed((1.992286633769344, 1.2848436159029, 4.310494518061289, 1.2225414751633483),
-                    2.787930234772016),
-        (0.4036002456646146, 0.48906350123100406, 0.3184539539042901, 0.4885919334521271),
-        (0.30115216734270706, 0.13170441734081834, 0.18195421605261322, 0.12573677344802067),
-        (1.5046308486523685, -2.3302351985767, -1.2944904442308052, 3.0434766249592577),
-        (-1.4439605805381133, -0.9300558129746455, 2.808119076557165, -2.663760889219502),
-        (3.999094473104397, -3.997284700550585, 3.9947206524652854, 3.9997362676479398),
-    ),
-    "velocity controller": (
-        VelocityController((0.1703219907849756, 0.1631646107603007, 0.957740327517151, 0.07570121323944572),
-                           (3.603775054127391, 0.9603380057759933, 1.3794805652588287, 0.8284895891399953)),
-        (0.4577949250245035, 0.24381728393314708, 0.33223131544340107, 0.2040673009165729),
-        (0.46126037727071745, 0.33467648410511863, 0.10952759372869408, 0.3070368258363449),
-        (2.651801879540085, -3.0411046645641724, 1.5878894862109538, -2.8016096546730513),
-        (-0.017425815245332817, 0.022336763540526845, -0.015064781575855514, 0.013523785799472467),
-        (3.536816067914814, 1.2894480463497349, 0.14561809718774743, 1.1946960792530614),
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", ONE_STEP_OF_CHANCE)
-def test_a_step_whose_estimate_of_order_5_is_small_by_chance_is_not_accepted(case):
-    """Found by ``study intervals``: the blend of the orders 5 and 3 let these single steps pass, which are
-    off by 18 and 9 tolerances."""
-    effect, masses, lengths, angles, rates, efforts = ONE_STEP_OF_CHANCE[case]
-    arm = rde.FourR(masses, lengths)
-    start = [np.array([x]) @ np.linalg.inv(arm.motor_map) for x in (angles, rates)]
-
-    def tip(**how):
-        scene = rde.Scene(arm, (e.Gravity(), effect), control_dt=0.02, **how)
-        states, status = advance(scene, *start, np.array([efforts]))
-        return arm.forward_kinematics(states[:, :4])[0], status
-
-    (got, status), (one, _), (reference, _) = tip(tolerance=1e-6), tip(substeps=1), tip(integrator="dop853")
-    assert np.linalg.norm(one - reference) > 8e-6
-    assert np.linalg.norm(got - reference) < 1e-6
-    assert not status.numerics.any()
 
 
 # ---- the end of an interval, from numbers --------------------------------------------------------------

@@ -1,13 +1,16 @@
-"""The Runge-Kutta tables: nodes, weights and every order condition, from rooted trees."""
+"""The Runge-Kutta tables: nodes, weights, every order condition from rooted trees, and steps in 40 digits.
+
+``verify`` measures the orders of compiled motions.
+"""
 
 import math
-from dataclasses import replace
 from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
 
+from redundant_envs.numerics.methods import explicit_step
 from redundant_envs.numerics.tableaus import METHODS, RK8
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
@@ -119,10 +122,42 @@ def test_the_stages_contain_one_estimate_of_order_6():
     assert abs(rows[11] @ RK8.error6) == pytest.approx(np.linalg.norm(RK8.error6), rel=1e-12)
 
 
-def test_a_wrong_digit_is_seen():
-    """One coefficient changed in the 12th digit breaks the conditions."""
-    a = [list(row) for row in RK8.a]
-    a[8][5] *= 1.0 + 1e-12
-    broken = replace(RK8, a=tuple(map(tuple, a)))
-    found = [pair for k in range(1, 9) for pair in misses(broken, broken.b, 1.0, k)]
-    assert any(gap > most for gap, most in found)
+# ---- steps and their estimates -------------------------------------------------------------------------
+
+
+def on_a_circle(q, v, z):
+    """y'' = -y, with y' a state of first order as well, and a watched number."""
+    return -q[0], v[0], 7.0
+
+
+def not_linear(q, v, z):
+    """y'' = -y^3 - y'^2: on linear equations the estimate of order 6 falls faster."""
+    return -(q[0] ** 3) - v[0] ** 2, v[0], 7.0
+
+
+@pytest.mark.parametrize(
+    ("method", "slope", "steps", "orders"),
+    [
+        ("rk4", on_a_circle, (4, 8), (4,)),
+        ("rk8", on_a_circle, (4, 8), (8, None, 5, 3)),
+        ("rk8", not_linear, (8, 16), (None, 6)),
+    ],
+)
+def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(method, slope, steps, orders):
+    """An estimate of order p is one of h^p in its sum. In 40 digits, but for the weights, which are those of
+    double precision."""
+    mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
+    with mpmath.workdps(40):
+
+        def defects(h):
+            y, v = mpmath.mpf("0.8"), mpmath.mpf("0.6")
+            step = explicit_step(METHODS[method], slope, [y], [v], [y], h)
+            assert step.others[0] == step.positions[0]
+            assert {*step.watched[0]} == {7.0}
+            wrong = step.positions[0] - (y * mpmath.cos(h) + v * mpmath.sin(h))
+            return [abs(wrong), *(abs(h * error[0]) for error, h in step.errors)]
+
+        pairs = zip(*(defects(mpmath.mpf(1) / n) for n in steps), orders, strict=False)
+        measured = {p: float(mpmath.log(a / b, 2)) for a, b, p in pairs if p}
+    # A step of order p is off by h^(p + 1).
+    assert measured == pytest.approx({p: p + 1 for p in orders if p}, abs=0.25)

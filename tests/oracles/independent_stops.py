@@ -1,13 +1,14 @@
-"""A simulation of the RPRP arm with hard stops that shares no code with the package.
+"""A simulation of an arm with hard stops that shares no code with the package.
 
-Dense equations of motion, SciPy's DOP853 with event location, impulses and resting sliders found by trying
-every set of contacts. It favours simplicity over speed, since the compiled core is compared with it.
+Dense equations of motion from the point masses, SciPy's DOP853 with event location, impulses and resting
+sliders found by trying every set of contacts. It favours simplicity over speed: the compiled core is compared
+with it.
 """
 
 from __future__ import annotations
 
+import cmath
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating[Any]]
-SLIDERS = (1, 3)
 BOUNCE = 1e-9
 """A slider whose bounce stays below this comes to rest, m; at elastic stops only if it is rounding."""
 ROUNDING = 1e-13
@@ -28,53 +28,64 @@ MOST_IMPACTS = 10_000
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """An RPRP arm with upright gravity, viscous joint friction and stops."""
+    """A chain of revolute joints R and sliders P, with upright gravity, viscous joint friction and stops."""
 
     masses: tuple[float, ...]  # kg
     lengths: tuple[float, ...]  # m
     g: float  # m/s^2
     friction: float  # N m s/rad and N s/m, in every joint
-    upper: float  # travel of both sliders from 0, m
+    upper: float  # travel of all sliders from 0, m
     restitution: float
+    types: str = "RPRP"
+
+    @property
+    def sliders(self) -> list[int]:
+        return [k for k, kind in enumerate(self.types) if kind == "P"]
 
     def equations(self, y: Array, efforts: Array) -> tuple[Array, Array]:
-        """Mass matrix (4, 4) and the forces on the right-hand side (4,) at q, qd = y."""
-        theta1, r1, theta2, r2, w1, v1, w2, v2 = (float(x) for x in y)
-        m1, m2, m3, m4 = self.masses
-        l1, l2 = self.lengths
-        a, b = l1 + r1, l2 + r2
-        c, s = math.cos(theta1 - theta2), math.sin(theta1 - theta2)
-        mu, sigma = m2 + m3 + m4, m3 * l2 + m4 * b
-        M = np.diag([m1 * l1**2 + mu * a**2, mu, m3 * l2**2 + m4 * b**2, m4])
-        M[0, 2] = M[2, 0] = a * sigma * c
-        M[0, 3] = M[3, 0] = -m4 * a * s
-        M[1, 2] = M[2, 1] = sigma * s
-        M[1, 3] = M[3, 1] = m4 * c
-        h1 = a * (2 * mu * v1 * w1 + sigma * s * w2**2 + 2 * m4 * v2 * w2 * c)
-        h2 = -mu * a * w1**2 - sigma * c * w2**2 + 2 * m4 * v2 * w2 * s
-        h3 = sigma * (2 * v1 * w1 * c - a * w1**2 * s) + 2 * m4 * b * v2 * w2
-        h4 = -m4 * (a * w1**2 * c + 2 * v1 * w1 * s + b * w2**2)
-        G1, G2 = (m1 * l1 + mu * a) * math.cos(theta1), mu * math.sin(theta1)
-        weight = self.g * np.array([G1, G2, sigma * math.cos(theta2), m4 * math.sin(theta2)])
-        t1, f1, t2, f2 = efforts
-        t1, f1 = t1 - self.friction * w1, f1 - self.friction * v1
-        t2, f2 = t2 - self.friction * (w2 - w1), f2 - self.friction * v2
-        return M, np.array([t1 - t2 - h1, f1 - h2, t2 - h3, f2 - h4]) - weight
+        """Mass matrix (n, n) and the forces on the right-hand side (n,) at q, qd = y.
+
+        A point is a complex number: each joint adds a length along the direction of the last revolute one.
+        """
+        q, qd = np.split(y, 2)
+        n, lengths, turned, direction = len(q), iter(self.lengths), -1, 1.0 + 0.0j
+        M, forces = np.zeros((n, n)), np.zeros(n)
+        jacobian, acceleration = np.zeros(n, complex), 0.0j  # of the point so far, at qdd = 0
+        for k, (kind, mass) in enumerate(zip(self.types, self.masses, strict=True)):
+            rate, before = qd[k], turned
+            if kind == "R":
+                length, turned, direction = next(lengths), k, cmath.exp(1j * q[k])
+                if before >= 0:
+                    rate = rate - qd[before]
+            else:
+                length, jacobian[k] = q[k], direction
+            if turned >= 0:
+                jacobian[turned] += 1j * length * direction
+                acceleration -= length * qd[turned] ** 2 * direction
+                if kind == "P":
+                    acceleration += 2j * qd[k] * qd[turned] * direction
+            M += mass * np.outer(jacobian.conj(), jacobian).real
+            forces -= mass * (jacobian.conj() * (acceleration + 1j * self.g)).real
+            effort = efforts[k] - self.friction * rate
+            forces[k] += effort
+            if kind == "R" and before >= 0:  # the motor reacts on the link before
+                forces[before] -= effort
+        return M, forces
 
     def motion(self, y: Array, efforts: Array, held: Sequence[int]) -> tuple[Array, Array]:
-        """Accelerations (4,), and the forces (4,) that hold some sliders in position."""
+        """Accelerations (n,), and the forces (n,) that hold some sliders in position."""
         M, forces = self.equations(y, efforts)
-        free = [k for k in range(4) if k not in held]
-        qdd, hold = np.zeros(4), np.zeros(4)
+        free = [k for k in range(len(forces)) if k not in held]
+        qdd, hold = np.zeros_like(forces), np.zeros_like(forces)
         qdd[free] = np.linalg.solve(M[np.ix_(free, free)], forces[free])
         hold[list(held)] = (M @ qdd - forces)[list(held)]
         return qdd, hold
 
     def after(self, q: Array, qd: Array, efforts: Array, seconds: float, rtol: float = 1e-12) -> Array | None:
-        """q, qd (8,) after some seconds of constant efforts; None after too many contacts."""
+        """q, qd (2 n,) after some seconds of constant efforts; None after too many contacts."""
         from scipy.integrate import solve_ivp
 
-        y, t = np.concatenate([q, qd]), 0.0
+        y, t, n = np.concatenate([q, qd]), 0.0, len(q)
         held: dict[int, float] = {}
         left: set[int] = set()
         for _ in range(MOST_CONTACTS):
@@ -82,10 +93,10 @@ class StoppedArm:
             joints = tuple(held)
 
             def slope(_: float, y: Array, joints: tuple[int, ...] = joints) -> Array:
-                return np.concatenate([y[4:], self.motion(y, efforts, joints)[0]])
+                return np.concatenate([y[n:], self.motion(y, efforts, joints)[0]])
 
             events, names = [], []
-            for joint in SLIDERS:
+            for joint in self.sliders:
                 if joint in held:
                     events.append(_terminal(t, self._pull, joint, held[joint], joints, efforts))
                     names.append((joint, 0.0))
@@ -93,8 +104,8 @@ class StoppedArm:
                     events.append(_terminal(t, lambda y, j: y[j] - self.upper, joint))
                     events.append(_terminal(t, lambda y, j: -y[j], joint))
                     names += [(joint, 1.0), (joint, -1.0)]
-            free = [j for j in SLIDERS if j not in held]
-            turns = [lambda _, y, j=j: y[4 + j] for j in free]
+            free = [j for j in self.sliders if j not in held]
+            turns = [lambda _, y, j=j: y[n + j] for j in free]
             # SciPy sees only the ends of its steps: they start short, because of bounces, and the motion
             # ends when a slider turns beyond a stop that it passes twice in a step.
             first, longest, end = min(1e-9, 0.5 * (seconds - t)), seconds / 40, seconds
@@ -131,7 +142,8 @@ class StoppedArm:
         self, y: Array, efforts: Array, held: dict[int, float], left: set[int]
     ) -> tuple[Array, dict[int, float]]:
         """Velocities after all impacts, and the sliders that then rest, with their sides."""
-        sides = {j: 1.0 if y[j] >= self.upper else -1.0 for j in SLIDERS if y[j] >= self.upper or y[j] <= 0.0}
+        n, at = len(self.types), [j for j in self.sliders if y[j] >= self.upper or y[j] <= 0.0]
+        sides = {j: 1.0 if y[j] >= self.upper else -1.0 for j in at}
         if not sides:
             return y, {}
         joints = list(sides)
@@ -140,9 +152,9 @@ class StoppedArm:
         M, _ = self.equations(y, efforts)
         W = np.linalg.inv(M)[np.ix_(joints, joints)] * np.outer(s, s)
         columns = np.linalg.inv(M)[:, joints] * s
-        leave = {j for j, u in zip(joints, s * y[4:][joints], strict=True) if u < -ROUNDING and j not in held}
+        leave = {j for j, u in zip(joints, s * y[n:][joints], strict=True) if u < -ROUNDING and j not in held}
         for _ in range(MOST_IMPACTS):
-            u = s * y[4:][joints]
+            u = s * y[n:][joints]
             if not (u > ROUNDING).any():
                 break
             # Sliders without velocity are held if their stops press them, whether they were held before or
@@ -150,15 +162,15 @@ class StoppedArm:
             standing = [j for j, v in zip(joints, u, strict=True) if abs(v) <= ROUNDING and j not in left]
             held = {j: sides[j] for j in self._supported(y, efforts, standing, sides)}
             # A slider that moves away from its stop is struck when an impact of the other has sent it back.
-            here = [n for n, j in enumerate(joints) if u[n] > ROUNDING or j in held]
+            here = [k for k, j in enumerate(joints) if u[k] > ROUNDING or j in held]
             struck = (u + self.restitution * np.maximum(u, 0.0))[here]
             impulse = complementary(W[np.ix_(here, here)], struck)
-            y[4:] -= columns[:, here] @ impulse
-            for n, p in zip(here, impulse, strict=True):
-                if p > 0.0 and u[n] > 0.0:
-                    y[4 + joints[n]] = -sides[joints[n]] * self.restitution * u[n]
-                    leave.discard(joints[n])
-        u = s * y[4:][joints]
+            y[n:] -= columns[:, here] @ impulse
+            for k, p in zip(here, impulse, strict=True):
+                if p > 0.0 and u[k] > 0.0:
+                    y[n + joints[k]] = -sides[joints[k]] * self.restitution * u[k]
+                    leave.discard(joints[k])
+        u = s * y[n:][joints]
         qdd, _ = self.motion(y, efforts, [j for j in held if j in sides and j not in left])
         free_qdd, _ = self.motion(y, efforts, [])
         height = BOUNCE if self.restitution < 1.0 else 8.881784197001252e-16 * max(self.upper, 1.0)
@@ -170,10 +182,9 @@ class StoppedArm:
                 resting.append(j)
         chosen = self._supported(y, efforts, resting, sides)
         if chosen:
-            k = list(chosen)
-            inverse = np.linalg.inv(M)
-            y[4:] -= inverse[:, k] @ np.linalg.solve(inverse[np.ix_(k, k)], y[4:][k])
-            y[4:][k] = 0.0
+            some, inverse = list(chosen), np.linalg.inv(M)
+            y[n:] -= inverse[:, some] @ np.linalg.solve(inverse[np.ix_(some, some)], y[n:][some])
+            y[n:][some] = 0.0
         return y, {j: sides[j] for j in chosen}
 
     def _supported(
