@@ -44,6 +44,8 @@ def with_lanes(case, order):
     calls = []
     for call in case["calls"]:
         if chosen := [order.index(lane) for lane in lanes_of(case, call) if lane in order]:
+            if case["face"] != "simulator":  # a mask has no order: rows are those of ascending lanes
+                chosen.sort()
             lanes = None if call.get("lanes") is None else chosen
             calls.append({**call, "lanes": lanes, "rows": taken(call.get("rows", {}), order)})
     return {**case, "num_envs": len(order), "calls": calls}
