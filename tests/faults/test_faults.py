@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+from tests.mutation import __main__ as mutation
+
 from .__main__ import ROOT, faults
 
 FAULTS = faults()
@@ -25,3 +27,8 @@ def test_a_fault_can_be_brought_back_and_has_a_test(fault):
     path, function = re.match(r"(tests/.*\.py)::(\w+)(\[.*\])?$", fault.test).group(1, 2)
     tests = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
     assert function in {test.name for test in tests if isinstance(test, ast.FunctionDef)}
+
+
+def test_mutants_are_drawn_from_modules_and_seen_by_tests_that_there_are():
+    places = [*(ROOT / mutation.PACKAGE / f"{module}.py" for module in mutation.MODULES), *mutation.TESTS]
+    assert [str(place) for place in places if not (ROOT / place).exists()] == []

@@ -30,8 +30,8 @@ PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control")
 EVENTS = ("boundary", "crossings", "search", "contacts")
-LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "coordinates",
-        "boundaries", "features", "program", "interval")  # fmt: skip
+LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "boundaries", "features",
+        "program", "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS,
     *(f"numerics/{m}" for m in NUMERICS),
