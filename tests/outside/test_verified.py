@@ -28,6 +28,7 @@ from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.studies.kinked_effects import KINKED
 from redundant_envs.verify import (
     Mode,
+    Subject,
     Verdict,
     accuracy,
     bits,
@@ -273,6 +274,16 @@ def test_scenes_from_outside_keep_every_promise(kind, name, steps):
     quick = (kind, name, steps) in QUICK
     assert misses(scene, OF_SCENES if quick else checks_of(evaluators), states=64) == set()
     assert_same_bits(motion(started(scene, track_work=True)), motion(started(scene)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_intervals_that_magnify_rounding_make_no_evaluator_red(seed):
+    """Steps too long for stiff springs end at 1e13 rad/s, where last bits are 1e-9 of everything."""
+    arm = ARMS["3R"]
+    effects = (*GRAVITY, e.ViscousFriction(0.1), *effects_from_outside(arm)["a law that changes"])
+    scene = rde.Scene(arm, effects, **STEPS["rk8"])
+    trial = Trial(Subject("amplified", scene), 64, Mode.STANDARD, seed)
+    assert evaluators.arrays.run(trial).verdict is not Verdict.MISSED
 
 
 @physics(gives="x1 y1 x2 y2")
