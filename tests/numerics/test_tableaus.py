@@ -74,6 +74,10 @@ def weight(method, weights, tree):
     return value, 1.2e-16 * size(tree) * scale
 
 
+def test_a_method_of_order_1_is_a_method():
+    METHODS["euler"].check()
+
+
 def test_numbers_of_trees():
     """1, 1, 2, 4, 9, 20, 48, 115, 286 (Hairer, Norsett, Wanner, table II.2.2)."""
     assert [len(trees(n)) for n in range(1, 10)] == [1, 1, 2, 4, 9, 20, 48, 115, 286]
