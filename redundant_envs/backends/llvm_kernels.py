@@ -1,29 +1,16 @@
-"""Kernels, and the functions on vectors of 8 doubles that they call, as an LLVM module."""
+"""Kernels, and the functions that they call, as a module of LLVM: for compiling, not for loading."""
 
 from __future__ import annotations
 
-import functools
-import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
 
-from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, LaneFunction, Output, Program
-from redundant_envs.tracing.graph import Operation, Value, bits_of, reached
-from redundant_envs.tracing.passes.order import in_order
-from redundant_envs.tracing.passes.simplify import join_products, specialise
-from redundant_envs.tracing.passes.stages import Part, Stages
+from redundant_envs.backends import llvm_lanes as lanes
+from redundant_envs.backends.llvm_lanes import ARITHMETIC, DOUBLE, ELEMENT, INT32, INT64, address, integer
+from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, Program
 
-LANES = 8
-DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
-INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
-BLOCK = ir.VectorType(DOUBLE, LANES)
-TRUTHS, WHOLE = ir.VectorType(BIT, LANES), ir.VectorType(INT64, LANES)
-EXPONENT_BIAS, MANTISSA_BITS = 1023, 52
-ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
-ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
-INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
 Method = Callable[[Any], Any]
 INTEGERS = {**ARITHMETIC, "+": "add", "-": "sub", "*": "mul", "<<": "shl", ">>": "lshr"}
 
@@ -31,302 +18,13 @@ SIMPLE: dict[str, Callable[..., Any]] = {
     "offset": lambda b, base, k: b.gep(base, [k]),
     "not": lambda b, x: b.not_(x),
     "select": lambda b, condition, x, y: b.select(condition, x, y),
-    "float": lambda b, x: (b.uitofp if x.type == BIT else b.sitofp)(x, DOUBLE),
+    "float": lambda b, x: (b.uitofp if x.type == lanes.BIT else b.sitofp)(x, DOUBLE),
     "int": lambda b, x: (b.fptosi if x.type == DOUBLE else b.zext)(x, INT64),
     "get": lambda b, place: b.load(place),
     "set": lambda b, place, x: b.store(x, place),
     "leave": lambda b: b.ret_void(),
 }
 """Instructions of one operation on their operands."""
-
-
-def integer(k: int) -> ir.Constant:
-    return ir.Constant(INT64, k)
-
-
-@functools.lru_cache(maxsize=1024)
-def block_of(bits: bytes) -> ir.Constant:
-    """One number, given by its bits, in all lanes."""
-    return ir.Constant(BLOCK, struct.unpack("<d", bits) * LANES)
-
-
-def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> Any:
-    """Address of a value of a type, ``offset`` elements after ``base``."""
-    at = builder.gep(base, [integer(offset) if isinstance(offset, int) else offset])
-    return builder.bitcast(at, type_.as_pointer())
-
-
-def load_block(builder: ir.IRBuilder, base: Any, k: int) -> Any:
-    """Number k of all lanes of a block."""
-    return builder.load(address(builder, base, k * LANES, BLOCK), align=8)
-
-
-def store_block(builder: ir.IRBuilder, value: Any, base: Any, k: int) -> None:
-    builder.store(value, address(builder, base, k * LANES, BLOCK), align=8)
-
-
-def compared(builder: ir.IRBuilder, name: str, a: Any, b: Any) -> Any:
-    """A comparison of floats: with NaN only != holds."""
-    return (builder.fcmp_unordered if name == "!=" else builder.fcmp_ordered)(name, a, b)
-
-
-def widened(function: ir.Function) -> ir.Function:
-    """Ask LLVM for full-width vectors, and for an aligned stack to spill them to."""
-    for attribute in ('"prefer-vector-width"="512"', '"stackrealign"'):
-        set.add(function.attributes, attribute)
-    return function
-
-
-def internal(module: ir.Module, result: ir.Type, arguments: list[ir.Type], name: str) -> ir.Function:
-    """A function that only this module calls."""
-    function = widened(ir.Function(module, ir.FunctionType(result, arguments), name))
-    function.linkage = "internal"
-    return function
-
-
-def signature(function: LaneFunction) -> dict[str, ir.Type]:
-    """Arguments of the LLVM function: spaces, tables, columns and their strides."""
-    arguments = {name: ELEMENT[element].as_pointer() for name, (element, _) in function.inputs.items()}
-    arguments |= dict.fromkeys(function.spaces, DOUBLE.as_pointer())
-    for output in function.outputs:
-        arguments[output.array] = ELEMENT[output.element].as_pointer()
-        if not output.columns and output.column:
-            arguments[f"{output.array}_stride"] = INT64
-    return arguments
-
-
-class Emitter:
-    """Emits the operations of a graph into a block, each when it is first needed."""
-
-    def __init__(
-        self, builder: ir.IRBuilder, load: Callable[[str, int], Any], stages: EmittedStages | None = None
-    ) -> None:
-        """``load`` emits the load of number k of a space."""
-        self.builder, self.load, self.stages = builder, load, stages
-        self.values: dict[Operation, Any] = {}
-
-    def value(self, node: Value) -> Any:
-        if isinstance(node, bool):
-            return ir.Constant(TRUTHS, [int(node)] * LANES)
-        if isinstance(node, float):
-            return block_of(bits_of(node))
-        if node not in self.values:
-            self.values[node] = self._emit(node)
-        return self.values[node]
-
-    def _emit(self, node: Operation) -> Any:
-        if node.name == "load":
-            return self.load(*node.extra)
-        if self.stages and node.name in ("stage", "result"):
-            return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
-        b = self.builder
-        arguments = [self.value(a) for a in node.arguments]
-        if node.name in INTRINSICS:
-            name = f"{INTRINSICS[node.name]}.v{LANES}f64"
-            kind = ir.FunctionType(BLOCK, [BLOCK] * len(arguments))
-            return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), arguments)
-        if node.name in ARITHMETIC:
-            return getattr(b, ARITHMETIC[node.name])(*arguments)
-        if node.name == "neg":
-            return b.fneg(arguments[0])
-        if node.name == "not":
-            return b.xor(arguments[0], ir.Constant(TRUTHS, [1] * LANES))
-        if node.name == "select":
-            return b.select(*arguments)
-        if node.name == "bit":
-            masked = b.and_(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [node.extra] * LANES))
-            return b.icmp_signed("!=", masked, ir.Constant(WHOLE, [0] * LANES))
-        if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
-            biased = b.add(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [EXPONENT_BIAS] * LANES))
-            return b.bitcast(b.shl(biased, ir.Constant(WHOLE, [MANTISSA_BITS] * LANES)), BLOCK)
-        return compared(b, node.name, *arguments)
-
-
-class EmittedStages:
-    """The functions that the stages of a step call, and the calls."""
-
-    def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool) -> None:
-        self.stages = stages
-        # Pointers that no part uses would take registers from those that all parts use.
-        values = [v for p in stages.parts.values() for v in (*p.returned, *(v for _, _, v in p.stores))]
-        read = {n.extra[0] for n in reached(values) if n.name == "load"}
-        self.spaces = {name: base for name, base in spaces.items() if name in read}
-        self.returned = ir.LiteralStructType([BLOCK] * len(stages.returned))
-        self.functions = {n: self._function(caller, n, part, ordered) for n, part in stages.parts.items()}
-        self.memory: dict[str, Any] = {}
-
-    def _function(self, caller: ir.Function, name: str, part: Part, ordered: bool) -> ir.Function:
-        """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
-        result = self.returned if part.returned else ir.VoidType()
-        pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
-        types = [DOUBLE.as_pointer()] * len(pointers) + [BLOCK] * len(self.stages.given)
-        function = internal(caller.module, result, types, f"{caller.name}_{name}_stage")
-        set.add(function.attributes, "noinline")
-        bases = dict(zip(pointers, function.args, strict=False))
-        for base in bases.values():
-            base.add_attribute("noalias")
-        given = dict(zip(self.stages.given, function.args[len(pointers) :], strict=True))
-        builder = ir.IRBuilder(function.append_basic_block())
-
-        def load(space: str, k: int) -> Any:
-            return given[k] if space == "given" else load_block(builder, bases[space], k)
-
-        emitter = Emitter(builder, load)
-        places: dict[Any, list[tuple[str, int]]] = {}
-        for space, k, value in part.stores:
-            places.setdefault(value, []).append((space, k))
-        values = [*part.returned, *(v for _, _, v in part.stores)]
-        for node in [*(in_order(values) if ordered else reached(values)), *places]:
-            emitted = emitter.value(node)
-            for space, k in places.pop(node, ()):  # at once, so that it needs no register
-                store_block(builder, emitted, bases[space], k)
-        if not part.returned:
-            builder.ret_void()
-            return function
-        returned: Any = ir.Constant(result, ir.Undefined)
-        for k, r in enumerate(part.returned):
-            returned = builder.insert_value(returned, emitter.value(r), k)
-        builder.ret(returned)
-        return function
-
-    def emit(self, emitter: Emitter, node: Operation) -> Any:
-        """The call of a stage; the first is preceded by the earlier part of its own."""
-        stages, b = self.stages, emitter.builder
-        i = stages.calls.index(node)
-        if not self.memory:
-            carried, told = len(stages.carried), len(stages.told) * len(stages.calls)
-            sizes = [len(stages.shared), max(stages.kept, default=0) + 1, carried, carried, told]
-            names = ("shared", "kept", "even", "odd", "told")
-            self.memory = {name: self._memory(b, n) for name, n in zip(names, sizes, strict=True)}
-            for j, k in stages.kept.items():
-                store_block(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
-            self._call(emitter, "first", 1, node, None)
-        if i + 1 == len(stages.calls):
-            return self._call(emitter, "last", i, None, node)
-        return self._call(emitter, "middle", i, stages.calls[i + 1], node)
-
-    def _memory(self, builder: ir.IRBuilder, vectors: int) -> Any:
-        memory = builder.alloca(DOUBLE, ir.Constant(INT32, LANES * max(1, vectors)))
-        memory.align = 8 * LANES  # a vector that straddles cache lines is read twice
-        return memory
-
-    def _told(self, builder: ir.IRBuilder, call: int) -> Any:
-        """Address for the results that a call does not return."""
-        return builder.gep(self.memory["told"], [integer(LANES * len(self.stages.told) * call)])
-
-    def _call(
-        self, emitter: Emitter, part: str, number: int, upcoming: Operation | None, present: Operation | None
-    ) -> Any:
-        stages = self.stages
-        values = []
-        for k in stages.given:
-            stage = upcoming if k < stages.subroutine.positions else present
-            values.append(emitter.value(stage.arguments[k]) if stage else ir.Constant(BLOCK, ir.Undefined))
-        before, after = ("even", "odd") if number % 2 == 0 else ("odd", "even")
-        told = self._told(emitter.builder, stages.calls.index(present) if present else 0)
-        memories = [self.memory[n] for n in ("shared", "kept", before, after)]
-        return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
-
-    def result(self, emitter: Emitter, node: Operation) -> Any:
-        """A result of a stage: returned by the call, written to memory, or known without the call."""
-        stages = self.stages
-        (stage,), k = node.arguments, stages.first[node.extra]
-        value = emitter.value(stage)
-        if k in stages.returned:
-            return emitter.builder.extract_value(value, stages.returned.index(k))
-        if k in stages.told:
-            place = self._told(emitter.builder, stages.calls.index(stage))
-            return load_block(emitter.builder, place, stages.told.index(k))
-        return emitter.value(stages.results[k])
-
-
-def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool) -> ir.Function:
-    """The LLVM function of a lane function; ``ordered`` puts its instructions in our own order."""
-    results = function.results
-    join_products(results, function.aside_results)
-    calls = [n for n in reached(results) if n.name == "stage"]
-    stages = Stages(calls, function.spaces, function.known) if calls else None
-    results = specialise(results, function.known)
-    arguments = signature(function)
-    made = internal(module, ir.VoidType(), list(arguments.values()), f"lanes_{function.name}")
-    bases = dict(zip(arguments, made.args, strict=True))
-    for name, base in bases.items():
-        if not name.endswith("_stride"):
-            base.add_attribute("noalias")
-    builder = ir.IRBuilder(made.append_basic_block())
-    tables = {name: _columns(builder, bases[name], *shape) for name, shape in function.inputs.items()}
-
-    def load(space: str, k: int) -> Any:
-        return tables[space](k) if space in tables else load_block(builder, bases[space], k)
-
-    spaces = {n: b for n, b in bases.items() if n in function.spaces}
-    emitted = EmittedStages(stages, made, spaces, ordered) if stages else None
-    emitter = Emitter(builder, load, emitted)
-    order = stages.in_order(results) if stages else in_order(results) if ordered else reached(results)
-    for node in order:
-        emitter.value(node)
-    values = [emitter.value(r) for r in results]
-    for (space, k, _), value in zip(function.stores, values, strict=False):
-        store_block(builder, value, bases[space], k)
-    _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases)
-    builder.ret_void()
-    return made
-
-
-def _columns(builder: ir.IRBuilder, base: Any, element: str, columns: int) -> Callable[[int], Any]:
-    """The columns of a table with a row for each lane, as vectors of doubles."""
-    whole = builder.load(address(builder, base, 0, ir.VectorType(ELEMENT[element], LANES * columns)), align=4)
-
-    def column(k: int) -> Any:
-        chosen = ir.Constant(ir.VectorType(INT32, LANES), [columns * i + k for i in range(LANES)])
-        values = builder.shuffle_vector(whole, whole, chosen)
-        return values if element == "f64" else builder.fpext(values, BLOCK)
-
-    return column
-
-
-def _emit_outputs(builder: ir.IRBuilder, outputs: list[Output], values: list[Any], bases: Any) -> None:
-    tables: dict[str, dict[int, Any]] = {}
-    for output, value in zip(outputs, values, strict=True):
-        type_ = ELEMENT[output.element]
-        vector = ir.VectorType(type_, LANES)
-        if value.type == TRUTHS:
-            value = builder.zext(value, vector)
-        elif type_ == FLOAT:
-            value = builder.fptrunc(value, vector)
-        elif isinstance(type_, ir.IntType):
-            value = builder.fptosi(value, vector)
-        if output.columns:
-            tables.setdefault(output.array, {})[output.column] = value
-            continue
-        base = bases[output.array]
-        if output.column:
-            stride = bases[f"{output.array}_stride"]
-            base = builder.gep(base, [builder.mul(stride, integer(output.column))])
-        builder.store(value, address(builder, base, 0, vector), align=1)
-    for array, columns in tables.items():
-        _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))])
-
-
-def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any]) -> None:
-    """Write columns to the rows of a table: four columns at once, transposed in registers."""
-
-    def shuffled(a: Any, b: Any, chosen: list[int]) -> Any:
-        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, len(chosen)), chosen))
-
-    width = len(columns)
-    for first in range(0, width, 4):
-        four = columns[first : first + 4]
-        four += [four[-1]] * (4 - len(four))
-        pairs = [shuffled(four[k], four[k + 1], list(range(2 * LANES))) for k in (0, 2)]
-        whole = shuffled(pairs[0], pairs[1], list(range(4 * LANES)))
-        count = min(4, width - first)
-        for i in range(LANES):
-            piece = shuffled(whole, whole, [i + LANES * k for k in range(count)])
-            builder.store(piece, address(builder, base, i * width + first, piece.type), align=4)
-
-
-# ---- kernels -------------------------------------------------------------------------------------------
 
 
 class KernelEmitter:
@@ -338,7 +36,7 @@ class KernelEmitter:
     ) -> None:
         self.functions = functions
         made = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
-        self.function = widened(made)
+        self.function = lanes.widened(made)
         self.entry = ir.IRBuilder(made.append_basic_block("entry"))
         body = made.append_basic_block("body")
         self.builder = ir.IRBuilder(body)
@@ -367,7 +65,7 @@ class KernelEmitter:
         floats = any(getattr(x, "kind", None) == "float" for x in i.arguments)
         operands = self.operands(i, "float" if floats else "int")
         if i.name in ("<", "<=", ">", ">=", "==", "!="):
-            return compared(b, i.name, *operands) if floats else b.icmp_signed(i.name, *operands)
+            return lanes.compared(b, i.name, *operands) if floats else b.icmp_signed(i.name, *operands)
         return getattr(b, (ARITHMETIC if floats else INTEGERS)[i.name])(*operands)
 
     def _argument(self, i: Instruction) -> Any:
@@ -401,9 +99,9 @@ class KernelEmitter:
 
     def _mask(self, i: Instruction) -> Any:
         b = self.builder
-        values = load_block(b, self.value(i.arguments[0]), i.extra)
-        bits = compared(b, "!=", values, ir.Constant(BLOCK, [0.0] * LANES))
-        return b.zext(b.bitcast(bits, INT8), INT64)
+        values = lanes.load_block(b, self.value(i.arguments[0]), i.extra)
+        bits = lanes.compared(b, "!=", values, ir.Constant(lanes.BLOCK, [0.0] * lanes.LANES))
+        return b.zext(b.bitcast(bits, lanes.INT8), INT64)
 
     def _blocks(self, *names: str) -> list[ir.Block]:
         return [self.function.append_basic_block(name) for name in names]
@@ -417,7 +115,7 @@ class KernelEmitter:
         b, (mask,) = self.builder, self.operands(i)
         self._loop(
             i, mask, lambda rest: b.icmp_signed("!=", rest, integer(0)),
-            lambda rest: b.cttz(rest, ir.Constant(BIT, 1)),
+            lambda rest: b.cttz(rest, ir.Constant(lanes.BIT, 1)),
             lambda rest: b.and_(rest, b.sub(rest, integer(1))),
         )  # fmt: skip
 
@@ -471,7 +169,8 @@ def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
     module = ir.Module("program")
     module.triple = triple
     functions = {
-        name: (emit_lane_function(module, f, ordered), signature(f)) for name, f in program.functions.items()
+        name: (lanes.emit_lane_function(module, f, ordered), lanes.signature(f))
+        for name, f in program.functions.items()
     }
     for kernel in program.kernels:
         KernelEmitter(module, kernel, functions)

@@ -119,15 +119,7 @@ class _Maker:
                     others = fields.get(field, getattr(thing, field))
                     value = (*others[:entry], value, *others[entry + 1 :])
                 fields[field] = value
-            if checked:
-                try:
-                    made.append(dataclasses.replace(thing, **fields) if fields else thing)
-                except Exception:  # as in :meth:`made`
-                    made.append(None)
-                continue
-            made.append(copy.copy(thing))
-            for name, value in fields.items():
-                object.__setattr__(made[-1], name, value)
+            made.append(_replaced(thing, fields) if checked else _set(thing, fields))
         return made
 
     def made(self, things: Sequence[Any]) -> Described | None:
@@ -210,6 +202,22 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
             for entry, number in entries:
                 if isinstance(number, int | float) and not isinstance(number, bool):
                     yield Place(o, f.name, entry), number
+
+
+def _replaced(thing: Any, fields: dict[str, Any]) -> Any:
+    """A thing with other fields; None if it does not allow them."""
+    try:
+        return dataclasses.replace(thing, **fields) if fields else thing
+    except Exception:  # of a user's own text, with numbers that it did not expect
+        return None
+
+
+def _set(thing: Any, fields: dict[str, Any]) -> Any:
+    """The same without the checks of its class."""
+    made = copy.copy(thing)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
 
 
 KINDS = 12

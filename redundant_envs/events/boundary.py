@@ -29,7 +29,10 @@ SMALLEST_SCALE = 1e-280
 
 @dataclass(frozen=True)
 class Boundary:
-    """The limits of a coordinate: a stop strikes it there, and may hold it, or a force changes its law."""
+    """The limits of a coordinate, and what happens there.
+
+    At a limit that bounces a stop strikes it, and may hold it; at another one a force changes its law.
+    """
 
     name: str  # ends the names of its fields
     lower: str  # fields with the limits
@@ -119,7 +122,10 @@ def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
 
 @branches
 def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Positions between which a joint keeps the law of a side; margins keep rounding from switching it."""
+    """Positions between which a joint keeps the law of a side: 1 above ``upper``, -1 below ``lower``.
+
+    Ranges overlap by twice a margin, so that rounding does not switch the law back and forth.
+    """
     low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
     if side > 0.0:
         return upper - high, math.inf
@@ -149,7 +155,10 @@ def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, u
 
 
 def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
-    """Whether a free coordinate at a stop moves away, faster than rounding: it does not come to rest."""
+    """Whether a free coordinate starts at a stop and moves away from it.
+
+    It does not come to rest there, however slow it is, unless its speed is rounding.
+    """
     up = (position >= upper) & (velocity < -NEGLIGIBLE_SPEED)
     down = (position <= lower) & (velocity > NEGLIGIBLE_SPEED)
     return (active_stop == 0.0) & (up | down)

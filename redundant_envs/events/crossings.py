@@ -1,24 +1,17 @@
-"""Whether a trial step meets a boundary, and how, and the time of the first event in it.
+"""Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages.
 
-An event is an impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond a
-limit. The decision record 0003 explains the bounds from the accelerations at the stages.
+The decision record 0003 explains the bounds.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
-from functools import reduce
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt, where
-from redundant_envs.events.boundary import BoundedCoordinate, direction, inside
+from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt
+from redundant_envs.events.boundary import BoundedCoordinate, direction
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
-
-TAYLOR_SHARE = 2e-8
-"""Largest length of a Taylor step to a stop, as a fraction of the planned step: half its square, the error of
-positions and velocities, is rounding."""
 
 
 class Crossing(enum.IntEnum):
@@ -31,7 +24,8 @@ class Crossing(enum.IntEnum):
 
 
 class Overshoot(NamedTuple):
-    """Largest overshoot of an acceleration (Tableau.overshoot_between_nodes)."""
+    """Largest overshoot of an acceleration between the stages of a step and near its ends
+    (Tableau.overshoot_between_nodes)."""
 
     between: float
     at_ends: float
@@ -51,7 +45,8 @@ def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
 
 @branches
 def most_pull(s: BoundedCoordinate, overshoot: Overshoot) -> Any:
-    """Largest force with which the stop of a resting coordinate may have to pull in a step, or 0."""
+    """Largest force with which the stop of a resting coordinate may have to pull in a step; 0 if it never
+    does."""
     if s.free:
         return 0.0
     return maximum(s.watched.most + margins(s.watched, overshoot)[1], 0.0)
@@ -179,155 +174,3 @@ def crossing_of(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
         turns = Crossing.TURNS_NEAR if above > 0.0 and not ends_above else ends
     bends_once = maximum(lo, -hi) >= 0.0
     return Crossing.UNCLEAR if turns != Crossing.NONE and not bends_once else turns
-
-
-# ---- the first event: an estimate, from which a search begins -----------------------------------------
-
-
-class Encounter(NamedTuple):
-    """A coordinate and its boundary in a trial step."""
-
-    number: float  # of the boundary
-    motion: BoundedCoordinate
-    force: Any  # exerted by its stop along it at the end of the trial step, N
-    start_force: Any  # at its start
-    crossing: Any  # how the trial step meets the boundary
-    turning_time: Any  # at which the coordinate turns in it, s
-    cleared: Any  # whether it is known to turn before its limit
-    mobility: Any  # of the coordinate, 1/kg
-
-    @property
-    def pull(self) -> Any:
-        """Force with which its stop would have to pull it at the end of the step, N."""
-        return self.motion.active_stop * self.force
-
-
-class Event(NamedTuple):
-    """The first event of a coordinate in a trial step."""
-
-    time: Any  # from the start of the step, s; later than its end if there is no event
-    side: Any  # of the limit
-    turns: Any  # whether the coordinate only turns near the limit
-
-
-def quintic_through(s: BoundedCoordinate, h: Any, gap: Any) -> list[Any]:
-    """Coefficients, m, of the quintic through both ends of a step, in shares of it; it starts at ``gap``."""
-    d = s.position - s.start_position
-    s0 = h * s.start_velocity
-    s1 = h * s.velocity
-    c2 = 0.5 * h * h * s.watched.first
-    e2 = 0.5 * h * h * s.watched.last
-    c3 = 10.0 * d - 6.0 * s0 - 4.0 * s1 - 3.0 * c2 + e2
-    c4 = 8.0 * s0 + 7.0 * s1 + 3.0 * c2 - 2.0 * e2 - 15.0 * d
-    c5 = 6.0 * d - 3.0 * (s0 + s1) - c2 + e2
-    return [gap, s0, c2, c3, c4, c5]
-
-
-def polynomial(coefficients: Sequence[Any], s: Any) -> Any:
-    """Value of a polynomial."""
-    return reduce(lambda inner, c: c + s * inner, reversed(coefficients))
-
-
-@branches
-def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tuple[Any, Any, Any]:
-    """A smaller bracket of a zero, and the next guess: a Newton step if it stays in it, else its middle.
-
-    ``g`` and ``slope`` are of the function at ``s``, from where the Newton step leads to ``new``.
-    """
-    low, high = where(g > 0.0, low, s), where(g > 0.0, s, high)
-    return low, high, new if slope > 0.0 and new >= low and new <= high else 0.5 * (low + high)
-
-
-@branches
-def crossing_time(s: BoundedCoordinate, h: Any, side: Any, gap: Any, share: Any, turned: Any) -> Any:
-    """Time at which the quintic through both ends of a step of length ``h`` passes the limit of a side, s.
-
-    Three iterations find the zero to the accuracy with which the quintic describes the event. The coordinate
-    starts ``gap`` above the limit; ``share`` is a guess, as a fraction of the step, and at the fraction
-    ``turned`` an inward motion has turned.
-    """
-    c = quintic_through(s, h, gap)
-    slopes = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]]
-    low, high = turned_inward(s, side, turned), 1.0
-    share = maximum(share, low)
-    # The reciprocal of the slope is updated by a separate Newton step, without a division.
-    per_slope = 1.0 / (side * polynomial(slopes, share))
-    for _ in range(3):
-        g, slope = side * polynomial(c, share), side * polynomial(slopes, share)
-        per_slope = per_slope * (2.0 - slope * per_slope)
-        low, high, share = nearer_root(g, slope, low, high, share, share - g * per_slope)
-    return h * share
-
-
-@branches
-def turned_inward(s: BoundedCoordinate, side: Any, turned: Any) -> Any:
-    """Fraction of a step before which a coordinate that starts inward does not pass its limit."""
-    v0, v1 = s.start_velocity, s.velocity
-    return minimum(turned, 1.0) if side * v0 < 0.0 and v0 * v1 < 0.0 else 0.0
-
-
-@branches
-def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
-    """Fraction of a step at which a coordinate has its event, from both ends: numerator and denominator.
-
-    For a free coordinate, which starts ``gap`` above its limit, it is where the parabola of its positions and
-    first velocity meets the limit, for a resting one where the chord of the forces that hold it changes its
-    sign.
-    """
-    s = e.motion
-    if e.pull > 0.0:
-        push = maximum(-s.active_stop * e.start_force, 0.0)
-        return push, push + e.pull
-    start = side * h * s.start_velocity
-    bend = side * (s.position - s.start_position) - start
-    outward = sqrt(maximum(start * start - 4.0 * bend * side * gap, 0.0))
-    return (-2.0 * side * gap, start + outward) if start > 0.0 else (outward - start, 2.0 * bend)
-
-
-@branches
-def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
-    """The first event of a coordinate in a trial step of length ``h``, with 1 / ``h``.
-
-    ``smooth`` is false for Euler's method, with which the end of a step is quadratic in its length.
-    """
-    s = e.motion
-    if s.bounces:
-        certain, arrival = arrival_nearby(s, h)
-        if certain and not e.cleared:
-            return arrival
-    side = s.side_beyond
-    gap = s.start_position - s.limit(side)
-    numerator, denominator = chord(e, h, side, gap)
-    share = numerator / denominator  # one division for three formulas
-    # A coordinate that ends beyond the other limit has turned before.
-    turns = (abs(e.crossing) == Crossing.TURNS_NEAR) & logical_not(e.cleared) & s.free
-    if e.pull > 0.0:
-        time = h * share
-    elif turns:
-        time = e.turning_time
-    elif side == 0.0:
-        time = h + 1.0
-    else:
-        # For a coordinate that begins at its limit and returns the formula fails: its event is near the end.
-        guess = inside(share, 0.0, 1.0, 1.0)
-        time = crossing_time(s, h, side, gap, guess, e.turning_time * per_h) if smooth else h * guess
-    if turns or side == 0.0:
-        side = direction(e.crossing)
-    return Event(time, side, turns)
-
-
-@branches
-def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
-    """Whether a coordinate certainly reaches a stop near which it starts, and its impact there, independent
-    of the end of the step of ``h``.
-
-    Which of two such coordinates arrives first follows from their start. One that its acceleration turns
-    before it is beyond the stop by more than rounding does not arrive.
-    """
-    side, speed = direction(s.start_velocity), abs(s.start_velocity)
-    way, acceleration = side * (s.limit(side) - s.start_position), side * s.watched.first
-    time = 2.0 * way / (speed + sqrt(maximum(speed * speed + 2.0 * acceleration * way, 0.0)))
-    before = (way > 0.0) & (way <= maximum(s.closeness, TAYLOR_SHARE * h * speed))
-    goes_beyond = speed * speed + 2.0 * acceleration * (way + s.closeness) > 0.0
-    certain = s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h)
-    return certain, Event(time, side, False)

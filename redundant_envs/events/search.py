@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
-from redundant_envs.events.crossings import TAYLOR_SHARE, Crossing, Encounter, Event, Overshoot, most_pull
+from redundant_envs.events.crossings import Crossing, Overshoot, most_pull
+from redundant_envs.events.first_event import TAYLOR_SHARE, Encounter, Event
 from redundant_envs.tracing.ways import branches
 
 RELEASE_SHARE = 1e-7
@@ -112,7 +113,11 @@ class TaylorStep(NamedTuple):
 
 @branches
 def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
-    """Whether a step may hide an event that is larger than rounding: half of its length then follows."""
+    """Whether a step may hide an event of a coordinate that is larger than rounding.
+
+    A free coordinate may reach its limit and leave it; the stop of a resting one may have to pull before the
+    end, though not at the end. In either case a step of half the length follows.
+    """
     if e.motion.free:
         return e.crossing == Crossing.UNCLEAR
     moves = most_pull(e.motion, overshoot) * e.mobility * (h * h)
@@ -244,7 +249,10 @@ def guess_in_bracket(trial: Trial, search: Search, sought: Sought, step: Any) ->
 
 @branches
 def next_towards_turn(search: Search) -> Any:
-    """Length of the next trial step towards a turn, s, by a chord of speeds."""
+    """Length of the next trial step towards a turn, s, by a chord of speeds.
+
+    The lower end of the bracket takes the place of a guess beyond the upper one.
+    """
     low, high = search.low, search.high
     guess = low + (high - low) * (search.gap_low / (search.gap_low + search.gap_high))
     if not guess > low:
@@ -253,7 +261,8 @@ def next_towards_turn(search: Search) -> Any:
 
 
 def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
-    """The remaining distance of the sought coordinate, or of another that reaches its stop before."""
+    """The remaining distance of the sought coordinate to its stop, or of another one that reaches its own
+    before."""
     time = time_of_way(sought)
     possible = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h) & sought.bounces
     arrives = list(sought.chosen)
@@ -278,7 +287,10 @@ def time_of_way(sought: Sought) -> Any:
 
 
 def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, possible: Any) -> Any:
-    """Whether a trial step ends at the event: at the limit, or just after the stop would begin to pull."""
+    """Whether a trial step ends at the event: at the limit, or just after the stop would begin to pull.
+
+    The search is given before and after it, and whether a Taylor step to the stop is ``possible``.
+    """
     gap, narrow = sought.gap, after.is_narrow(trial.left)
     late = gap * (trial.h - before.low) <= RELEASE_SHARE * trial.left * (gap - before.gap_low)
     # A coordinate that is distinguishable from its limit at the end of the bracket has not arrived.

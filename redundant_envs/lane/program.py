@@ -14,7 +14,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
-from redundant_envs.events.crossings import Encounter, first_event
+from redundant_envs.events.first_event import Encounter, first_event
 from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault

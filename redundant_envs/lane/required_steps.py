@@ -1,7 +1,4 @@
-"""Number of steps that springs, dampers and states of effects require, independent of error estimates.
-
-A step has 2 rad of the phase of an oscillation at most, and two time constants of a decay.
-"""
+"""Number of steps that springs, dampers and states of effects require, independent of error estimates."""
 
 from __future__ import annotations
 
@@ -15,17 +12,35 @@ from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
 
 
+def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
+    """Steps per second that resolve an oscillation: 2 rad of its phase in each."""
+    return 0.5 * sqrt(stiffness * mobility)
+
+
+def steps_of_damper(damping: Any, mobility: Any) -> Any:
+    """Steps per second that resolve a decay: two of its time constants in each."""
+    return 0.5 * damping * mobility
+
+
+def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
+    """Steps per second that resolve a decay whose damping changes from its value ``here`` to its value
+    ``there``, the position that the joint reaches in the interval at the present rate: one of the time
+    constants at the end of a step."""
+    here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
+    return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
+
+
 def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     """Steps per second that follow from the parameters alone."""
     rates = []
     for a in scene.attached:
+        # A state, too, has two of its time constants in each step.
         rates += [0.5 * own["rate"](x) for own in a.states.values() if "rate" in own]
         if not isinstance(a.hook, Force):
             continue
-        if "stiffness" in a.functions:
-            rates.append(0.5 * sqrt(a.functions["stiffness"](x) * most_mobility(scene, a, x)))
-        if "damping" in a.functions and not depends_on_motion(a):
-            rates.append(0.5 * a.functions["damping"](x) * most_mobility(scene, a, x))
+        for field, rule in (("stiffness", steps_of_spring), ("damping", steps_of_damper)):
+            if field in a.functions and not (field == "damping" and depends_on_motion(a)):
+                rates.append(rule(a.functions[field](x), most_mobility(scene, a, x)))
     return rates
 
 
@@ -45,19 +60,14 @@ def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
 
 
 def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any]) -> list[Any]:
-    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``.
-
-    It may change until the position ``there`` that a joint reaches in the interval at the present rate: a
-    step has one of the time constants at its end.
-    """
+    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
     rates = []
     for field, a in dampers(scene):
         position, rate = a.hook.motion
         known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
         ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
-        dampings = [a.functions["damping"](quantities) for quantities in (x, ahead)]
-        here, there = (2.0 * (0.5 * damping * lane[field]) for damping in dampings)
-        rates.append(maximum(here, sqrt(maximum(here, 1.0 / lane.interval) * there)))
+        here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
+        rates.append(steps_towards_damper(here, there, lane[field], lane.interval))
     return rates
 
 

@@ -64,7 +64,7 @@ CHANGES = {
     "effects/viscous_friction.py": ("return -coefficient * rate", "return -2.0 * coefficient * rate", True),
     "numerics/methods.py": ("p + h * v for p, v", "p - h * v for p, v", True),
     "tracing/passes/simplify.py": ("uses[a] == 1", "uses[a] == -1", False),
-    "backends/llvm_kernels.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
+    "backends/llvm_lanes.py": ('"prefer-vector-width"="512"', '"prefer-vector-width"="256"', False),
 }
 """A change of a file, and whether the motion changes with it."""
 

@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control")
-EVENTS = ("boundary", "crossings", "search", "contacts")
+EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "boundaries", "features",
         "program", "interval")  # fmt: skip
 MODULES = (

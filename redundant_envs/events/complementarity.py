@@ -1,0 +1,137 @@
+"""Which of several stops act on their coordinates, and with what force: linear complementarity problems.
+
+The mobility w of the coordinates is symmetric and positive definite: w[i][j] is the velocity of coordinate i
+by a unit impulse along coordinate j, so each problem has one solution. One or two coordinates are solved by
+formulas; for more, the set of stops that act is searched.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+from redundant_envs.algebra import all_of, cases, logical_not, maximum, where
+
+Matrix = Sequence[Sequence[Any]]
+
+
+def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> list[Any]:
+    """x of w x = b, w symmetric and positive definite: by elimination without pivoting.
+
+    ``unsigned`` is the same except for the signs of two rows and columns, and has the same determinant.
+    """
+    if len(b) == 1:
+        return [b[0] * (1.0 / w[0][0])]
+    if len(b) == 2:
+        m = w if unsigned is None else unsigned
+        per_det = 1.0 / (m[0][0] * m[1][1] - m[0][1] * m[0][1])
+        first = (w[1][1] * b[0] - w[0][1] * b[1]) * per_det
+        return [first, (w[0][0] * b[1] - w[0][1] * b[0]) * per_det]
+    share = [row[0] * (1.0 / w[0][0]) for row in w]
+    rest = [[w[i][j] - share[i] * w[0][j] for j in range(1, len(b))] for i in range(1, len(b))]
+    x = solution(rest, [b[i] - share[i] * b[0] for i in range(1, len(b))])
+    return [(b[0] - dot(w[0][1:], x)) * (1.0 / w[0][0]), *x]
+
+
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """Sum of products."""
+    terms = [x * y for x, y in zip(a, b, strict=True)]
+    return sum(terms[1:], terms[0])
+
+
+def less_products(start: Any, a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """A number less some products, one after the other."""
+    for x, y in zip(a, b, strict=True):
+        start = start - x * y
+    return start
+
+
+def subsets(count: int) -> list[tuple[int, ...]]:
+    """Sets of coordinates but the empty one, the smaller ones first."""
+    return [s for size in range(1, count + 1) for s in itertools.combinations(range(count), size)]
+
+
+def submatrix(w: Matrix, chosen: Sequence[int]) -> list[list[Any]]:
+    """The rows and columns of some coordinates."""
+    return [[w[i][j] for j in chosen] for i in chosen]
+
+
+def outward_mobilities(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:
+    """Mobilities of outward directions."""
+    n = range(len(sides))
+    return [[w[i][i] if i == j else sides[min(i, j)] * sides[max(i, j)] * w[i][j] for j in n] for i in n]
+
+
+def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Sequence[Any]) -> list[Any]:
+    """Impulses at the stops: u+ = -e u for coordinates that moved out, u+ <= 0 for others, and no stop pulls.
+
+    ``speeds`` are outward, ``sides`` those of the stops that the coordinates touch. Exactly one set of struck
+    stops satisfies these conditions.
+    """
+    n = range(len(speeds))
+    outward = outward_mobilities(w, sides)
+    at = [s != 0.0 for s in sides]
+    d = [u + e * maximum(u, 0.0) for u, e in zip(speeds, restitution, strict=True)]
+    choices = []
+    for chosen in subsets(len(speeds))[:-1]:
+        p = dict(zip(chosen, solution(submatrix(outward, chosen), [d[i] for i in chosen]), strict=True))
+        good = [at[i] & (p[i] >= 0.0) for i in chosen]
+        for j in n:
+            if j not in p:
+                left = less_products(d[j], [outward[j][i] for i in p], list(p.values()))
+                good.append(logical_not(at[j]) | (left <= 0.0))
+        choices.append((all_of(good), p))
+    result = solution(outward, d, w)
+    return [cases(*((good, p.get(i, 0.0)) for good, p in choices), default=result[i]) for i in n]
+
+
+def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
+    """Impulses that stop some coordinates; 0 for a coordinate that need not stop."""
+    count = len(velocities)
+    negative = [-v for v in velocities]
+    if count == 2:
+        (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
+        pair = (w[0][1] * vb - w[1][1] * va) * per_det, (w[0][1] * va - w[0][0] * vb) * per_det
+        return [
+            cases((still[0] & still[1], pair[k]), (still[k], negative[k] * (1.0 / w[k][k])), default=0.0)
+            for k in (0, 1)
+        ]
+    result: list[Any] = [0.0] * count
+    for chosen in subsets(count):
+        p = solution(submatrix(w, chosen), [negative[i] for i in chosen])
+        these = all_of(still[i] if i in chosen else logical_not(still[i]) for i in range(count))
+        for k, i in enumerate(chosen):
+            result[i] = where(these, p[k], result[i])
+    return result
+
+
+def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
+    """Which of the coordinates at rest at their stops are pressed onto them.
+
+    ``accelerations`` are the outward ones that the coordinates would have without stops. There is exactly one
+    set of pressing stops with which no stop pulls and no coordinate moves into a stop.
+    """
+    count = len(accelerations)
+    if count == 1:
+        return [accelerations[0] > 0.0]
+    if count == 2:
+        fa, fb = accelerations
+        pa = w[1][1] * fa - w[0][1] * fb
+        pb = w[0][0] * fb - w[0][1] * fa
+        both = (pa >= 0.0) & (pb >= 0.0)
+        one_a = (fa > 0.0) & (pb <= 0.0)
+        one_b = (fb > 0.0) & (pa <= 0.0)
+        some = maximum(fa, fb) > 0.0
+        return [some & (both | one_a), some & (both | (logical_not(one_a) & one_b))]
+    settled: Any = all_of(f <= 0.0 for f in accelerations)
+    result: list[Any] = [False] * count
+    for chosen in subsets(count):
+        p = solution(submatrix(w, chosen), [accelerations[i] for i in chosen])
+        idle = [j for j in range(count) if j not in chosen]
+        good = [x >= 0.0 for x in p]
+        good += [accelerations[j] - dot([w[j][i] for i in chosen], p) <= 0.0 for j in idle]
+        these = logical_not(settled) & all_of(good)
+        result = [r | these if i in chosen else r for i, r in enumerate(result)]
+        settled = settled | these
+    return result
