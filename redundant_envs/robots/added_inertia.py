@@ -17,7 +17,7 @@ from typing import Any
 from redundant_envs.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.from_points import joint_rates
+from redundant_envs.robots.mobility import joint_rates
 
 Function = Callable[..., Any]
 Added = tuple[tuple[tuple[int, ...], str], ...]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
 from redundant_envs.quantities import Quantities
-from redundant_envs.robots import checks, derived, from_points, joint_types
+from redundant_envs.robots import checks, derived, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 
@@ -169,7 +169,7 @@ class Arm:
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)
         if not cls._has_said("mobility_bounds"):
-            bounds = from_points.mobility_bounds(cls)
+            bounds = mobility.mobility_bounds(cls)
             cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
