@@ -122,9 +122,7 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
         assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.long
 def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
-    """It has all files of the source, as the next test but one says, and there ``tests/agents`` train."""
     packages, empty = tmp_path / "packages", tmp_path / "empty"
     empty.mkdir()
     subprocess.run([*PIP, "install", "--no-deps", "--target", str(packages), str(wheel)], check=True)
