@@ -134,7 +134,8 @@ def vanishing_masses(axes, with_mujoco):
     masses = 10.0 ** np.arange(-12.0, 0.5, 0.5)
     for subject in (Subject(), DenseSolve(), *[MuJoCo()] * with_mujoco):
         errors = [
-            m.acceleration_error(subject, rde.FourR((m, m, m, 1.0), (0.5,) * 4), q, qd, Q) for m in masses
+            m.acceleration_error(subject, rde.FourR((*[light] * 3, 1.0), (0.5,) * 4), q, qd, Q)
+            for light in masses
         ]
         axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", label=subject.name)
     axes.set(xlabel="mass of the first three links, kg (log)", ylabel="error of qdd, relative (log)")

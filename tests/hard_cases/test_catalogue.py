@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from redundant_envs import effects
+from redundant_envs.figures import new_figure
 
 from . import naive, page
 from .hard_case import THEMES, Case, all_cases, at_least, at_most, check
@@ -86,3 +87,15 @@ def test_this_package_keeps_every_promise_of_the_page_and_each_variant_misses_on
         for name, column in zip(head[2:], zip(*(row[2:] for row in body), strict=True), strict=True):
             bold = any(cell.startswith("**") for cell in column)
             assert name not in ("this package", *names) or bold == (name != "this package"), (part[:40], name)
+
+
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(n, marks=pytest.mark.long) if n == "23" else n for n in page.PICTURES],  # takes 5 s
+)
+def test_a_picture_of_the_page_is_drawn_again(number):
+    pytest.importorskip("matplotlib", reason="pictures need the extra 'plot'")
+    draw, _ = page.PICTURES[number]
+    axes = new_figure(6.4, 3.6, 120).subplots()
+    draw(axes, False)
+    assert "this package" in " ".join(axes.get_legend_handles_labels()[1])
