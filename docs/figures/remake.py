@@ -5,6 +5,7 @@ figures are drawn from the tables in docs/results. Those of docs/hard_cases.md a
 ``python -m tests.hard_cases --pictures``.
 """
 
+import csv
 import re
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from PIL import Image
 from redundant_envs.__main__ import main
 from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.figures import save_figure
+from redundant_envs.studies import estimates
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
 from redundant_envs_train.play import batched, play
@@ -76,5 +78,7 @@ if __name__ == "__main__":
     for name, runs in CURVES.items():
         curves([RESULTS / f"{runs}.csv"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
+    with (RESULTS / "estimates.csv").open(encoding="utf-8") as file:
+        save_figure(estimates.figure(list(csv.DictReader(file))), FIGURES / "estimates.png")
     save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

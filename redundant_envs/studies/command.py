@@ -10,7 +10,7 @@ from typing import Any
 from redundant_envs.files import config_folder
 from redundant_envs.tables import table, write_rows
 
-STUDIES = ("throughput", "environments", "stops", "impacts", "intervals", "accuracy")
+STUDIES = ("throughput", "environments", "stops", "impacts", "intervals", "estimates", "accuracy")
 
 
 def add_studies(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +37,17 @@ def add_studies(parser: argparse.ArgumentParser) -> None:
         p.add_argument("--intervals", type=int, default=100_000, help="over all families")
         p.add_argument("--processes", type=int, default=1, help="number of processes, each with its families")
         p.add_argument("--seed", type=int, default=0)
+        p.add_argument(
+            "--tolerances", type=float, nargs="+", default=(), metavar="M",
+            help="judge the same intervals at each of these, m (default: each family at its own)",
+        )  # fmt: skip
         p.set_defaults(handler=intervals)
         _add_study_out(p)
+    p = studies.add_parser("estimates", help="errors of single steps beside their estimates")
+    p.add_argument("--steps", type=int, default=16384, help="of each family")
+    p.add_argument("--seed", type=int, default=0)
+    p.set_defaults(handler=estimates)
+    _add_study_out(p)
     p = studies.add_parser("accuracy", help="error against cost, beside MuJoCo and SciPy")
     p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/accuracy.yaml")
     p.add_argument("--out", type=Path, default=Path("runs/studies"), metavar="FOLDER")
@@ -88,8 +97,18 @@ def intervals(options: argparse.Namespace) -> None:
     for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
         if getattr(options, name) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    rows = study.run(options.study, options.intervals, options.seed, options.processes)
+    rows = study.run(options.study, options.intervals, options.seed, options.processes, options.tolerances)
     _report(rows, study.COLUMNS, "family", options.out, options.study)
+
+
+def estimates(options: argparse.Namespace) -> None:
+    """Compare single steps with their estimates."""
+    from redundant_envs.studies import estimates as study
+
+    for name, least in (("steps", 1), ("seed", 0)):
+        if getattr(options, name) < least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
+    _report(study.run(options.steps, options.seed), study.COLUMNS, "estimate", options.out, "estimates")
 
 
 def accuracy(options: argparse.Namespace) -> None:

@@ -22,6 +22,7 @@ from redundant_envs.robots import RPRP, FourR
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
 from redundant_envs.studies.kinked_effects import KINKED, Kinked
+from redundant_envs.verify.aimed import Lag
 
 Array = NDArray[np.float64]
 REACH = 1.0
@@ -223,6 +224,11 @@ def friction(low: float, high: float) -> Change:
     return change
 
 
+def lags(drawn: Draw, rng: np.random.Generator) -> None:
+    """Time constants of the motors over two decades."""
+    drawn.parameters["lag.time_constant"] = decades(rng, 1e-3, 0.1, (len(drawn.joints), 1))
+
+
 def near_kinks(kinked: Kinked) -> Change:
     """Rates near 0 in half of the lanes, and numbers of the effect."""
 
@@ -257,6 +263,18 @@ def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
         )
         for one in KINKED
     )  # fmt: skip
+
+
+class RRR(Arm):
+    """Arms of this kind and of the next are made from the positions of their points, like those of users."""
+
+    joint_types = "RRR"
+
+
+class PRR(Arm):
+    """Beside the arms of the package."""
+
+    joint_types = "PRR"
 
 
 TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
@@ -299,5 +317,8 @@ FAMILIES = (
     Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
     Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
     Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),
+    Family("4R, lagging motors", FourR, (Gravity(), Lag(0.01)), (lags,)),
+    Family("RRR", RRR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
+    Family("PRR, lagging motors", PRR, (Gravity(), Lag(0.01)), (lags,)),
     *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
 )  # fmt: skip

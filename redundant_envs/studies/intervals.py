@@ -30,8 +30,8 @@ from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_famili
 from redundant_envs.verify.judging import judge
 
 COLUMNS = (
-    "family", "tolerance", "intervals", "judged", "missed", "flagged", "spent", "largest_error", "events",
-    "evaluations",
+    "family", "tolerance", "intervals", "judged", "beyond", "missed", "flagged", "spent", "largest_error",
+    "events", "evaluations",
 )  # fmt: skip
 BATCH = 4096
 DRAWN = 12
@@ -47,14 +47,18 @@ class Tally:
 
     Attributes
     ----------
-    intervals, judged, missed : all, those with a confirmed reference, and of these the ones off without a
-    flag flagged : intervals with a flag of any kind and less than 256 impacts spent : intervals with more
-    impacts than an interval may have largest_error : of those judged, in units of the tolerance events :
-    impacts evaluations : of the right-hand side, in all
+    intervals, judged : all, and those with a confirmed reference
+    beyond, missed : of these, the ones off by more than one and two tolerances without a flag
+    flagged : intervals with a flag of any kind and less than 256 impacts
+    spent : intervals with more impacts than an interval may have
+    largest_error : of those judged, in units of the tolerance
+    events : impacts
+    evaluations : of the right-hand side, in all
     """
 
     intervals: int = 0
     judged: int = 0
+    beyond: int = 0
     missed: int = 0
     flagged: int = 0
     spent: int = 0
@@ -85,29 +89,37 @@ def tips_after(family: AnyFamily, scene: Scene, drawn: Draw) -> tuple[Array, Any
 
 def judge_family(family: AnyFamily, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
     """Judge intervals of a family; ``misses`` collects the random data of missed ones."""
-    rng, tally = np.random.default_rng(seed), Tally()
-    asked = family.scene()
+    (tally,) = judge_tolerances([family], count, seed, misses)
+    return tally
+
+
+def judge_tolerances(
+    asked: Sequence[AnyFamily], count: int, seed: Any, misses: list[Draw] | None = None
+) -> list[Tally]:
+    """Judge the same intervals of a family at several tolerances: one family for each."""
+    rng, tallies, family = np.random.default_rng(seed), [Tally() for _ in asked], asked[0]
     reference = family.scene(integrator="dop853")
     equal = family.scene(integrator="rk8", substeps=family.steps)
-    while tally.intervals < count:
-        drawn = family.draw(min(BATCH, count - tally.intervals), rng)
-        (tip, status), (best, how), (other, also) = (
-            tips_after(family, scene, drawn) for scene in (asked, reference, equal)
-        )
-        spent = ((status.numerics | how.numerics | also.numerics) & Numerics.EVENT_BUDGET) > 0
-        known = (status.numerics | how.numerics | also.numerics) == 0
-        judged, missed, error = judge(tip, [best, other], family.tolerance, known)
-        tally.intervals += len(tip)
-        tally.judged += int(judged.sum())
-        tally.missed += int(missed.sum())
-        tally.flagged += int(((status.numerics != 0) & ~spent).sum())
-        tally.spent += int(spent.sum())
-        tally.events += int(status.events.sum())
-        tally.evaluations += int(status.evaluations.sum())
-        tally.largest_error = max(tally.largest_error, float(error[judged].max(initial=0.0)))
-        if misses is not None and missed.any():
-            misses.append(chosen(drawn, missed))
-    return tally
+    for start in range(0, count, BATCH):
+        drawn = family.draw(min(BATCH, count - start), rng)
+        (best, how), (other, also) = (tips_after(family, scene, drawn) for scene in (reference, equal))
+        for one, tally in zip(asked, tallies, strict=True):
+            tip, status = tips_after(one, one.scene(), drawn)
+            flags = status.numerics | how.numerics | also.numerics
+            spent = (flags & Numerics.EVENT_BUDGET) > 0
+            judged, missed, error = judge(tip, [best, other], one.tolerance, flags == 0)
+            tally.intervals += len(tip)
+            tally.judged += int(judged.sum())
+            tally.beyond += int((judged & ~(error <= 1.0)).sum())
+            tally.missed += int(missed.sum())
+            tally.flagged += int(((status.numerics != 0) & ~spent).sum())
+            tally.spent += int(spent.sum())
+            tally.events += int(status.events.sum())
+            tally.evaluations += int(status.evaluations.sum())
+            tally.largest_error = max(tally.largest_error, float(error[judged].max(initial=0.0)))
+            if misses is not None and missed.any():
+                misses.append(chosen(drawn, missed))
+    return tallies
 
 
 def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
@@ -116,32 +128,43 @@ def chosen(drawn: Draw, lanes: NDArray[np.bool_]) -> Draw:
     return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], parameters)
 
 
-def row(study: str, number: int, intervals: int, seed: int) -> dict[str, Any]:
-    """A row of ``COLUMNS``, for the number of a family: its functions could not be sent to a process."""
+def rows_of(
+    study: str, number: int, intervals: int, seed: int, tolerances: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS``, for the number of a family: its functions could not be sent to a process."""
     family = families(study, seed)[number]
-    tally = judge_family(family, intervals, (seed, number))
-    return {
-        "family": family.name,
-        "tolerance": family.tolerance,
-        **dataclasses.asdict(tally),
-        "largest_error": f"{tally.largest_error:.2g}",
-        "evaluations": round(tally.evaluations / tally.intervals, 1),
-    }
+    asked = [dataclasses.replace(family, tolerance=t) for t in tolerances or (family.tolerance,)]
+    return [
+        {
+            "family": one.name,
+            "tolerance": one.tolerance,
+            **dataclasses.asdict(tally),
+            "largest_error": f"{tally.largest_error:.2g}",
+            "evaluations": round(tally.evaluations / tally.intervals, 1),
+        }
+        for one, tally in zip(asked, judge_tolerances(asked, intervals, (seed, number)), strict=True)
+    ]
 
 
-def run(study: str, intervals: int, seed: int = 0, processes: int = 1) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family of a study."""
+def run(
+    study: str, intervals: int, seed: int = 0, processes: int = 1, tolerances: Sequence[float] = ()
+) -> list[dict[str, Any]]:
+    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family of a study.
+
+    By default each family has its own tolerance; the same intervals are judged at each of ``tolerances``, m.
+    """
     count = len(families(study, seed))
-    tasks = [(study, number, -(-intervals // count), seed) for number in range(count)]
+    tasks = [(study, number, -(-intervals // count), seed, tuple(tolerances)) for number in range(count)]
     rows = []
     with contextlib.ExitStack() as stack:
         done = stack.enter_context(counted(study, count))
-        found: Iterable[dict[str, Any]] = itertools.starmap(row, tasks)
+        found: Iterable[list[dict[str, Any]]] = itertools.starmap(rows_of, tasks)
         if processes > 1:
             context = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(processes, context))
-            found = pool.map(row, *zip(*tasks, strict=True))
-        for one in found:
-            rows.append(one)
-            done(f"{one['family']}: {one['missed']} missed of {one['judged']} judged")
+            found = pool.map(rows_of, *zip(*tasks, strict=True))
+        for some in found:
+            rows += some
+            missed = sum(one["missed"] for one in some)
+            done(f"{some[0]['family']}: {missed} missed of {sum(one['judged'] for one in some)} judged")
     return rows

@@ -198,15 +198,20 @@ def test_an_estimate_that_overflows_does_not_pass():
     assert blended_error(1e-200, 1e-200) == 0.0
     assert blended_error(3e-7, 4e-6) == pytest.approx(3e-7**2 / np.hypot(3e-7, 4e-7), rel=1e-12)
     for huge in (1e160, 1e200, np.inf):
-        for estimates in itertools.product((0.0, 1e-7, huge), repeat=3):
+        for estimates in itertools.product((0.0, 1e-9, huge), repeat=3):
             assert (tip_error(*estimates) <= 1e-6) == (huge not in estimates), estimates
-    for e6, e5 in itertools.product((0.0, 1e-7, np.nan), repeat=2):  # a stage that e3 uses, e5 uses, too
+    for e6, e5 in itertools.product((0.0, 1e-9, np.nan), repeat=2):  # a stage that e3 uses, e5 uses, too
         assert (tip_error(e6, e5, 0.0) <= 1e-6) == bool(e6 + e5 < 1.0)
 
 
-def test_an_estimate_of_order_5_that_is_0_hides_no_error():
-    assert tip_error(3e-7, 0.0, 1e-4) == 2 * 3e-7
-    assert tip_error(0.0, 3e-7, 4e-6) == 2 * blended_error(3e-7, 4e-6)
+def test_one_estimate_that_is_0_by_chance_hides_no_error():
+    """Usual estimates of a step that is off by 1e-8 m; each in turn is 0."""
+    e6, e5, e3 = 3e-8, 1e-6, 3e-4
+    assert tip_error(e6, e5, e3) == pytest.approx(40.0 * e6 * np.sqrt(e5 / e3))
+    assert tip_error(0.0, e5, e3) == pytest.approx(e5**2 / e3)
+    assert tip_error(e6, 0.0, e3) == pytest.approx(40.0 * e6 * np.sqrt(e6 / e3))
+    assert tip_error(e6, e5, 0.0) == 40.0 * e6
+    assert tip_error(0.0, 0.0, 0.0) == 0.0
 
 
 STEPS = ("4R, smooth", "4R, masses over five decades", "RPRP, lengths over six decades",
@@ -214,9 +219,9 @@ STEPS = ("4R, smooth", "4R, masses over five decades", "RPRP, lengths over six d
 
 
 @pytest.mark.parametrize("name", STEPS)
-def test_random_steps_are_off_by_at_most_twice_their_estimate(name):
-    """Of 65 536 single steps of smooth motions. By the blend of e5 and e3 alone, 6 and 26 of two families are
-    not."""
+def test_random_steps_are_off_by_at_most_their_estimate(name):
+    """Of 65 536 single steps of smooth motions. By a blend of e5 and e3 alone some are off by hundreds of
+    estimates."""
     (family,) = (f for f in FAMILIES if f.name == name)
     drawn = family.draw(65_536, np.random.default_rng(17))
     with np.errstate(all="ignore"):  # some steps of 20 ms are far too long
@@ -224,9 +229,9 @@ def test_random_steps_are_off_by_at_most_twice_their_estimate(name):
             tips_after(family, family.scene(integrator=method), drawn) for method in ("rk8", "dop853")
         )
         error = np.linalg.norm(tip - best, axis=1)
-    judged = (how.numerics == 0) & (step.error_estimate < 1e-5) & (error > 1e-11)
+    judged = (how.numerics == 0) & (step.error_estimate < 1e-3) & (error > 1e-12)
     assert judged.sum() > 10_000
-    assert (error <= 2.0 * step.error_estimate)[judged].all()
+    assert (error <= step.error_estimate)[judged].all()
 
 
 # ---- the end of an interval, from numbers --------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from redundant_envs.__main__ import main
-from redundant_envs.studies import intervals
+from redundant_envs.studies import estimates, intervals
 from redundant_envs.studies.interval_families import FAMILIES, Family
 from redundant_envs.verify import judging
 
@@ -77,6 +77,26 @@ def test_processes_find_what_one_finds(monkeypatch):
     monkeypatch.setattr(intervals, "ProcessPoolExecutor", lambda *_: Sends())
     assert intervals.run("intervals", 300, seed=3, processes=2) == alone
     assert len(alone) == len(QUICK) + 1
+
+
+def test_the_same_intervals_are_judged_at_several_tolerances(monkeypatch):
+    monkeypatch.setattr(intervals, "FAMILIES", [f for f in FAMILIES if f.name == "4R, 1e-9 m"])
+    loose, tight = intervals.run("intervals", 300, seed=3, tolerances=(1e-3, 1e-9))
+    (own,) = intervals.run("intervals", 300, seed=3)
+    assert tight == own
+    assert (loose["tolerance"], loose["family"]) == (1e-3, own["family"])
+    assert loose["evaluations"] < tight["evaluations"]
+
+
+def test_estimates_are_compared_with_errors_and_drawn(monkeypatch):
+    monkeypatch.setattr(estimates, "FAMILIES", [f for f in FAMILIES if f.name == "4R, smooth"])
+    rows = estimates.run(4096, seed=3)
+    assert [tuple(row) for row in rows] == [estimates.COLUMNS] * len(rows)
+    assert sum(row["steps"] for row in rows) > 2000
+    assert all(float(row["median"]) <= float(row["q999"]) <= float(row["estimate"]) for row in rows)
+    assert not any(row["beyond"] for row in rows)
+    (panel,) = estimates.figure(rows).axes
+    assert panel.get_title() == "now"
 
 
 def test_the_command_refuses_no_intervals(capsys):
