@@ -172,9 +172,8 @@ class Slots:
                     self.log()
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
-        if i.holding:
-            with p.when(mask(slots, "held") != 0):
-                p.call(self.contact, **slots)
+        if i.stops:
+            p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
