@@ -130,10 +130,10 @@ class Slots:
             return
         with contextlib.ExitStack() as served:
             if i.control is Control.EQUAL:
-                mask = self.blocks.mask(pointers, "min_steps")
-                with p.when(mask == 255):
+                served_lanes = self.blocks.valid(block) & ~self.blocks.mask(pointers, "min_steps")
+                with p.when(served_lanes == 0):
                     p.call(self.skipped, **pointers)
-                served.enter_context(p.when(mask != 255))
+                served.enter_context(p.when(served_lanes != 0))
             if i.holding:
                 self._held_or_free(block)
             else:

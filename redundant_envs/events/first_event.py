@@ -16,8 +16,8 @@ from redundant_envs.events.crossings import Crossing
 from redundant_envs.tracing.ways import branches
 
 LAST_SHARE = 1e-5
-"""Largest length of the last piece to a stop, as a fraction of the planned step. The acceleration of its start
-holds in it: what that changes in a whole step makes, times 5e-11, an error of velocities."""
+"""Largest length of the last piece to a stop, as a fraction of the planned step. The acceleration of its
+start holds in it; the error of velocities is 5e-11 of what this neglects in a whole step."""
 STRAIGHT_SHARE = 2e-8
 """The same where the order of events decides: even without acceleration the error is rounding."""
 

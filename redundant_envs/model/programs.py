@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import dataclasses
 import functools
 import itertools
 import os
@@ -52,10 +53,10 @@ class Simulator:
         with uncollected():
             return cache.identity(self.program)
 
-    @functools.cached_property
+    @property
     def key(self) -> str:
-        """Name of the program's machine code."""
-        return cache.program_key(self.identity)
+        """Name of the program's machine code for whole blocks."""
+        return cache.program_key(self.identity, LANES)
 
     def check_same(self, identity: str) -> None:
         """ValueError unless a copy was made of a simulator with this program."""
@@ -67,9 +68,9 @@ class Simulator:
                 "were when it was made; go on with the definitions of then, or make a new simulator"
             )
 
-    @functools.cached_property
-    def kernels(self) -> dict[str, llvm.Entry]:
-        """The kernels in machine code, from this process, the folder of the user, or the compiler."""
+    def kernels(self, count: int) -> dict[str, llvm.Entry]:
+        """The kernels in machine code for a number of lanes, from this process, the folder of the user, or
+        the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
         scene = self.dynamics.scene
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
         what = f"{scene.robot.kind} {scene.integrator} with {effects}"
@@ -77,9 +78,14 @@ class Simulator:
             what += ", as an environment"
         elif self.dynamics.track_work:
             what += ", and its work"
-        return cache.kernels(self.key, self.program, what)
+        program = dataclasses.replace(self.program, lanes=FEW if count <= FEW else LANES)
+        if program.lanes == FEW:
+            what += f", for at most {FEW}"
+        return cache.kernels(cache.program_key(self.identity, program.lanes), program, what)
 
 
+FEW = 4
+"""Lanes up to which a program computes only these: half a block, a whole vector of many processors."""
 KEPT_SIMULATORS = 64
 """Simulators that are traced once for all their users; the least recently used ones are dropped."""
 _kept: OrderedDict[str, Simulator] = OrderedDict()
@@ -165,9 +171,9 @@ class Part(Call):
 
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
         kernel = next(k for k in simulator.program.kernels if k.name == name)
-        super().__init__(kernel, simulator.kernels[name])
-        self.memory, self.first, self.last = memory, first, last
         self.lanes = slice(first * LANES, min(last * LANES, memory.count))
+        super().__init__(kernel, simulator.kernels(memory.count)[name])
+        self.memory, self.first, self.last = memory, first, last
         scratch = aligned(simulator.blocks.scratch_size)
         queue = np.zeros(simulator.blocks.queue_size, dtype=np.int64)
         self.set(
