@@ -13,7 +13,13 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
-from redundant_envs.numerics.error_control import Crossed, blended_error, tip_error
+from redundant_envs.numerics.error_control import (
+    Crossed,
+    blended_error,
+    steps_allowed,
+    steps_for_error,
+    tip_error,
+)
 from redundant_envs.studies.interval_families import FAMILIES
 from redundant_envs.studies.intervals import tips_after
 from redundant_envs.verify.checks import random_states
@@ -232,6 +238,21 @@ def test_random_steps_are_off_by_at_most_their_estimate(name):
     judged = (how.numerics == 0) & (step.error_estimate < 1e-3) & (error > 1e-12)
     assert judged.sum() > 10_000
     assert (error <= step.error_estimate)[judged].all()
+
+
+@pytest.mark.parametrize(
+    ("least", "steps"), [(0.0, 1), (1.0, 1), (1.1, 2), (2.0, 2), (2.1, 4), (9e3, 16384), (1e9, 16384)]
+)
+def test_steps_are_the_next_power_of_two_and_no_more_than_there_may_be(least, steps):
+    assert steps_allowed(least) == steps
+
+
+def test_an_error_as_large_as_the_tolerance_allows_for_some_steps_calls_for_no_more():
+    """The estimate of one step falls like the seventh power of their number."""
+    assert [steps_for_error(False, 1.0, 1e-6), steps_for_error(True, 1.0, 1.0)] == [1.0, 2.0]
+    for steps in (2.0, 4.0, 64.0):
+        assert steps_for_error(True, steps**7 * 1e-6, 1e-6) == steps
+        assert steps_for_error(True, 1.001 * steps**7 * 1e-6, 1e-6) == 2.0 * steps
 
 
 # ---- the end of an interval, from numbers --------------------------------------------------------------

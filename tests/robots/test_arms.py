@@ -3,12 +3,14 @@
 import functools
 import itertools
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
+from redundant_envs.robots import derived
 
 GOOD = {
     rde.RPRP: {"masses": (2.3, 0.7, 1.9, 0.4), "lengths": (1.1, 0.6)},
@@ -148,3 +150,10 @@ def test_an_equation_of_one_arm_is_refused_with_the_scene(name):
     with pytest.raises(ValueError, match=rf"robot\.{name} is that of one Swing; .* m1, l1 .* as arguments"):
         rde.Scene(arm(__post_init__=made)((1.0,), (1.0,)))
     rde.Scene(arm()((1.0,), (1.0,)))
+
+
+@pytest.mark.parametrize("module", ["a_users_arm", "redundant_envs.robots.chain", "zebra"])
+def test_only_functions_that_follow_from_matrices_contain_an_inertia(module):
+    """Functions of an arm, wherever they are from, are of its point masses alone."""
+    assert derived.is_derived(derived.forward_dynamics(3))
+    assert not derived.is_derived(SimpleNamespace(__module__=module))
