@@ -72,9 +72,10 @@ def identity(program: Program) -> str:
     return hashlib.sha256("\n".join(fingerprints(program)).encode()).hexdigest()
 
 
-def program_key(program: str) -> str:
-    """Name of a program's machine code: from its identity, the compiler and the processor."""
-    text = "\0".join((program, platform.machine(), *llvm.facts(), *_sources()))
+def program_key(program: str, lanes: int) -> str:
+    """Name of a program's machine code: from its identity, the lanes of a block that it computes, the
+    compiler and the processor."""
+    text = "\0".join((program, str(lanes), platform.machine(), *llvm.facts(), *_sources()))
     return hashlib.sha256(text.encode()).hexdigest()[:40]
 
 

@@ -32,9 +32,13 @@ class KernelEmitter:
     arithmetic."""
 
     def __init__(
-        self, module: ir.Module, kernel: Kernel, functions: dict[str, tuple[ir.Function, Any]]
+        self,
+        module: ir.Module,
+        kernel: Kernel,
+        functions: dict[str, tuple[ir.Function, Any]],
+        vectors: lanes.Vectors,
     ) -> None:
-        self.functions = functions
+        self.functions, self.vectors = functions, vectors
         made = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
         self.function = lanes.widened(made)
         self.entry = ir.IRBuilder(made.append_basic_block("entry"))
@@ -98,10 +102,10 @@ class KernelEmitter:
         b.store(value, b.gep(self.value(array), [self.value(index)]))
 
     def _mask(self, i: Instruction) -> Any:
-        b = self.builder
-        values = lanes.load_block(b, self.value(i.arguments[0]), i.extra)
-        bits = lanes.compared(b, "!=", values, ir.Constant(lanes.BLOCK, [0.0] * lanes.LANES))
-        return b.zext(b.bitcast(bits, lanes.INT8), INT64)
+        b, v = self.builder, self.vectors
+        values = v.load(b, self.value(i.arguments[0]), i.extra)
+        bits = lanes.compared(b, "!=", values, v.same(v.numbers, 0.0))
+        return b.zext(b.bitcast(bits, ir.IntType(v.lanes)), INT64)
 
     def _blocks(self, *names: str) -> list[ir.Block]:
         return [self.function.append_basic_block(name) for name in names]
@@ -169,9 +173,9 @@ def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
     module = ir.Module("program")
     module.triple = triple
     functions = {
-        name: (lanes.emit_lane_function(module, f, ordered), lanes.signature(f))
+        name: (lanes.emit_lane_function(module, f, ordered, program.lanes), lanes.signature(f))
         for name, f in program.functions.items()
     }
     for kernel in program.kernels:
-        KernelEmitter(module, kernel, functions)
+        KernelEmitter(module, kernel, functions, lanes.VECTORS[program.lanes])
     return module

@@ -1,4 +1,4 @@
-"""Functions of a block of lanes as LLVM functions on vectors of 8 doubles."""
+"""Functions of a block of lanes as LLVM functions on vectors of doubles: of all lanes, or the first 4."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Part, Stages
 
 LANES = 8
+"""Lanes of a block in memory."""
 DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
-BLOCK = ir.VectorType(DOUBLE, LANES)
-TRUTHS, WHOLE = ir.VectorType(BIT, LANES), ir.VectorType(INT64, LANES)
 EXPONENT_BIAS, MANTISSA_BITS = 1023, 52
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
@@ -30,25 +29,38 @@ def integer(k: int) -> ir.Constant:
     return ir.Constant(INT64, k)
 
 
-@functools.lru_cache(maxsize=1024)
-def block_of(bits: bytes) -> ir.Constant:
-    """One number, given by its bits, in all lanes."""
-    return ir.Constant(BLOCK, struct.unpack("<d", bits) * LANES)
-
-
 def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> Any:
     """Address of a value of a type, ``offset`` elements after ``base``."""
     at = builder.gep(base, [integer(offset) if isinstance(offset, int) else offset])
     return builder.bitcast(at, type_.as_pointer())
 
 
-def load_block(builder: ir.IRBuilder, base: Any, k: int) -> Any:
-    """Number k of all lanes of a block."""
-    return builder.load(address(builder, base, k * LANES, BLOCK), align=8)
+class Vectors:
+    """Vectors with a number for each of the lanes that a function computes: the first ones of a block."""
+
+    def __init__(self, lanes: int) -> None:
+        self.lanes, self.numbers = lanes, ir.VectorType(DOUBLE, lanes)
+        self.truths, self.whole = ir.VectorType(BIT, lanes), ir.VectorType(INT64, lanes)
+        self.number = functools.lru_cache(maxsize=1024)(self._number)
+
+    def _number(self, bits: bytes) -> ir.Constant:
+        """One number, given by its bits, in all lanes."""
+        return ir.Constant(self.numbers, struct.unpack("<d", bits) * self.lanes)
+
+    def same(self, type_: ir.VectorType, k: float) -> ir.Constant:
+        """One constant of a type in all lanes."""
+        return ir.Constant(type_, [k] * self.lanes)
+
+    def load(self, builder: ir.IRBuilder, base: Any, k: int) -> Any:
+        """Number k of the lanes."""
+        return builder.load(address(builder, base, k * LANES, self.numbers), align=8)
+
+
+VECTORS = {lanes: Vectors(lanes) for lanes in (4, LANES)}
 
 
 def store_block(builder: ir.IRBuilder, value: Any, base: Any, k: int) -> None:
-    builder.store(value, address(builder, base, k * LANES, BLOCK), align=8)
+    builder.store(value, address(builder, base, k * LANES, value.type), align=8)
 
 
 def compared(builder: ir.IRBuilder, name: str, a: Any, b: Any) -> Any:
@@ -85,17 +97,21 @@ class Emitter:
     """Emits the operations of a graph into a block, each when it is first needed."""
 
     def __init__(
-        self, builder: ir.IRBuilder, load: Callable[[str, int], Any], stages: EmittedStages | None = None
+        self,
+        builder: ir.IRBuilder,
+        load: Callable[[str, int], Any],
+        vectors: Vectors,
+        stages: EmittedStages | None = None,
     ) -> None:
         """``load`` emits the load of number k of a space."""
-        self.builder, self.load, self.stages = builder, load, stages
+        self.builder, self.load, self.vectors, self.stages = builder, load, vectors, stages
         self.values: dict[Operation, Any] = {}
 
     def value(self, node: Value) -> Any:
         if isinstance(node, bool):
-            return ir.Constant(TRUTHS, [int(node)] * LANES)
+            return self.vectors.same(self.vectors.truths, int(node))
         if isinstance(node, float):
-            return block_of(bits_of(node))
+            return self.vectors.number(bits_of(node))
         if node not in self.values:
             self.values[node] = self._emit(node)
         return self.values[node]
@@ -105,39 +121,41 @@ class Emitter:
             return self.load(*node.extra)
         if self.stages and node.name in ("stage", "result"):
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
-        b = self.builder
+        b, v = self.builder, self.vectors
         arguments = [self.value(a) for a in node.arguments]
         if node.name in INTRINSICS:
-            name = f"{INTRINSICS[node.name]}.v{LANES}f64"
-            kind = ir.FunctionType(BLOCK, [BLOCK] * len(arguments))
+            name = f"{INTRINSICS[node.name]}.v{v.lanes}f64"
+            kind = ir.FunctionType(v.numbers, [v.numbers] * len(arguments))
             return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
         if node.name == "neg":
             return b.fneg(arguments[0])
         if node.name == "not":
-            return b.xor(arguments[0], ir.Constant(TRUTHS, [1] * LANES))
+            return b.xor(arguments[0], v.same(v.truths, 1))
         if node.name == "select":
             return b.select(*arguments)
         if node.name == "bit":
-            masked = b.and_(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [node.extra] * LANES))
-            return b.icmp_signed("!=", masked, ir.Constant(WHOLE, [0] * LANES))
+            masked = b.and_(b.bitcast(arguments[0], v.whole), v.same(v.whole, node.extra))
+            return b.icmp_signed("!=", masked, v.same(v.whole, 0))
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
-            biased = b.add(b.bitcast(arguments[0], WHOLE), ir.Constant(WHOLE, [EXPONENT_BIAS] * LANES))
-            return b.bitcast(b.shl(biased, ir.Constant(WHOLE, [MANTISSA_BITS] * LANES)), BLOCK)
+            biased = b.add(b.bitcast(arguments[0], v.whole), v.same(v.whole, EXPONENT_BIAS))
+            return b.bitcast(b.shl(biased, v.same(v.whole, MANTISSA_BITS)), v.numbers)
         return compared(b, node.name, *arguments)
 
 
 class EmittedStages:
     """The functions that the stages of a step call, and the calls."""
 
-    def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool) -> None:
-        self.stages = stages
+    def __init__(
+        self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool, vectors: Vectors
+    ) -> None:
+        self.stages, self.vectors = stages, vectors
         # Pointers that no part uses would take registers from those that all parts use.
         values = [v for p in stages.parts.values() for v in (*p.returned, *(v for _, _, v in p.stores))]
         read = {n.extra[0] for n in reached(values) if n.name == "load"}
         self.spaces = {name: base for name, base in spaces.items() if name in read}
-        self.returned = ir.LiteralStructType([BLOCK] * len(stages.returned))
+        self.returned = ir.LiteralStructType([vectors.numbers] * len(stages.returned))
         self.functions = {n: self._function(caller, n, part, ordered) for n, part in stages.parts.items()}
         self.memory: dict[str, Any] = {}
 
@@ -145,7 +163,7 @@ class EmittedStages:
         """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
         result = self.returned if part.returned else ir.VoidType()
         pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
-        types = [DOUBLE.as_pointer()] * len(pointers) + [BLOCK] * len(self.stages.given)
+        types = [DOUBLE.as_pointer()] * len(pointers) + [self.vectors.numbers] * len(self.stages.given)
         function = internal(caller.module, result, types, f"{caller.name}_{name}_stage")
         set.add(function.attributes, "noinline")
         bases = dict(zip(pointers, function.args, strict=False))
@@ -155,9 +173,9 @@ class EmittedStages:
         builder = ir.IRBuilder(function.append_basic_block())
 
         def load(space: str, k: int) -> Any:
-            return given[k] if space == "given" else load_block(builder, bases[space], k)
+            return given[k] if space == "given" else self.vectors.load(builder, bases[space], k)
 
-        emitter = Emitter(builder, load)
+        emitter = Emitter(builder, load, self.vectors)
         places: dict[Any, list[tuple[str, int]]] = {}
         for space, k, value in part.stores:
             places.setdefault(value, []).append((space, k))
@@ -207,7 +225,11 @@ class EmittedStages:
         values = []
         for k in stages.given:
             stage = upcoming if k < stages.subroutine.positions else present
-            values.append(emitter.value(stage.arguments[k]) if stage else ir.Constant(BLOCK, ir.Undefined))
+            values.append(
+                emitter.value(stage.arguments[k])
+                if stage
+                else ir.Constant(self.vectors.numbers, ir.Undefined)
+            )
         before, after = ("even", "odd") if number % 2 == 0 else ("odd", "even")
         told = self._told(emitter.builder, stages.calls.index(present) if present else 0)
         memories = [self.memory[n] for n in ("shared", "kept", before, after)]
@@ -222,12 +244,14 @@ class EmittedStages:
             return emitter.builder.extract_value(value, stages.returned.index(k))
         if k in stages.told:
             place = self._told(emitter.builder, stages.calls.index(stage))
-            return load_block(emitter.builder, place, stages.told.index(k))
+            return self.vectors.load(emitter.builder, place, stages.told.index(k))
         return emitter.value(stages.results[k])
 
 
-def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool) -> ir.Function:
-    """The LLVM function of a lane function; ``ordered`` puts its instructions in our own order."""
+def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool, lanes: int) -> ir.Function:
+    """The LLVM function of a lane function, for the first ``lanes`` of a block; ``ordered`` puts its
+    instructions in our own order."""
+    vectors = VECTORS[LANES if function.whole_blocks else lanes]
     results = function.results
     join_products(results, function.aside_results)
     calls = [n for n in reached(results) if n.name == "stage"]
@@ -240,43 +264,49 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool)
         if not name.endswith("_stride"):
             base.add_attribute("noalias")
     builder = ir.IRBuilder(made.append_basic_block())
-    tables = {name: _columns(builder, bases[name], *shape) for name, shape in function.inputs.items()}
+    tables = {n: _columns(builder, bases[n], vectors, *shape) for n, shape in function.inputs.items()}
 
     def load(space: str, k: int) -> Any:
-        return tables[space](k) if space in tables else load_block(builder, bases[space], k)
+        return tables[space](k) if space in tables else vectors.load(builder, bases[space], k)
 
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
-    emitted = EmittedStages(stages, made, spaces, ordered) if stages else None
-    emitter = Emitter(builder, load, emitted)
+    emitted = EmittedStages(stages, made, spaces, ordered, vectors) if stages else None
+    emitter = Emitter(builder, load, vectors, emitted)
     order = stages.in_order(results) if stages else in_order(results) if ordered else reached(results)
     for node in order:
         emitter.value(node)
     values = [emitter.value(r) for r in results]
     for (space, k, _), value in zip(function.stores, values, strict=False):
         store_block(builder, value, bases[space], k)
-    _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases)
+    _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases, vectors)
     builder.ret_void()
     return made
 
 
-def _columns(builder: ir.IRBuilder, base: Any, element: str, columns: int) -> Callable[[int], Any]:
+def _columns(
+    builder: ir.IRBuilder, base: Any, vectors: Vectors, element: str, columns: int
+) -> Callable[[int], Any]:
     """The columns of a table with a row for each lane, as vectors of doubles."""
-    whole = builder.load(address(builder, base, 0, ir.VectorType(ELEMENT[element], LANES * columns)), align=4)
+    rows = ir.VectorType(ELEMENT[element], vectors.lanes * columns)
+    whole = builder.load(address(builder, base, 0, rows), align=4)
 
     def column(k: int) -> Any:
-        chosen = ir.Constant(ir.VectorType(INT32, LANES), [columns * i + k for i in range(LANES)])
+        places = [columns * i + k for i in range(vectors.lanes)]
+        chosen = ir.Constant(ir.VectorType(INT32, vectors.lanes), places)
         values = builder.shuffle_vector(whole, whole, chosen)
-        return values if element == "f64" else builder.fpext(values, BLOCK)
+        return values if element == "f64" else builder.fpext(values, vectors.numbers)
 
     return column
 
 
-def _emit_outputs(builder: ir.IRBuilder, outputs: list[Output], values: list[Any], bases: Any) -> None:
+def _emit_outputs(
+    builder: ir.IRBuilder, outputs: list[Output], values: list[Any], bases: Any, vectors: Vectors
+) -> None:
     tables: dict[str, dict[int, Any]] = {}
     for output, value in zip(outputs, values, strict=True):
         type_ = ELEMENT[output.element]
-        vector = ir.VectorType(type_, LANES)
-        if value.type == TRUTHS:
+        vector = ir.VectorType(type_, vectors.lanes)
+        if value.type == vectors.truths:
             value = builder.zext(value, vector)
         elif type_ == FLOAT:
             value = builder.fptrunc(value, vector)
@@ -291,10 +321,10 @@ def _emit_outputs(builder: ir.IRBuilder, outputs: list[Output], values: list[Any
             base = builder.gep(base, [builder.mul(stride, integer(output.column))])
         builder.store(value, address(builder, base, 0, vector), align=1)
     for array, columns in tables.items():
-        _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))])
+        _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))], vectors.lanes)
 
 
-def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any]) -> None:
+def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any], lanes: int) -> None:
     """Write columns to the rows of a table: four columns at once, transposed in registers."""
 
     def shuffled(a: Any, b: Any, chosen: list[int]) -> Any:
@@ -304,9 +334,9 @@ def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any]) -> None:
     for first in range(0, width, 4):
         four = columns[first : first + 4]
         four += [four[-1]] * (4 - len(four))
-        pairs = [shuffled(four[k], four[k + 1], list(range(2 * LANES))) for k in (0, 2)]
-        whole = shuffled(pairs[0], pairs[1], list(range(4 * LANES)))
+        pairs = [shuffled(four[k], four[k + 1], list(range(2 * lanes))) for k in (0, 2)]
+        whole = shuffled(pairs[0], pairs[1], list(range(4 * lanes)))
         count = min(4, width - first)
-        for i in range(LANES):
-            piece = shuffled(whole, whole, [i + LANES * k for k in range(count)])
+        for i in range(lanes):
+            piece = shuffled(whole, whole, [i + lanes * k for k in range(count)])
             builder.store(piece, address(builder, base, i * width + first, piece.type), align=4)

@@ -130,10 +130,10 @@ class Slots:
             return
         with contextlib.ExitStack() as served:
             if i.control is Control.EQUAL:
-                mask = self.blocks.mask(pointers, "min_steps")
-                with p.when(mask == 255):
+                served_lanes = self.blocks.valid(block) & ~self.blocks.mask(pointers, "min_steps")
+                with p.when(served_lanes == 0):
                     p.call(self.skipped, **pointers)
-                served.enter_context(p.when(mask != 255))
+                served.enter_context(p.when(served_lanes != 0))
             if i.holding:
                 self._held_or_free(block)
             else:
@@ -172,9 +172,8 @@ class Slots:
                     self.log()
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
-        if i.holding:
-            with p.when(mask(slots, "held") != 0):
-                p.call(self.contact, **slots)
+        if i.stops:
+            p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:

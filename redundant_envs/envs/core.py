@@ -140,7 +140,8 @@ class Core(Copied):
         self._team = Team(simulator, "environment", memory, self.threads)
         self._goal_reward = None
         if self.task.goal_functions:
-            self._goal_reward = Call(simulator.arguments["goal_reward"], simulator.kernels["goal_reward"])
+            entry = simulator.kernels(memory.count)["goal_reward"]
+            self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
 
     @property

@@ -15,9 +15,11 @@ from redundant_envs.events.boundary import BoundedCoordinate, direction, inside
 from redundant_envs.events.crossings import Crossing
 from redundant_envs.tracing.ways import branches
 
-TAYLOR_SHARE = 2e-8
-"""Largest length of a Taylor step to a stop, as a fraction of the planned step: half its square, the error of
-positions and velocities, is rounding."""
+LAST_SHARE = 1e-5
+"""Largest length of the last piece to a stop, as a fraction of the planned step. The acceleration of its
+start holds in it; the error of velocities is 5e-11 of what this neglects in a whole step."""
+STRAIGHT_SHARE = 2e-8
+"""The same where the order of events decides: even without acceleration the error is rounding."""
 
 
 class Encounter(NamedTuple):
@@ -167,7 +169,7 @@ def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
     side, speed = direction(s.start_velocity), abs(s.start_velocity)
     way, acceleration = side * (s.limit(side) - s.start_position), side * s.watched.first
     time = 2.0 * way / (speed + sqrt(maximum(speed * speed + 2.0 * acceleration * way, 0.0)))
-    before = (way > 0.0) & (way <= maximum(s.closeness, TAYLOR_SHARE * h * speed))
+    before = (way > 0.0) & (way <= maximum(s.closeness, STRAIGHT_SHARE * h * speed))
     goes_beyond = speed * speed + 2.0 * acceleration * (way + s.closeness) > 0.0
     certain = s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h)
     return certain, Event(time, side, False)

@@ -1,9 +1,8 @@
 """The search for an event in time: brackets of it, or of a turn, which trial steps make ever smaller.
 
 A trial step goes to the end of the planned step. If it has an event, trial steps from the same start end ever
-nearer to it: this keeps the method's own order, and nothing is interpolated. The last 2e-8 of the planned
-step to a stop are a Taylor step, exact to rounding: positions here, velocities when the accelerations there
-are known.
+nearer to it: this keeps the method's own order, and nothing is interpolated. The last piece to a stop, at
+most 1e-5 of the planned step, takes no trial step: the accelerations at its start are known.
 """
 
 from __future__ import annotations
@@ -11,12 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
+from redundant_envs.algebra import any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
 from redundant_envs.events.crossings import Crossing, Overshoot, most_pull
-from redundant_envs.events.first_event import TAYLOR_SHARE, Encounter, Event
+from redundant_envs.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
 from redundant_envs.tracing.ways import branches
 
+MOST_BEND = 2e-3
+"""Largest change of the square of a speed in the last piece to a stop, as a fraction of it."""
+NEAR = 8.0
+"""If another coordinate could come to a stop within so many times the longest last piece, this piece is short
+enough to be straight: their order must not depend on how it is guessed."""
 RELEASE_SHARE = 1e-7
 """Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
 PUSH_ON = 5e-8
@@ -100,8 +104,8 @@ class Sought(NamedTuple):
         return self.gap > 0.0
 
 
-class TaylorStep(NamedTuple):
-    """The remaining distance to a stop, covered by a Taylor step."""
+class LastPiece(NamedTuple):
+    """The remaining way to a stop, which takes no trial step."""
 
     possible: Any  # whether its time is negligible
     time: Any  # its duration, s; shorter if another coordinate reaches its stop before
@@ -260,27 +264,44 @@ def next_towards_turn(search: Search) -> Any:
     return guess if guess < high else low
 
 
-def taylor_step(trial: Trial, sought: Sought) -> TaylorStep:
-    """The remaining distance of the sought coordinate to its stop, or of another one that reaches its own
-    before."""
-    time = time_of_way(sought)
-    possible = (abs(time) <= TAYLOR_SHARE * trial.left) & (time <= trial.left - trial.h) & sought.bounces
+def last_piece(trial: Trial, sought: Sought) -> LastPiece:
+    """The remaining way of the sought coordinate to its stop, or of another one that is at its own before."""
+    time, bend = time_of_way(sought)
+    alone = (abs(bend) <= MOST_BEND) & logical_not(any_of(others_near(trial, sought)))
+    share = where(alone, LAST_SHARE, STRAIGHT_SHARE)
+    possible = (abs(time) <= share * trial.left) & (time <= trial.left - trial.h) & sought.bounces
     arrives = list(sought.chosen)
     for k, s in enumerate(e.motion for e in trial.encounters):
         if not s.bounces:
             continue
         way = direction(s.velocity) * (s.limit(s.velocity) - s.position)
         own = maximum(way, 0.0) / abs(s.velocity)
-        sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time)
+        sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time) & logical_not(sought.chosen[k])
         time = where(sooner, own, time)
         arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
-    return TaylorStep(possible, time, arrives)
+    return LastPiece(possible, time, arrives)
 
 
 @branches
-def time_of_way(sought: Sought) -> Any:
-    """Time in which the sought coordinate covers its remaining distance, s; 1 s if it moves away."""
-    return -sought.gap / sought.speed if sought.speed > 0.0 else 1.0
+def time_of_way(sought: Sought) -> tuple[Any, Any]:
+    """Time in which the sought coordinate covers its remaining distance, s, to second order, and the share by
+    which the square of its speed changes; 1 s if it moves away."""
+    if not sought.speed > 0.0:
+        return 1.0, 0.0
+    square = sought.speed * sought.speed
+    gained = -2.0 * sought.acceleration * sought.gap  # by the square
+    return -2.0 * sought.gap / (sought.speed + sqrt(maximum(square + gained, 0.0))), gained / square
+
+
+def others_near(trial: Trial, sought: Sought) -> list[Any]:
+    """For each other boundary, whether its free coordinate could be at a limit at about the same time."""
+    near, reach = [], NEAR * LAST_SHARE * trial.left
+    for s, is_sought in zip((e.motion for e in trial.encounters), sought.chosen, strict=True):
+        speed = maximum(abs(s.velocity), abs(s.start_velocity))
+        way = reach * (speed + reach * maximum(abs(s.watched.least), abs(s.watched.most)))
+        here = (s.upper - s.position <= way) | (s.position - s.lower <= way)
+        near.append(here & s.free & logical_not(is_sought))
+    return near
 
 
 # ---- the end -------------------------------------------------------------------------------------------
@@ -289,7 +310,7 @@ def time_of_way(sought: Sought) -> Any:
 def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, possible: Any) -> Any:
     """Whether a trial step ends at the event: at the limit, or just after the stop would begin to pull.
 
-    The search is given before and after it, and whether a Taylor step to the stop is ``possible``.
+    The search is given before and after it, and whether a last piece to the stop is ``possible``.
     """
     gap, narrow = sought.gap, after.is_narrow(trial.left)
     late = gap * (trial.h - before.low) <= RELEASE_SHARE * trial.left * (gap - before.gap_low)
@@ -318,15 +339,27 @@ def position_at_event(s: BoundedCoordinate, position: Any, arrives: Any, stop: A
     return position
 
 
-def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], slide: Any) -> list[Any]:
-    """Positions at an event: after a trial step and a Taylor step of ``slide``, in which some arrive."""
+def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: Any) -> list[Any]:
+    """Positions at an event: after a trial step and a last piece of ``time``, in which some arrive."""
     positions = []
     for s, is_sought, arrived in zip(
         (e.motion for e in trial.encounters), sought.chosen, arrives, strict=True
     ):
-        position = s.position + slide * s.velocity
+        position = where(s.free, position_after(time, s.position, s.velocity, s.watched.last), s.position)
         if s.bounces:
             stop = where(is_sought, sought.limit, s.limit(s.velocity))
             position = position_at_event(s, position, arrived, stop, trial.interval)
         positions.append(position)
     return positions
+
+
+@branches
+def position_after(time: Any, position: Any, velocity: Any, acceleration: Any) -> Any:
+    """A position after a last piece; without one, exactly the same."""
+    return position if time == 0.0 else position + time * (velocity + 0.5 * time * acceleration)
+
+
+@branches
+def velocity_after(time: Any, velocity: Any, acceleration: Any) -> Any:
+    """A velocity after a part of a last piece; without one, exactly the same."""
+    return velocity if time == 0.0 else velocity + time * acceleration

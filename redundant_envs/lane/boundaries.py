@@ -20,7 +20,6 @@ from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
-from redundant_envs.tracing.ways import branches
 
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
@@ -200,16 +199,16 @@ class Boundaries:
     def release(self, lane: Lane) -> None:
         """Before a common step: release sliders whose stops would have to pull them."""
         x, holding = self.quantities(lane), self.dynamics.holding
-        resting = [self._contact(lane, lane, b, x[f"hold{b.number}"]) for b in holding]
+        resting = [self._contact(lane, b, x[f"hold{b.number}"]) for b in holding]
         w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
             lane[b.active] = where(leaves, 0.0, lane[b.active])
 
     def _contact(
-        self, lane: Lane, now: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
+        self, lane: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None
     ) -> contacts.Contact:
-        """A stop as a contact, with the motion of the lane ``now``."""
-        position, velocity = motion(self.dynamics, b, now)
+        """A stop as a contact."""
+        position, velocity = motion(self.dynamics, b, lane)
         if b.joint is None:
             position = where(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
@@ -232,6 +231,12 @@ class Boundaries:
                 pushed = response(dynamics, direction, x)
             lane.set(dynamics.arm.rates, pushed, of=f"mobility_{{}}_{b.name}")
 
+    def present_acceleration(self, lane: Lane, b: Boundary) -> Any:
+        """Acceleration of the coordinate of a stop, once it has been asked for."""
+        if b.joint is None:
+            return lane[f"acceleration_{b.name}"]
+        return lane[f"{self.dynamics.arm.rates[b.joint]}_slope"]
+
     def mobility(self, lane: Lane, of: Boundary, by: Boundary) -> Any:
         """Change of the rate of a coordinate per impulse along another one."""
         rates = self.dynamics.arm.rates
@@ -242,53 +247,40 @@ class Boundaries:
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
         dynamics, stops = self.dynamics, self.dynamics.stops
-        moving = dynamics.states[dynamics.count :]
-        # The velocities of a Taylor step to the stop, now that the accelerations are known.
-        values = {s: velocity_after(lane.slide, lane[s], lane[f"{s}_slope"]) for s in moving}
-        now = Lane(lane.layout, lambda name: values[name] if name in values else lane[name])
         touching = [
             self._contact(
-                lane, now, b, lane[f"force_{b.name}"] if b in self.dynamics.holding else 0.0,
-                lane[f"acceleration_{b.name}" if b.joint is None else f"{dynamics.arm.rates[b.joint]}_slope"],
-                lane[f"released_{b.name}"],
+                lane, b, lane[f"force_{b.name}"] if b in dynamics.holding else 0.0,
+                self.present_acceleration(lane, b), lane[f"released_{b.name}"],
             )
             for b in stops
         ]  # fmt: skip
         w = symmetric(len(stops), lambda i, j: self.mobility(lane, stops[i], stops[j]))
         r = contacts.resolve_contacts(lane.impacts, touching, w)
-        for s, value in {**values, **self._struck(lane, values, touching, r)}.items():
-            lane[s] = where(r.strikes, value, values[s])
+        for s, value in self._struck(lane, touching, r).items():
+            lane[s] = where(r.strikes, value, lane[s])
         for b, stop, force, released, happened, speed in zip(
             stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
         ):
-            if b in self.dynamics.holding:
+            if b in dynamics.holding:
                 lane[b.active], lane[f"force_{b.name}"] = stop, force
             lane[f"released_{b.name}"] = released
-            if self.dynamics.logs:
+            if dynamics.logs:
                 lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
-        lane.impacts, lane.changes, lane.slide = r.impacts, lane.changes + 1.0, 0.0
+        lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
         return r.going_on
 
-    def _struck(
-        self, lane: Lane, now: dict[str, Any], touching: Sequence[contacts.Contact], r: Resolved
-    ) -> dict[str, Any]:
+    def _struck(self, lane: Lane, touching: Sequence[contacts.Contact], r: Resolved) -> dict[str, Any]:
         """Velocities of the arm, and the work, after impulses."""
         rates, stops = self.dynamics.arm.rates, self.dynamics.stops
         exact = {rates[b.joint]: v for b, v in zip(stops, r.velocities, strict=True) if b.joint is not None}
         struck = {}
         for v in rates:
             pushes = (j * lane[f"mobility_{v}_{b.name}"] for j, b in zip(r.impulses, stops, strict=True))
-            struck[v] = exact[v] if v in exact else now[v] + total(pushes)
-        if "work" in now:
+            struck[v] = exact[v] if v in exact else lane[v] + total(pushes)
+        if "work" in self.dynamics.states:
             impulses = zip(r.impulses, touching, r.velocities, strict=True)
-            struck["work"] = now["work"] + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
+            struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
         return struck
-
-
-@branches
-def velocity_after(slide: Any, velocity: Any, slope: Any) -> Any:
-    """A velocity after a Taylor step of a certain time; without one, exactly the same."""
-    return velocity if slide == 0.0 else velocity + slide * slope
 
 
 def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:

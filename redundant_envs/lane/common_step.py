@@ -189,8 +189,6 @@ class CommonStep:
         """After a trial step: count it, and determine how it meets the boundaries."""
         if self.dynamics.boundaries:
             self.boundaries.record_crossings(lane, "{}_trial", lane.step)
-        if self.dynamics.holding:
-            lane.held = any_of(a != 0.0 for a in lane.get(self.dynamics.active))
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)

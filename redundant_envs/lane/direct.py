@@ -87,7 +87,7 @@ def common_procedures(interval: Interval) -> list[Procedure]:
 
 def trial_procedures(interval: Interval) -> list[Procedure]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.holding else []
+    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.stops else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 

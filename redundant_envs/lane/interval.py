@@ -84,7 +84,6 @@ class Interval:
             return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
-        yield Field("held", "", "a slider rests at its stop", SCRATCH, truth=True)
         for v in dynamics.states[dynamics.count :]:
             yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for b in dynamics.stops:

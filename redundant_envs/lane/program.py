@@ -15,7 +15,7 @@ from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
 from redundant_envs.events.first_event import Encounter, first_event
-from redundant_envs.events.search import Aim, Search, Sought, TaylorStep, Trial
+from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane
@@ -134,7 +134,7 @@ class LaneProgram:
             yield Request.STEP
             if self.is_lost(lane):
                 return Found.LOST
-            trial = self.trial(lane)
+            trial = self.settled(lane, self.trial(lane))
             before = Search(*lane.get(SEARCH))
             sought = search.sought_boundary(before, trial)
             other = search.other_event(trial, before, sought)
@@ -142,9 +142,9 @@ class LaneProgram:
                 self.seek(lane, trial, other)
                 return Found.OTHER
             after = search.towards_event(before, trial.h, sought)
-            rest_of_way = search.taylor_step(trial, sought)
-            if search.ends_at_event(trial, before, after, sought, rest_of_way.possible):
-                self.arrive(lane, trial, sought, rest_of_way)
+            piece = search.last_piece(trial, sought)
+            if search.ends_at_event(trial, before, after, sought, piece.possible):
+                self.arrive(lane, trial, sought, piece)
                 return Found.EVENT
             lane.set(SEARCH, after)
             self.retry(lane, search.next_towards_event(trial, after, sought))
@@ -175,6 +175,18 @@ class LaneProgram:
         events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
         return Trial(h, lane.left, lane.interval, encounters, events)
 
+    def settled(self, lane: Lane, trial: Trial) -> Trial:
+        """A trial step that slots have taken, with the accelerations at its end in place of those of its last
+        stage."""
+        encounters = []
+        for b, e in zip(self.dynamics.boundaries, trial.encounters, strict=True):
+            last = e.motion.watched.last
+            if b.bounces:
+                last = where(e.motion.free, self.boundaries.present_acceleration(lane, b), last)
+            watched = e.motion.watched._replace(last=last)
+            encounters.append(e._replace(motion=e.motion._replace(watched=watched)))
+        return trial._replace(encounters=encounters)
+
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
         lane.set(SEARCH, search.begun(trial, aim))
@@ -195,7 +207,6 @@ class LaneProgram:
 
     def moved(self, lane: Lane) -> Found:
         """End a trial step without an event."""
-        lane.slide = 0.0
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
         self.note_released(lane)
         return Found.NOTHING
@@ -230,19 +241,19 @@ class LaneProgram:
 
     # ---- events ------------------------------------------------------------------------------------------
 
-    def arrive(self, lane: Lane, trial: Trial, sought: Sought, rest_of_way: TaylorStep) -> None:
-        """End a trial step at its event: sliders that are at their stops are there exactly."""
-        arm, slide = self.dynamics.arm, where(sought.free & rest_of_way.possible, rest_of_way.time, 0.0)
-        met = zip(trial.encounters, sought.chosen, strict=True)
+    def arrive(self, lane: Lane, trial: Trial, sought: Sought, piece: LastPiece) -> None:
+        """End a trial step, and the last piece, at an event: sliders at their stops are there exactly."""
+        met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
-        positions = search.positions_after(trial, sought, rest_of_way.arrives, slide)
+        time = where(sought.free & piece.possible, piece.time, 0.0)
+        positions = search.positions_after(trial, sought, piece.arrives, time)
         at_end = zip(self.dynamics.boundaries, positions, strict=True)
         exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
-        for q, v in zip(arm.coordinates, arm.rates, strict=True):
-            lane[q] = exact[q] if q in exact else lane[q] + slide * lane[v]
-        spent = lane.step + slide
+        if self.dynamics.stops:
+            self.move(lane, time)
+        lane.set(tuple(exact), list(exact.values()))
+        spent = lane.step + time
         lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
-        lane.slide = slide
         lane.at_stop = sought.bounces
         for b, side, is_sought, position in zip(
             self.dynamics.boundaries, crossed, sought.chosen, positions, strict=True
@@ -255,6 +266,14 @@ class LaneProgram:
                 lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
+
+    def move(self, lane: Lane, time: Any) -> None:
+        """Move the state by a last piece, with the accelerations at its start."""
+        arm, moving = self.dynamics.arm, self.dynamics.states[self.dynamics.count :]
+        for q, v in zip(arm.coordinates, arm.rates, strict=True):
+            lane[q] = search.position_after(time, lane[q], lane[v], lane[f"{v}_slope"])
+        for s in moving:
+            lane[s] = search.velocity_after(time, lane[s], lane[f"{s}_slope"])
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""
@@ -287,7 +306,7 @@ class LaneProgram:
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
         lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
-        lane.error_trial, lane.elapsed, lane.slide = lane.error_start, 0.0, 0.0
+        lane.error_trial, lane.elapsed = lane.error_start, 0.0
         for b in self.dynamics.laws:
             lane[b.side] = lane[f"{b.side}_start"]
         if self.dynamics.stops:

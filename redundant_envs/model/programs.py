@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import dataclasses
 import functools
 import itertools
 import os
@@ -66,7 +67,10 @@ class Simulator:
     @functools.cached_property
     def _traced(self) -> Traced:
         with uncollected():
-            return self._trace()
+            program, blocks = self._trace()
+            known = self.__dict__.get("identity")
+            assert known in (None, cache.identity(program))  # else its code would be kept under a wrong name
+            return program, blocks
 
     @property
     def program(self) -> Program:
@@ -81,10 +85,10 @@ class Simulator:
         """The fields of the lanes, but for those that only the program of a lane sets."""
         return self.episode.layout() if self.episode else Interval(self.dynamics).layout()
 
-    @functools.cached_property
+    @property
     def key(self) -> str:
-        """Name of the program's machine code."""
-        return cache.program_key(self.identity)
+        """Name of the program's machine code for whole blocks."""
+        return cache.program_key(self.identity, LANES)
 
     def check_same(self, identity: str) -> None:
         """ValueError unless a copy was made of a simulator with this program."""
@@ -96,9 +100,9 @@ class Simulator:
                 "were when it was made; go on with the definitions of then, or make a new simulator"
             )
 
-    @functools.cached_property
-    def kernels(self) -> dict[str, llvm.Entry]:
-        """The kernels in machine code, from this process, the folder of the user, or the compiler."""
+    def kernels(self, count: int) -> dict[str, llvm.Entry]:
+        """The kernels in machine code for a number of lanes, from this process, the folder of the user, or
+        the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
         scene = self.dynamics.scene
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
         what = f"{scene.robot.kind} {scene.integrator} with {effects}"
@@ -106,14 +110,17 @@ class Simulator:
             what += ", as an environment"
         elif self.dynamics.track_work:
             what += ", and its work"
+        lanes = FEW if count <= FEW else LANES
+        if lanes == FEW:
+            what += f", for at most {FEW}"
+        key = cache.program_key(self.identity, lanes)
+        return cache.kernels(
+            key, [*self.arguments], lambda: dataclasses.replace(self.program, lanes=lanes), what
+        )
 
-        def program() -> Program:
-            assert cache.identity(self.program) == self.identity  # else its code would have a wrong name
-            return self.program
 
-        return cache.kernels(self.key, [*self.arguments], program, what)
-
-
+FEW = 4
+"""Lanes up to which a program computes only these: half a block, a whole vector of many processors."""
 KEPT_SIMULATORS = 64
 """Simulators that are traced once for all their users; the least recently used ones are dropped."""
 _kept: OrderedDict[str, Simulator] = OrderedDict()
@@ -206,9 +213,9 @@ class Part(Call):
     """A call for some blocks of a memory: those from ``first`` to ``last``."""
 
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
-        super().__init__(simulator.arguments[name], simulator.kernels[name])
-        self.memory, self.first, self.last = memory, first, last
         self.lanes = slice(first * LANES, min(last * LANES, memory.count))
+        super().__init__(simulator.arguments[name], simulator.kernels(memory.count)[name])
+        self.memory, self.first, self.last = memory, first, last
         scratch = aligned(simulator.scratch_size)
         queue = np.zeros(simulator.queue_size, dtype=np.int64)
         self.set(

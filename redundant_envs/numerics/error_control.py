@@ -14,8 +14,8 @@ def blended_error(higher: Any, lower: Any) -> Any:
     return where(lower < 1e150, blend, lower)  # the square of a larger one is infinite, and the blend 0
 
 
-SHARPNESS = 40.0
-"""Chosen so that single steps of many scenes are off by at most three quarters of their estimate (0021)."""
+SHARPNESS = 45.0
+"""Chosen so that single steps of many scenes are off by at most two thirds of their estimate (0021)."""
 
 
 def tip_error(e6: Any, e5: Any, e3: Any) -> Any:

@@ -6,6 +6,7 @@ also has the rows of the estimate before decision 0021, measured by this study a
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -53,7 +54,7 @@ def run(count: int, seed: int, measure: str = "now") -> list[dict[str, Any]]:
     """Rows of ``COLUMNS``: quantiles of the errors of steps whose estimates are in a range, m."""
     estimates, errors = single_steps(count, seed)
     rows = []
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in itertools.pairwise(EDGES):
         found = errors[(estimates >= low) & (estimates < high)]
         if len(found) < LEAST:
             continue

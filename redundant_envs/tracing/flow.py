@@ -43,6 +43,7 @@ class LaneFunction:
     them."""
     known: Mapping[tuple[str, int], float] = field(default_factory=dict)  # numbers that locations hold
     asides: frozenset[tuple[str, int]] = frozenset()  # locations whose values change no bit of other results
+    whole_blocks: bool = False  # whether it computes all lanes of a block also in a program for few lanes
 
     @property
     def results(self) -> list[Any]:
@@ -235,9 +236,10 @@ class Kernel:
 
 @dataclass
 class Program:
-    """Kernels and the functions they call."""
+    """Kernels and the functions they call, for the first ``lanes`` of each block."""
 
     kernels: list[Kernel]
+    lanes: int = 8
 
     @property
     def functions(self) -> dict[str, LaneFunction]:

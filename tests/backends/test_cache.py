@@ -23,7 +23,7 @@ def small_program():
     return Program([p])
 
 
-KEY = cache.program_key(cache.identity(small_program()))
+KEY = cache.program_key(cache.identity(small_program()), 8)
 NAME, LOCK = f"{KEY}{cache.SUFFIX}", f"{KEY}.lock"
 
 

@@ -47,18 +47,18 @@ def test_scenes_that_differ_otherwise_have_programs_of_their_own():
     assert len(set(keys)) == len(keys)
 
 
-def small_key(name="scale", factor=0.0, place=0, element="f64", swapped=False):
+def small_key(name="scale", factor=0.0, place=0, element="f64", swapped=False, lanes=8):
     """The key of a kernel that multiplies a number."""
     p = Kernel(name, {"x": element})
     x = p.load(p["x"])
     p.store(p["x"], place, factor * x if not swapped else x - factor)
-    return cache.program_key(cache.identity(Program([p])))
+    return cache.program_key(cache.identity(Program([p])), lanes)
 
 
 def test_programs_that_differ_in_one_thing_have_keys_of_their_own():
     changes = [
         {}, {"name": "other"}, {"factor": -0.0}, {"factor": 5e-324}, {"place": 1}, {"element": "f32"},
-        {"swapped": True},
+        {"swapped": True}, {"lanes": 4},
     ]  # fmt: skip
     assert small_key() == small_key()
     assert len({small_key(**change) for change in changes}) == len(changes)

@@ -8,6 +8,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import BoundedCoordinate
+from redundant_envs.events.first_event import Encounter, Event
+from redundant_envs.events.search import Search, Trial, last_piece, sought_boundary
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.studies.intervals import judge_family
 from redundant_envs.studies.stop_families import NAMED, StopFamily
@@ -160,17 +162,63 @@ def random_states(count, seed=1):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
-def test_an_impact_takes_less_than_two_pieces_to_be_found():
-    batch = rde.BatchSimulator(scene(), 2000)
-    q, qd, efforts = random_states(2000)
-    q[::7, 1] = 0.1
+def advanced(how, q, qd, efforts):
+    """States after an interval, (n, 8), and its status."""
+    batch = rde.BatchSimulator(scene(**how), len(q))
     batch.set_state(q, qd)
     status = batch.advance(efforts)
+    return np.concatenate([batch.q, batch.qd], axis=1), status
+
+
+def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
+    q, qd, efforts = random_states(2000)
+    q[::7, 1] = 0.1
+    _, status = advanced({}, q, qd, efforts)
     once = status.events == 1  # the common step, the pieces towards the impact, one to the end
     assert once.sum() > 200
     pieces = status.evaluations[once] / 12.0 - 2.0
     assert (pieces >= 1.0).all()
-    assert pieces.mean() < 1.7  # from the cubic through both ends it was 1.96
+    assert pieces.mean() < 1.15  # with a last piece that had to be straight it was 1.6
+
+
+def moving(position, velocity, acceleration):
+    """A slider between stops at 0 and 0.25 m after a trial step of 10 ms."""
+    start = Watched(acceleration, acceleration, acceleration, acceleration)
+    back = position - 0.01 * velocity
+    return BoundedCoordinate(position, velocity, back, velocity, start, 0.0, 0.0, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("time", "acceleration", "other", "possible"),
+    [
+        (1.9e-7, 1.0, 0.1, True),
+        (2.1e-7, 1.0, 0.1, False),  # longer than 1e-5 of 20 ms
+        (-1.9e-7, 1.0, 0.1, True),  # it ends beyond the stop
+        (1.9e-7, 2e4, 0.1, False),  # its speed changes by 0.4 %
+        (1.9e-7, 1.0, 0.25 - 1e-8, False),  # another slider is near a stop
+        (3.9e-10, 2e4, 0.25 - 1e-12, True),  # but so near to its stop it is straight
+    ],
+)
+def test_the_last_piece_to_a_stop_is_short_and_alone(time, acceleration, other, possible):
+    sliders = moving(0.25 - time, 1.0, acceleration), moving(other, 0.5, 1.0)
+    encounters = [Encounter(float(k), s, 0.0, 0.0, 0.0, 0.0, False, 1.0) for k, s in enumerate(sliders)]
+    trial = Trial(0.01, 0.02, 0.02, encounters, [Event(0.01, 1.0, False)] * 2)
+    sought = sought_boundary(Search(0.0, 1.0, 0.0, 0.02, 0.0, 0.0, 0.0), trial)
+    piece = last_piece(trial, sought)
+    assert piece.possible == possible
+    if possible:
+        assert piece.time == pytest.approx(min(time, (0.25 - other) / 0.5), rel=1e-6)
+        assert piece.arrives == ([True, False] if time < (0.25 - other) / 0.5 else [False, True])
+
+
+@pytest.mark.parametrize("how", [{"tolerance": 1e-12}, {"integrator": "dop853"}], ids=str)
+def test_motions_behind_an_impact_are_as_exact_as_those_of_shorter_last_pieces(how):
+    """Of the hundredth of a step of 20 ms; a last piece of first order would leave 1e-9 m/s."""
+    q, qd, efforts = random_states(2000)
+    (got, status), (fine, finer) = (advanced(kwargs, q, qd, efforts) for kwargs in (how, {"substeps": 100}))
+    once = (status.events == 1) & (finer.events == 1)
+    assert once.sum() > 200
+    assert np.quantile(np.abs(got - fine)[once].max(axis=1), 0.99) < 2e-12
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Hard cases: stops and impacts; sliders that rest and are released; springs."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -243,7 +244,12 @@ def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     # Straight, and at rest but for the last slider: nothing turns.
     state = [0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0]
     motion = subject.motion(scene, *state, 5)
-    yield at_most("the energy over the bounce", energy_error(scene, motion), 1e-6, "J off")
+    # A tolerance bounds errors of the tip. The energy in a stiff spring depends on digits beyond it.
+    finer = dataclasses.replace(scene, tolerance=1e-7)
+    yield at_most(
+        "at tolerance 1e-07 m the energy over the bounce",
+        energy_error(finer, subject.motion(finer, *state, 5)), 1e-6, "J off",
+    )  # fmt: skip
     fine = fine_end(scene, *state, 20000, 5)
     yield at_most("the tip after 5 intervals", tip_error(SLIDING, motion.q[-1], fine.q), 1e-6, "m off")
     # Turned back by a force, it is in the spring for 2 ms around 7.5 ms. The tip is light, and stays behind.

@@ -103,6 +103,16 @@ def test_status_of_a_partly_filled_block(scene, count, threads):
     assert part.numerics[-1] == rde.Numerics.NON_FINITE
 
 
+@on("4R all rk8", "4R all 1e-6", "stops 1e-6, inelastic")
+def test_few_lanes_have_the_bits_of_many(scene):
+    """A program for at most four lanes computes half a block; here it is compiled before that for all."""
+    states = random_states(scene, 24, 3)
+    few = [run(scene, *(x[:count] for x in states), steps=3) for count in (1, 3, 4, 5)]
+    whole, status = run(scene, *states, steps=3)
+    for q, part in few:
+        assert_same_bits([q, *part], [whole[: len(q)], *(column[: len(q)] for column in status)])
+
+
 @FIXED
 def test_status_of_each_method(scene):
     _, status = run(scene, *random_states(scene, 4, 0))

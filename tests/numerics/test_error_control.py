@@ -207,10 +207,10 @@ def test_an_estimate_that_overflows_does_not_pass():
 def test_one_estimate_that_is_0_by_chance_hides_no_error():
     """Usual estimates of a step that is off by 1e-8 m; each in turn is 0."""
     e6, e5, e3 = 3e-8, 1e-6, 3e-4
-    assert tip_error(e6, e5, e3) == pytest.approx(40.0 * e6 * np.sqrt(e5 / e3))
+    assert tip_error(e6, e5, e3) == pytest.approx(45.0 * e6 * np.sqrt(e5 / e3))
     assert tip_error(0.0, e5, e3) == pytest.approx(e5**2 / e3)
-    assert tip_error(e6, 0.0, e3) == pytest.approx(40.0 * e6 * np.sqrt(e6 / e3))
-    assert tip_error(e6, e5, 0.0) == 40.0 * e6
+    assert tip_error(e6, 0.0, e3) == pytest.approx(45.0 * e6 * np.sqrt(e6 / e3))
+    assert tip_error(e6, e5, 0.0) == 45.0 * e6
     assert tip_error(0.0, 0.0, 0.0) == 0.0
 
 

@@ -155,8 +155,8 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
         return others_error(dynamics, lane, step, h)
 
     errors = np.array([six, five, three])
-    # The blend of the second and third estimate is the larger one, then that of the first and second.
-    for steps, unused in (((1e-4, 1e-3, 1e-2), 0), ((1e-2, 1e-3, 1e-2), 2)):
+    # All three decide; the first is small by chance; the first is larger than the others.
+    for steps, unused in (((1e-4, 1e-3, 1e-2), ()), ((1e-8, 1e-3, 1e-2), (0,)), ((1e-1, 1e-3, 1e-5), (1, 2))):
         steps = np.array(steps)
         expected = moved(errors, steps)
         assert expected > 0.0
@@ -168,7 +168,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
                 assert moved(scale[:, None] * errors, steps / scale) == pytest.approx(expected)
         for k in range(3):
             more = moved(errors, np.where(np.arange(3) == k, 1.1, 1.0) * steps)
-            assert (more == expected) == (k == unused)
+            assert (more == expected) == (k in unused)
 
 
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
