@@ -102,7 +102,11 @@ class Info(dict[str, Any]):
 
 def _read(info: Info) -> None:
     """Read the values if they are unread."""
-    if (unread := getattr(info, "unread", None)) is not None:
+    try:
+        unread = info.unread
+    except AttributeError:  # one that a program has made
+        return
+    if unread is not None:
         read, names, numbers = unread
         dict.update(info, zip(names, read(numbers)))  # noqa: B905 - strict takes time, and they are as many
         info.unread = None
