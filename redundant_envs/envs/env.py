@@ -190,7 +190,7 @@ class SingleLane:
         self._shown = _reader(columns, [column for column, *_ in columns.places_shown]).unpack
         self._names = tuple(columns.names)
         self._unread = dict.fromkeys(columns.names, UNREAD)
-        self._operation = -1
+        self._operation, self._memory = -1, core.memory
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
@@ -217,7 +217,7 @@ class SingleLane:
             self._action[:] = action  # takes only float32 of this shape
         except (TypeError, ValueError, BufferError):
             self._action[:] = check_action(action, self.action.shape)
-        if operation != self._operation or self._part.moved:
+        if operation != self._operation or self._part.version != self._memory.version:
             return self.run(operation)
         self._entry(self._address)
         return self._copied_obs()

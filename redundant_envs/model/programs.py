@@ -222,19 +222,15 @@ class Part(Call):
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=self.lanes.stop - self.lanes.start,
         )  # fmt: skip
-        self._version = -1
+        self.version = -1
+        """That of the memory when the kernel got the addresses of its arrays."""
         self.set_pointers()
-
-    @property
-    def moved(self) -> bool:
-        """Whether arrays of the memory have been replaced since the kernel got their addresses."""
-        return self._version != self.memory.version
 
     def set_pointers(self) -> None:
         """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
-        if not self.moved:
+        if self.version == self.memory.version:
             return
-        arrays, self._version = self.memory.arrays, self.memory.version
+        arrays, self.version = self.memory.arrays, self.memory.version
         first = 0 if self.memory.shared else self.first
         self.set(
             state=arrays["state"][self.first :], log=arrays["log"][self.first :],
