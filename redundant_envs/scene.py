@@ -14,7 +14,7 @@ from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
 from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
-from redundant_envs.files import config_folder, exists, explained, read_yaml
+from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded
@@ -277,7 +277,7 @@ def scene_data(scene: str | Path) -> Any:
             f"scene is {shown(str(scene))}; there is no such file and no such name: "
             f"{', '.join(scene_names())}"
         )
-    return read_yaml(path, "scene")
+    return read_yaml(path, "scene") if path == Path(scene) else shipped_data(path, "scene")
 
 
 def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:

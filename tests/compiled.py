@@ -30,7 +30,7 @@ def recorded(function, count=None, graph=None):
 
 def compiled(kernel):
     """A kernel to be called with its arguments by name."""
-    call = Call(kernel, llvm.load(llvm.object_code(Program([kernel])), [kernel.name])[kernel.name])
+    call = Call(kernel.arguments, llvm.load(llvm.object_code(Program([kernel])), [kernel.name])[kernel.name])
 
     def run(**arguments):
         call.set(**arguments)

@@ -1,10 +1,11 @@
-"""Cache of machine code: within this process, and in a folder of the user across processes."""
+"""Cache of machine code, and of facts about programs: in this process, and in a folder of the user."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import hashlib
+import json
 import os
 import platform
 import re
@@ -13,8 +14,9 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
@@ -22,9 +24,9 @@ from redundant_envs.tracing.listing import fingerprints
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_PROGRAMS = 1000
-"""Number of programs that the folder keeps; the least recently used ones are deleted."""
-SUFFIX = ".code"
-OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|lock)")
+"""Number of files of each kind that the folder keeps; the least recently used ones are deleted."""
+SUFFIX, FACTS = ".code", ".facts"
+OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|facts|lock)")
 """Names of files that this module makes; it deletes no others."""
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
@@ -37,15 +39,32 @@ if hasattr(os, "register_at_fork"):
 _warned: set[str] = set()
 
 
-def kernels(key: str, program: Program, what: str) -> dict[str, llvm.Entry]:
+def kernels(
+    key: str, names: Sequence[str], program: Callable[[], Program], what: str
+) -> dict[str, llvm.Entry]:
     """The kernels of a program in machine code, by name; ``what`` is compiled, says a message.
 
     Its key is computed before compilation, which changes its graphs.
     """
+
+    def compiled() -> bytes:
+        start, told = time.perf_counter(), f"redundant-envs: compiling {what} (once on this machine) ..."
+        print(told, file=sys.stderr, end="", flush=True)
+        code = llvm.object_code(program())
+        print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+        return code
+
     with _lock:
         if key not in _kept:
-            _kept[key] = llvm.load(_code(key, program, what), [k.name for k in program.kernels])
+            _kept[key] = llvm.load(_content(f"{key}{SUFFIX}", compiled), names)
         return _kept[key]
+
+
+def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Facts of plain JSON data under a name of 40 hexadecimal digits; "" keeps nothing."""
+    if not name:
+        return found()
+    return json.loads(_content(f"{name}{FACTS}", lambda: json.dumps(found()).encode()))  # type: ignore[no-any-return]
 
 
 def identity(program: Program) -> str:
@@ -68,47 +87,37 @@ def _sources() -> list[str]:
     return [p.read_text(encoding="utf-8") for p in files]
 
 
-def _code(key: str, program: Program, what: str) -> bytes:
-    folder = cache_folder()
-
-    @functools.cache  # called again if the code cannot be kept on disk
-    def compiled() -> bytes:
-        start, told = time.perf_counter(), f"redundant-envs: compiling {what} (once on this machine) ..."
-        print(told, file=sys.stderr, end="", flush=True)
-        code = llvm.object_code(program)
-        print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
-        return code
-
+def _content(name: str, make: Callable[[], bytes]) -> bytes:
+    """The content of a file of the folder; made if it is missing."""
+    folder, made = cache_folder(), functools.cache(make)  # called again if it cannot be kept on disk
     if folder is not None:
         try:
-            return _code_in(folder, key, compiled)
+            return _content_in(folder / name, made)
         except OSError as error:  # no file lock, no space left, files of another user
             _warn_of_memory_only(folder, error)
-    return compiled()
+    return made()
 
 
-def _code_in(folder: Path, key: str, compiled: Callable[[], bytes]) -> bytes:
-    """The machine code in a folder; compiled if it is missing or incomplete."""
-    path = folder / f"{key}{SUFFIX}"
-    if code := _used(path):  # files appear whole: no need to wait for a process that compiles the same again
-        return code
+def _content_in(path: Path, made: Callable[[], bytes]) -> bytes:
+    """The content of a file; made if it is missing or incomplete."""
+    if data := _used(path):  # files appear whole: no need to wait for a process that makes the same
+        return data
     with _file_lock(path.with_suffix(".lock")):
-        if code := _used(path):
-            return code
-        damaged, code = os.path.lexists(path), compiled()
+        if data := _used(path):
+            return data
+        damaged, data = os.path.lexists(path), made()
         if path.is_dir() and not path.is_symlink():
             raise OSError(f"{path} is a folder")
-        _write_whole(path, _checksum(path, code) + code)
-        _prune(folder)
+        _write_whole(path, _checksum(path, data) + data)
+        _prune(path.parent, path.suffix)
     if damaged:
-        warnings.warn(
-            f"the compiled simulator {path} was damaged or not ours; it is compiled again", stacklevel=2
-        )
-    return code
+        what, again = ("compiled simulator", "compiled") if path.suffix == SUFFIX else ("record", "made")
+        warnings.warn(f"the {what} {path} was damaged or not ours; it is {again} again", stacklevel=2)
+    return data
 
 
 def _used(path: Path) -> bytes:
-    """The code in a file, and nothing if its checksum is wrong; this counts as a use of the file.
+    """The content of a file, and nothing if its checksum is wrong; this counts as a use of the file.
 
     This detects accidents. It cannot protect against anyone who may write to the folder.
     """
@@ -123,9 +132,9 @@ def _used(path: Path) -> bytes:
     return data[DIGEST:]
 
 
-def _checksum(path: Path, code: bytes) -> bytes:
-    """Checksum of the code and its file name: the code of another program is as wrong as a damaged one."""
-    return hashlib.sha256(path.stem.encode() + code).digest()
+def _checksum(path: Path, data: bytes) -> bytes:
+    """Checksum of the content and its file name: that of another program is as wrong as a damaged one."""
+    return hashlib.sha256(path.stem.encode() + data).digest()
 
 
 def _write_whole(path: Path, data: bytes) -> None:
@@ -140,9 +149,9 @@ def _write_whole(path: Path, data: bytes) -> None:
         raise
 
 
-def _prune(folder: Path) -> None:
-    """Delete the least recently used programs beyond the number kept."""
-    own = [p for p in folder.iterdir() if p.suffix == SUFFIX and OWN_FILE.fullmatch(p.name) and p.is_file()]
+def _prune(folder: Path, suffix: str = SUFFIX) -> None:
+    """Delete the least recently used files of a kind beyond the number kept."""
+    own = [p for p in folder.iterdir() if p.suffix == suffix and OWN_FILE.fullmatch(p.name) and p.is_file()]
     used = []
     for path in own:
         with contextlib.suppress(OSError):  # another process may have deleted it

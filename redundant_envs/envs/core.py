@@ -115,7 +115,7 @@ class Core(Copied):
         self.threads = whole_number("threads", threads)
         self.simulator = environment_simulator(self.scene, self.task)
         numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
-        self.memory = Memory(self.simulator.dynamics, self.simulator.blocks.layout, num_envs, numbers)
+        self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
         named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
@@ -141,7 +141,7 @@ class Core(Copied):
         self._goal_reward = None
         if self.task.goal_functions:
             entry = simulator.kernels(memory.count)["goal_reward"]
-            self._goal_reward = Call(simulator.program.kernels[1], entry)
+            self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
 
     @property

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -16,7 +17,7 @@ from redundant_envs.batch.environment import Autoreset, Operation
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import Face
-from redundant_envs.envs.outputs import Columns, Outputs
+from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
 
@@ -45,8 +46,6 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             load_pygame()  # a missing package is reported at once, not at the first step
         core = self._core_of(scene, 1, task, accuracy)
         self.observation_space, self.action_space = self._take(core)
-        self._shape = (len(core.actions),)
-        self._names = self.core.columns.names
         self._lane = SingleLane(self.core)
         self._begun = False
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
@@ -87,7 +86,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             self._renderer.clear()
         if self.render_mode is not None:
             self._show()
-        return self._observation(obs), dict(zip(self._names, self._lane.shown(), strict=True))
+        return self._observation(obs), self._lane.info()
 
     def _begin(self) -> None:
         self._begun = True
@@ -98,19 +97,17 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         if self._operation is None:
             when = "after the end of the episode" if self._begun else "before reset"
             raise ResetNeeded(f"step was called {when}; call reset() first")
-        action = check_action(action, self._shape)
         lane = self._lane
         obs = lane.step(action, self._operation)
         terminated, reward = lane.ends()
         if reward != reward and self._operation == Operation.CHECKED_STEP:
-            refuse_bad_action(action)
+            refuse_bad_action(lane.action)
         if terminated:
             self._operation = None
         if self.render_mode is not None:
             self._show()
         observation = self._observation(obs) if self.goal_conditioned else obs
-        info = dict(zip(self._names, lane.shown()))  # noqa: B905 - strict takes time, and they are as many
-        return observation, reward, terminated, False, info
+        return observation, reward, terminated, False, lane.info()
 
     def _observation(self, obs: NDArray[np.float32]) -> Any:
         return obs
@@ -181,21 +178,29 @@ class SingleLane:
     def __init__(self, core: Core) -> None:
         columns = core.columns
         self._part = part = Part(core.simulator, "environment", core.memory, 0, 1)
-        action = np.zeros(len(core.actions), dtype=np.float32)
-        self._action: Any = action.data  # faster to write than the array itself
+        self.action = np.zeros(len(core.actions), dtype=np.float32)
+        self._action: Any = self.action.data  # faster to write than the array itself
         obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
-        self._obs = obs[0]
+        self._copied_obs = obs[0].copy
         self._buffer, self.outputs = _in_one_buffer(columns)
-        self._ends = _reader(columns, ("terminated", "reward"))
-        self._shown = _reader(columns, [column for column, *_ in columns.places_shown])
-        self._points = _reader(columns, (*TIP, *columns.goal))
-        self._operation = -1
+        self.ends: Callable[[], tuple[bool, float]] = self._reading(columns, ("terminated", "reward"))
+        """Whether the episode was terminated, and the reward, of the last step."""
+        self.points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
+        """Tip and goal, m."""
+        self._shown = _reader(columns, [column for column, *_ in columns.places_shown]).unpack
+        self._names = tuple(columns.names)
+        self._unread = dict.fromkeys(columns.names, UNREAD)
+        self._operation, self._memory = -1, core.memory
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
-            actions=action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
+            actions=self.action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
             autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},
         )  # fmt: skip
+
+    def _reading(self, columns: Columns, names: Any) -> Any:
+        """A function that reads some quantities of the last step."""
+        return functools.partial(_reader(columns, names).unpack_from, self._buffer)
 
     def run(self, operation: int) -> NDArray[np.float32]:
         """Run an operation of the kernel; returns the observation."""
@@ -204,27 +209,24 @@ class SingleLane:
             self._operation = operation
         self._part.set_pointers()
         self._part()
-        return self._obs.copy()
+        return self._copied_obs()
 
-    def step(self, action: NDArray[np.float32], operation: int) -> NDArray[np.float32]:
+    def step(self, action: Any, operation: int) -> NDArray[np.float32]:
         """One control step, by the operation STEP or CHECKED_STEP; returns the observation."""
-        self._action[:] = action
-        if operation != self._operation or self._part.moved:
+        try:
+            self._action[:] = action  # takes only float32 of this shape
+        except (TypeError, ValueError, BufferError):
+            self._action[:] = check_action(action, self.action.shape)
+        if operation != self._operation or self._part.version != self._memory.version:
             return self.run(operation)
         self._entry(self._address)
-        return self._obs.copy()
+        return self._copied_obs()
 
-    def ends(self) -> tuple[bool, float]:
-        """Whether the episode was terminated, and the reward, of the last step."""
-        return self._ends.unpack_from(self._buffer)  # type: ignore[return-value]
-
-    def shown(self) -> tuple[Any, ...]:
-        """Values for ``info``, in its order."""
-        return self._shown.unpack_from(self._buffer)
-
-    def points(self) -> tuple[float, ...]:
-        """Tip and goal, m."""
-        return self._points.unpack_from(self._buffer)  # type: ignore[return-value]
+    def info(self) -> Info:
+        """Numbers of the last step, which are read when one is asked for."""
+        info = Info(self._unread)
+        info.unread = self._shown, self._names, bytes(self._buffer)
+        return info
 
 
 def _in_one_buffer(columns: Columns) -> tuple[memoryview, Outputs]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -70,3 +71,64 @@ class Columns:
         tables = [table[:, lane].tolist() for table in out]
         values = (tables[table][row] for _, table, row in self.places_shown)
         return dict(zip(self.names, values, strict=True))
+
+
+class _Unread:
+    def __repr__(self) -> str:
+        return "<not read>"
+
+
+UNREAD = _Unread()
+"""What an :class:`Info` holds before it is read: no number, and no JSON, so a program that reads a dict past
+its methods fails and gets no wrong number."""
+
+
+class Info(dict[str, Any]):
+    """``info`` of a step: a dict whose values are read from the numbers of the step when it is first used.
+
+    Its keys are there from the beginning, so length and membership are those of any dict. Every method that
+    could show or change a value first reads all of them. ``__iter__`` is one of these: ``dict(info)`` and
+    ``**info`` read a dict past its methods only if it has the ``__iter__`` of dict. Copies and pickles are
+    plain dicts.
+    """
+
+    __slots__ = ("unread",)
+    unread: tuple[Callable[[bytes], tuple[Any, ...]], tuple[str, ...], bytes] | None
+    """How the values are read, their names, and what they are read from; None once they are."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
+def _read(info: Info) -> None:
+    """Read the values if they are unread."""
+    try:
+        unread = info.unread
+    except AttributeError:  # one that a program has made
+        return
+    if unread is not None:
+        read, names, numbers = unread
+        dict.update(info, zip(names, read(numbers)))  # noqa: B905 - strict takes time, and they are as many
+        info.unread = None
+
+
+def _reads_first(name: str) -> Callable[..., Any]:
+    """A method of dict that first reads what is unread."""
+    method = getattr(dict, name)
+
+    @functools.wraps(method)
+    def reading(self: Info, *given: Any, **named: Any) -> Any:
+        _read(self)
+        if given and type(given[0]) is Info:  # such as the other side of a comparison
+            _read(given[0])
+        return method(self, *given, **named)
+
+    return reading
+
+
+for _name in (
+    "__getitem__", "__setitem__", "__delitem__", "__iter__", "__reversed__", "__eq__", "__ne__", "__or__",
+    "__ror__", "__ior__", "__repr__", "clear", "copy", "get", "items", "pop", "popitem", "setdefault",
+    "update", "values",
+):  # fmt: skip
+    setattr(Info, _name, _reads_first(_name))

@@ -87,21 +87,20 @@ class BatchSimulator(Copied):
         self.threads = whole_number("threads", threads)
         self.track_work = bool(track_work)
         self.simulator = batch_simulator(scene, self.track_work)
-        dynamics, layout = self.simulator.dynamics, self.simulator.blocks.layout
-        self._memory = Memory(dynamics, layout, self.num_envs, {})
+        self._memory = Memory(self.simulator.dynamics, self.simulator.layout, self.num_envs, {})
         self._connect()
 
     def _connect(self) -> None:
         simulator, memory = self.simulator, self._memory
         self._team = Team(simulator, "advance", memory, self.threads)
         count = memory.blocks * LANES
-        stages = self.scene.substeps * simulator.dynamics.method.stages
-        interval = simulator.interval
+        dynamics = simulator.dynamics
+        stages = self.scene.substeps * dynamics.method.stages
         # Outputs that are the same in every interval are one read-only array for all calls.
         self._unchanging = (
-            None if interval.dynamics.method.error5 else _constant(np.full(count, np.nan)),
-            None if interval.dynamics.local else _constant(np.full(count, stages)),
-            None if interval.dynamics.stops else _constant(np.zeros(count, dtype=np.int64)),
+            None if dynamics.method.error5 else _constant(np.full(count, np.nan)),
+            None if dynamics.local else _constant(np.full(count, stages)),
+            None if dynamics.stops else _constant(np.zeros(count, dtype=np.int64)),
         )
 
     @staticmethod
@@ -135,10 +134,10 @@ class BatchSimulator(Copied):
 
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
-        interval, memory = self.simulator.interval, self._memory
-        if not interval.dynamics.stops:
+        dynamics, memory = self.simulator.dynamics, self._memory
+        if not dynamics.stops:
             return []
-        if not interval.dynamics.logs:
+        if not dynamics.logs:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
         counts = memory.read(("logged",))[:, 0]
         log = memory.arrays[str(LOG)]
@@ -152,7 +151,7 @@ class BatchSimulator(Copied):
             row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
-                joint = interval.dynamics.stops[slider].name
+                joint = dynamics.stops[slider].name
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 

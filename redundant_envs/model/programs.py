@@ -12,8 +12,7 @@ import threading
 import weakref
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from queue import SimpleQueue
 from typing import Any, ClassVar, Self
 
@@ -21,37 +20,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.backends import cache, llvm
+from redundant_envs.backends.loaded import scene_key
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import LANES, Blocks
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Layout
 from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
-from redundant_envs.tracing.flow import Kernel, Program
+from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.graph import uncollected
 
+Traced = tuple[Program, Blocks]
 
-@dataclass(frozen=True)
+
 class Simulator:
-    """A traced scene: its kernels, and the lanes that they work on."""
+    """A scene in compiled code, and the lanes that it works on.
 
-    dynamics: Dynamics
-    blocks: Blocks
-    program: Program
-    episode: Episode | None = None
+    The scene is traced unless its ``name``, by which :func:`scene_key` knows all that a program follows from,
+    and its code are in the folder of the user.
+    """
 
-    @property
-    def interval(self) -> Interval:
-        return self.blocks.interval
+    def __init__(
+        self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None, name: str = ""
+    ) -> None:
+        self.dynamics, self.episode, self._trace = dynamics, episode, trace
+        facts = cache.facts(name, self._facts)
+        self.identity: str = facts["identity"]
+        """A digest of the program: equal for scenes that differ in numbers only, and on every machine."""
+        self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
+        self.scratch_size, self.queue_size = facts["scratch_size"], facts["queue_size"]
+
+    def _facts(self) -> dict[str, Any]:
+        with uncollected():
+            return {
+                "identity": cache.identity(self.program),
+                "arguments": {kernel.name: [*kernel.arguments] for kernel in self.program.kernels},
+                "scratch_size": self.blocks.scratch_size,
+                "queue_size": self.blocks.queue_size,
+            }
 
     @functools.cached_property
-    def identity(self) -> str:
-        """A digest of the program: equal for scenes that differ in numbers only, and on every machine."""
+    def _traced(self) -> Traced:
         with uncollected():
-            return cache.identity(self.program)
+            program, blocks = self._trace()
+            known = self.__dict__.get("identity")
+            assert known in (None, cache.identity(program))  # else its code would be kept under a wrong name
+            return program, blocks
+
+    @property
+    def program(self) -> Program:
+        return self._traced[0]
+
+    @property
+    def blocks(self) -> Blocks:
+        return self._traced[1]
+
+    @functools.cached_property
+    def layout(self) -> Layout:
+        """The fields of the lanes, but for those that only the program of a lane sets."""
+        return self.episode.layout() if self.episode else Interval(self.dynamics).layout()
 
     @property
     def key(self) -> str:
@@ -78,10 +110,13 @@ class Simulator:
             what += ", as an environment"
         elif self.dynamics.track_work:
             what += ", and its work"
-        program = dataclasses.replace(self.program, lanes=FEW if count <= FEW else LANES)
-        if program.lanes == FEW:
+        lanes = FEW if count <= FEW else LANES
+        if lanes == FEW:
             what += f", for at most {FEW}"
-        return cache.kernels(cache.program_key(self.identity, program.lanes), program, what)
+        key = cache.program_key(self.identity, lanes)
+        return cache.kernels(
+            key, [*self.arguments], lambda: dataclasses.replace(self.program, lanes=lanes), what
+        )
 
 
 FEW = 4
@@ -91,14 +126,15 @@ KEPT_SIMULATORS = 64
 _kept: OrderedDict[str, Simulator] = OrderedDict()
 
 
-def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A cached simulator, if all parts of the scene are of this package: others may be defined again."""
+def _kept_or_made(make: Callable[[str], Simulator], scene: Scene, *more: Any) -> Simulator:
+    """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package: other
+    parts may be defined again, and the name is ""."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
     if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
-        return make()
+        return make("")
     name = repr((scene, *more, llvm.processor()))  # a text shows the sign of a zero, which equality does not
     if name not in _kept:
-        _kept[name] = make()
+        _kept[name] = make(name)
     _kept.move_to_end(name)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
@@ -107,28 +143,35 @@ def _kept_or_made(make: Callable[[], Simulator], scene: Scene, *more: Any) -> Si
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda: traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(lambda name: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
     """The simulator of an environment."""
-    return _kept_or_made(lambda: _traced_environment(scene, task), scene, task)
+    return _kept_or_made(lambda name: _environment(scene, task, name), scene, task)
 
 
 def traced_batch(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch, traced again."""
     dynamics = Dynamics(scene, track_work)
-    with uncollected():
+
+    def trace() -> Traced:
         kernel, blocks = advance_kernel(dynamics)
-    return Simulator(dynamics, blocks, Program([kernel]))
+        return Program([kernel]), blocks
+
+    return Simulator(dynamics, trace)
 
 
-def _traced_environment(scene: Scene, task: Task) -> Simulator:
+def _environment(scene: Scene, task: Task, name: str) -> Simulator:
     episode = Episode(Interval(Dynamics(scene)), task)
-    with uncollected():
+
+    def trace() -> Traced:
         made = EnvironmentKernel(episode)
-        program = Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])])
-    return Simulator(episode.dynamics, made.blocks, program, episode)
+        kernels = [made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]
+        return Program(kernels), made.blocks
+
+    method = METHODS[scene.integrator]  # one from outside has no fixed meaning
+    return Simulator(episode.dynamics, trace, episode, name and scene_key(f"{name} {method}"))
 
 
 def address(array: NDArray[Any]) -> int:
@@ -142,9 +185,9 @@ def address(array: NDArray[Any]) -> int:
 class Call:
     """A kernel and its arguments, which are kept from call to call."""
 
-    def __init__(self, kernel: Kernel, entry: llvm.Entry) -> None:
+    def __init__(self, arguments: Iterable[str], entry: llvm.Entry) -> None:
         self.entry = entry
-        self._places = {name: k for k, name in enumerate(kernel.arguments)}
+        self._places = {name: k for k, name in enumerate(arguments)}
         self._frame = np.zeros(len(self._places), dtype=np.int64)
         self.address = self._frame.ctypes.data
         self._alive: dict[str, Any] = {}
@@ -170,29 +213,24 @@ class Part(Call):
     """A call for some blocks of a memory: those from ``first`` to ``last``."""
 
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
-        kernel = next(k for k in simulator.program.kernels if k.name == name)
         self.lanes = slice(first * LANES, min(last * LANES, memory.count))
-        super().__init__(kernel, simulator.kernels(memory.count)[name])
+        super().__init__(simulator.arguments[name], simulator.kernels(memory.count)[name])
         self.memory, self.first, self.last = memory, first, last
-        scratch = aligned(simulator.blocks.scratch_size)
-        queue = np.zeros(simulator.blocks.queue_size, dtype=np.int64)
+        scratch = aligned(simulator.scratch_size)
+        queue = np.zeros(simulator.queue_size, dtype=np.int64)
         self.set(
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=self.lanes.stop - self.lanes.start,
         )  # fmt: skip
-        self._version = -1
+        self.version = -1
+        """That of the memory when the kernel got the addresses of its arrays."""
         self.set_pointers()
-
-    @property
-    def moved(self) -> bool:
-        """Whether arrays of the memory have been replaced since the kernel got their addresses."""
-        return self._version != self.memory.version
 
     def set_pointers(self) -> None:
         """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
-        if not self.moved:
+        if self.version == self.memory.version:
             return
-        arrays, self._version = self.memory.arrays, self.memory.version
+        arrays, self.version = self.memory.arrays, self.memory.version
         first = 0 if self.memory.shared else self.first
         self.set(
             state=arrays["state"][self.first :], log=arrays["log"][self.first :],

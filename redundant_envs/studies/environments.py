@@ -21,7 +21,7 @@ COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
     "vector_steps_per_s_best", "vector_steps_per_s_median", "vector_renewed_actions_best",
     "vector_one_rk8_step_best", "vector_one_rk8_step_renewed_actions_best", "single_us_per_step",
-    "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s",
+    "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s", "single_info_read_us_per_step",
 )  # fmt: skip
 BASELINE = "CartPole-v1"
 IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
@@ -65,33 +65,35 @@ def vector_rates(
     return rates
 
 
-def step_seconds(env: gym.Env[Any, Any], actions: list[Any]) -> float:
-    """Mean time of one step, s; resets are not counted."""
+def step_seconds(env: gym.Env[Any, Any], actions: list[Any], read: bool = False) -> float:
+    """Mean time of one step, s, and with ``read`` of reading its info; resets are not counted."""
     env.reset(seed=0)
     spent = 0.0
     for action in actions:
         start = time.perf_counter()
-        _, _, terminated, truncated, _ = env.step(action)
+        _, _, terminated, truncated, info = env.step(action)
+        if read:
+            info["numerics"]
         spent += time.perf_counter() - start
         if terminated or truncated:
             env.reset()
     return spent / len(actions)
 
 
-def single_against_baseline(name: str, rounds: int, steps: int) -> tuple[float, float]:
-    """Microseconds per step of an environment and of CartPole, the best of alternating rounds."""
-    best = {name: np.inf, BASELINE: np.inf}
-    pairs = []
-    for key in best:
+def single_against_baseline(name: str, rounds: int, steps: int) -> tuple[float, float, float]:
+    """Microseconds per step of an environment, of CartPole, and of the first with its info read; the best of
+    alternating rounds."""
+    timed = []
+    for key, read in ((name, False), (BASELINE, False), (name, True)):
         env = gym.make(key)
         env.action_space.seed(0)
-        pairs.append((key, env, [env.action_space.sample() for _ in range(steps)]))
+        timed.append((env, [env.action_space.sample() for _ in range(steps)], read))
+    best = [np.inf] * len(timed)
     for _ in range(rounds):
-        for key, env, actions in pairs:
-            best[key] = min(best[key], 1e6 * step_seconds(env, actions))
-    for _, env, _ in pairs:
+        best = [min(b, 1e6 * step_seconds(*one)) for b, one in zip(best, timed, strict=True)]
+    for env, *_ in timed:
         env.close()
-    return best[name], best[BASELINE]
+    return best[0], best[1], best[2]
 
 
 def first_step_seconds(name: str, tries: int = 3) -> float:
@@ -119,7 +121,7 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
             lively = vector_rates(name, lanes, rounds, renewed=True)
             fixed = vector_rates(name, lanes, rounds, controlled=False)
             fixed_lively = vector_rates(name, lanes, rounds, controlled=False, renewed=True)
-            single, baseline = single_against_baseline(name, rounds, steps)
+            single, baseline, info_read = single_against_baseline(name, rounds, steps)
             rows.append(
                 {
                     **about,
@@ -135,6 +137,7 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
                     "cartpole_us_per_step": round(baseline, 2),
                     "single_over_cartpole": round(single / baseline, 2),
                     "import_to_first_step_s": round(first_step_seconds(name), 3),
+                    "single_info_read_us_per_step": round(info_read, 2),
                 }
             )
             done(f"{name} {max(rates) / 1e6:.2f} million steps/s, single {single:.1f} us")

@@ -29,7 +29,7 @@ NAME, LOCK = f"{KEY}{cache.SUFFIX}", f"{KEY}.lock"
 
 def double():
     """The kernel, from the cache."""
-    return cache.kernels(KEY, small_program(), "a test")["double"]
+    return cache.kernels(KEY, ["double"], small_program, "a test")["double"]
 
 
 def load(folder, monkeypatch):
@@ -166,6 +166,50 @@ def test_threads_that_want_the_same_program_compile_it_once(tmp_path, monkeypatc
         found = list(pool.map(lambda _: double(), range(6)))
     assert all(kernel is found[0] for kernel in found)
     assert compilations(capsys) == 1
+
+
+# ---- facts about programs --------------------------------------------------------------------------
+
+
+def told_facts(folder, monkeypatch):
+    """How often facts were found, and the messages."""
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+    monkeypatch.setattr(cache, "_warned", set())
+    found = Mock(return_value={"numbers": [0.1, 2, True]})
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        assert cache.facts("f" * 40, found) == {"numbers": [0.1, 2, True]}
+    return found.call_count, [str(w.message) for w in told]
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_facts_are_kept_and_damaged_ones_found_again(tmp_path, damage, monkeypatch):
+    assert told_facts(tmp_path, monkeypatch) == (1, [])
+    assert told_facts(tmp_path, monkeypatch) == (0, [])
+    damage(tmp_path / f"{'f' * 40}{cache.FACTS}")
+    count, (told,) = told_facts(tmp_path, monkeypatch)
+    assert count == 1
+    assert "damaged or not ours; it is made again" in told
+    assert told_facts(tmp_path, monkeypatch) == (0, [])
+
+
+def test_facts_without_a_folder_or_a_name_are_found_each_time(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    for _ in range(2):
+        count, (told,) = told_facts(tmp_path / "file", monkeypatch)
+        assert count == 1
+        assert "kept in memory only" in told
+    assert cache.facts("", lambda: {"a": 1}) == {"a": 1}
+
+
+def test_facts_do_not_push_programs_out(folder, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 2)
+    for letter in "abc":
+        cache.facts(letter * 40, dict)
+        os.utime(folder / f"{letter * 40}{cache.FACTS}", (ord(letter), ord(letter)))
+    assert sorted(p.name[0] for p in folder.glob(f"*{cache.FACTS}")) == ["b", "c"]
+    assert (folder / NAME).exists()
 
 
 # ---- how many are kept -----------------------------------------------------------------------------

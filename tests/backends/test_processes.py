@@ -27,7 +27,13 @@ print(batch.q[0].tolist(), batch.qd[0].tolist(), flush=True)
 
 def started(text, folder=None, root=ROOT):
     """A process that runs a program with its own package, and folder of machine code."""
-    env = {**os.environ, "PYTHONPATH": str(root), **({CACHE_VARIABLE: str(folder)} if folder else {})}
+    fresh = {"PYTHONDONTWRITEBYTECODE": "1"}  # Python misses an edit of equal length in the same second
+    env = {
+        **fresh,
+        **os.environ,
+        "PYTHONPATH": str(root),
+        **({CACHE_VARIABLE: str(folder)} if folder else {}),
+    }
     pipe = subprocess.PIPE
     return subprocess.Popen(
         [sys.executable, "-c", text], env=env, cwd=root, stdout=pipe, stderr=pipe, text=True
@@ -85,6 +91,131 @@ def test_stale_machine_code_is_impossible(copied, tmp_path, file):
     assert not moves or changed != first
     path.write_text(text)
     assert program(PROGRAM, tmp_path / "cache", copied) == (first, "")
+
+
+# ---- environments that are known from an earlier process ---------------------------------------------
+
+ENVIRONMENT = """
+import sys
+import gymnasium as gym
+import redundant_envs
+{}
+env = gym.make("redundant_envs/FourRReach-v0")
+env.reset(seed=0)
+obs, reward, *_ = env.step(env.action_space.low)
+simulator = env.unwrapped.core.simulator
+print(obs.tolist(), reward, simulator.identity)
+print("_traced" in vars(simulator), "yaml" in sys.modules, flush=True)
+"""
+
+
+def first_step(root, folder, before=""):
+    """The result of a first step, and whether the scene was traced and YAML was imported for it."""
+    output, told = program(ENVIRONMENT.format(before), folder, root)
+    assert "damaged" not in told
+    numbers, how = output.splitlines()
+    return numbers, how
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """A copy of the package, its folder of machine code, and its first step."""
+    target = tmp_path_factory.mktemp("known")
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "redundant_envs", target / "redundant_envs", ignore=ignored)
+    shutil.copytree(ROOT / "configs", target / "configs")
+    numbers, how = first_step(target, target / "cache")
+    assert how == "True True"
+    return target, numbers
+
+
+def test_an_environment_that_is_known_is_neither_traced_nor_read_from_yaml(environment):
+    root, numbers = environment
+    assert first_step(root, root / "cache") == (numbers, "False False")
+    (root / "redundant_envs" / ".#reach.py").symlink_to("nowhere")
+    assert first_step(root, root / "cache") == (numbers, "True False")
+    (root / "redundant_envs" / ".#reach.py").unlink()
+    others = "import redundant_envs.model.listing; redundant_envs.load_scene('rprp_weak')"
+    assert first_step(root, root / "cache", others)[0] == numbers
+
+
+EDITS = {
+    "a function": ("redundant_envs/tasks/reach.py", "return 0.25 * tol", "return 0.75 * tol"),
+    "a table": ("redundant_envs/tasks/reach.py", '"touched": "touched_new"}', '"touched": "hold_new"}'),
+    "the scene": ("configs/scenes/four_r_reach.yaml", "g: 9.81", "g: 1.62"),
+    "the reader": ("redundant_envs/yaml_reader.py", "else float(text", "else 2 * float(text"),
+}
+"""Files, texts in them, and what replaces these."""
+
+
+@pytest.fixture
+def edited(environment):
+    """A function that edits a file of the copy until the test ends."""
+    root, _ = environment
+    before = {}
+
+    def edit(file, old, new, keep_time=False):
+        path = root / file
+        before[path] = path.read_text()
+        times = path.stat()
+        assert before[path].count(old) >= 1
+        path.write_text(before[path].replace(old, new))
+        if keep_time:
+            assert len(old) == len(new)
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+    yield edit
+    for path, text in before.items():
+        path.write_text(text)
+
+
+@pytest.mark.parametrize("change", EDITS)
+def test_no_edit_gets_an_old_environment(environment, edited, change):
+    root, numbers = environment
+    edited(*EDITS[change])
+    changed, how = first_step(root, root / "cache")
+    assert changed != numbers
+    assert "True" in how
+
+
+PATCHES = {
+    "a function": (
+        "from redundant_envs.tasks import reach; code = reach.near_term.__code__\n"
+        "halved = tuple(0.125 if x == 0.25 else x for x in code.co_consts)\n"
+        "reach.near_term.__code__ = code.replace(co_consts=halved)"
+    ),
+    "a number": "from redundant_envs.lane import episode; episode.OBSERVED_RATE = 1e-9",
+}
+
+
+@pytest.mark.parametrize("patch", PATCHES)
+def test_what_a_process_replaces_is_traced(environment, patch):
+    root, numbers = environment
+    changed, how = first_step(root, root / "cache", PATCHES[patch])
+    assert (changed != numbers, how) == (True, "True False")
+
+
+def test_a_file_edited_after_its_import_leaves_no_old_environment_behind(environment, edited):
+    root, numbers = environment
+    file, old, new = EDITS["a table"]
+    edited(file, old, old)
+    late = (
+        "import pathlib; from redundant_envs.tasks import reach; path = pathlib.Path(reach.__file__)\n"
+        f"path.write_text(path.read_text().replace({old!r}, {new!r}))"
+    )
+    assert first_step(root, root / "cache", late) == (numbers, "True False")
+    assert first_step(root, root / "cache")[0] != numbers
+
+
+def test_old_bytecode_leaves_no_old_environment_behind(environment, edited, monkeypatch):
+    root, numbers = environment
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "")
+    monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(root / "bytecode"))
+    assert first_step(root, root / "cache") == (numbers, "False False")
+    edited(*EDITS["a function"], keep_time=True)
+    assert first_step(root, root / "cache") == (numbers, "True False")  # by Python's own bytecode of the file
+    shutil.rmtree(root / "bytecode")
+    assert first_step(root, root / "cache")[0] != numbers
 
 
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):

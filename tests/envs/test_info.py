@@ -1,0 +1,158 @@
+"""``info`` of a step: it is a dict to everyone, with the values of its step whenever they are read."""
+
+import copy
+import json
+import pickle
+from collections import ChainMap
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordEpisodeStatistics
+
+import redundant_envs  # noqa: F401 - it registers the environments
+from redundant_envs.envs.outputs import UNREAD, Info
+
+ENV = gym.make("redundant_envs/RPRPReach-v0")
+ENV.reset(seed=0)
+EXTRA = {"episode": {"r": 1.0}}
+
+
+def fresh():
+    """An unread info, and the same numbers as a plain dict."""
+    lane = ENV.unwrapped._lane
+    info, plain = lane.info(), dict(lane.info().items())
+    assert type(plain) is dict
+    assert list(dict.items(info)) == [(name, UNREAD) for name in plain]
+    assert UNREAD not in plain.values()
+    assert all(type(v) in (bool, int, float) for v in plain.values())
+    return info, plain
+
+
+def changed(do):
+    """What a change leaves, and what it returns."""
+
+    def use(info):
+        result = do(info)
+        return type(info)(info) if type(info) is dict else dict(info.items()), result
+
+    return use
+
+
+USES = {
+    "index": lambda d: d["distance"],
+    "get": lambda d: (d.get("distance"), d.get("nothing"), d.get("nothing", 3)),
+    "in": lambda d: ("distance" in d, "nothing" in d),
+    "len": len,
+    "bool": bool,
+    "list": list,
+    "reversed": lambda d: list(reversed(d)),
+    "keys": lambda d: list(d.keys()),
+    "values": lambda d: list(d.values()),
+    "items": lambda d: list(d.items()),
+    "dict": dict,
+    "dict and more": lambda d: dict(d, more=1),
+    "display": lambda d: {**d, "more": 1},
+    "arguments": lambda d: (lambda **named: named)(**d),
+    "or": lambda d: d | EXTRA,
+    "or of a dict": lambda d: EXTRA | d,
+    "or itself": lambda d: d | d,
+    "update of a dict": lambda d: (made := {"more": 1}, made.update(d))[0],
+    "or in place of a dict": lambda d: {"more": 1}.__ior__(d),
+    "chain map": lambda d: dict(ChainMap(EXTRA, d)),
+    "json": json.dumps,
+    "json of a list": lambda d: json.dumps([d, {"info": d}]),
+    "indented json": lambda d: json.dumps(d, indent=1, sort_keys=True),
+    "copy": copy.copy,
+    "own copy": lambda d: d.copy(),
+    "deep copy": copy.deepcopy,
+    "deep copy of a list": lambda d: copy.deepcopy([d]),
+    "pickle": lambda d: pickle.loads(pickle.dumps(d)),
+    "pickle of a list": lambda d: pickle.loads(pickle.dumps([d, d], protocol=2)),
+    "repr": repr,
+    "str": str,
+    "format": lambda d: "{distance:.17g} %(distance).17g".format(**d) % d,
+    "format_map": lambda d: "{distance!r}".format_map(d),
+    "equal": lambda d: (d == fresh()[1], fresh()[1] == d, d == {}, [d] == [fresh()[1]]),
+    "unequal": lambda d: (d != fresh()[1], fresh()[1] != d, d != {}, d == fresh()[0], d != fresh()[0]),
+    "set": changed(lambda d: d.__setitem__("episode", 1)),
+    "set a value of its own": changed(lambda d: d.__setitem__("distance", -1.0)),
+    "delete": changed(lambda d: d.__delitem__("distance")),
+    "pop": changed(lambda d: (d.pop("distance"), d.pop("nothing", 4))),
+    "popitem": changed(lambda d: d.popitem()),
+    "setdefault": changed(lambda d: (d.setdefault("distance", 0.0), d.setdefault("new", 1))),
+    "update": changed(lambda d: d.update(EXTRA, distance=2.0)),
+    "update in place": changed(lambda d: d.__ior__(EXTRA) and None),
+    "clear": changed(lambda d: d.clear()),
+    "match": lambda d: matched(d),
+}
+
+
+def matched(given):
+    match given:
+        case {"distance": distance, **rest}:
+            return distance, rest
+
+
+@pytest.mark.parametrize("use", USES.values(), ids=USES)
+def test_an_unread_info_is_used_as_a_dict(use):
+    info, plain = fresh()
+    assert isinstance(info, dict)
+    assert repr(use(info)) == repr(use(plain))
+
+
+def test_every_method_of_dict_reads_first_or_tells_no_value():
+    tell_no_value = {"__contains__", "__len__", "keys", "__sizeof__", "fromkeys", "__class_getitem__"}
+    made = {"__new__", "__init__", "__getattribute__", "__doc__", "__hash__"}
+    refused = {"__lt__", "__le__", "__gt__", "__ge__"}
+    assert set(vars(dict)) - set(vars(Info)) <= tell_no_value | made | refused
+
+
+def test_a_copy_is_a_plain_dict_and_an_info_of_ones_own_works():
+    for made in (copy.copy, copy.deepcopy, lambda d: d.copy(), lambda d: pickle.loads(pickle.dumps(d))):
+        assert type(made(fresh()[0])) is dict
+    assert Info(a=1)["a"] == 1
+    assert json.dumps(Info({"a": 1})) == '{"a": 1}'
+
+
+def test_an_info_keeps_the_values_of_its_step():
+    env = gym.make("redundant_envs/FourRReach-v0")
+    _, first = env.reset(seed=0)
+    infos = [env.step(np.full(4, 0.3, np.float32))[4] for _ in range(4)]
+    env.reset(seed=1)
+    assert [first["episode_steps"], *(info["episode_steps"] for info in infos)] == [0, 1, 2, 3, 4]
+    assert len({info["distance"] for info in infos}) == 4
+
+
+@pytest.mark.filterwarnings("ignore:.*A Box observation space")
+def test_programs_that_check_or_write_infos_take_it():
+    check_env(gym.make("redundant_envs/FourRReach-v0").unwrapped, skip_render_check=True)
+    env = RecordEpisodeStatistics(gym.make("redundant_envs/FourRReach-v0", max_episode_steps=2))
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    info = env.step(env.action_space.sample())[4]
+    assert (info["episode"]["l"], info["episode_steps"]) == (2, 2)
+    venv = gym.make_vec(
+        "redundant_envs/FourRReach-v0", num_envs=2, vectorization_mode="sync", max_episode_steps=2
+    )
+    venv.reset(seed=0)
+    assert venv.step(venv.action_space.sample())[4]["episode_steps"].tolist() == [1, 1]
+
+
+def test_stable_baselines3_takes_it():
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is in the extra 'train'")
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    venv = DummyVecEnv([lambda: Monitor(gym.make("redundant_envs/FourRReach-v0", max_episode_steps=2))])
+    venv.reset()
+    actions = np.zeros((1, 4), np.float32)
+    (first,) = venv.step(actions)[3]
+    (last,) = venv.step(actions)[3]
+    assert (first["episode_steps"], last["episode_steps"], last["episode"]["l"]) == (1, 2, 2)
+
+
+def test_a_program_that_reads_past_the_methods_gets_no_number():
+    with pytest.raises(TypeError, match="not JSON serializable"):
+        json.dumps(dict.copy(Info(dict.fromkeys(["a"], UNREAD))))
