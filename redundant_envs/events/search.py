@@ -345,7 +345,7 @@ def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: 
     for s, is_sought, arrived in zip(
         (e.motion for e in trial.encounters), sought.chosen, arrives, strict=True
     ):
-        position = where(s.free, position_after(time, s.position, s.velocity, s.watched.last), s.position)
+        position = position_after(time, s.position, s.velocity, s.watched.last)
         if s.bounces:
             stop = where(is_sought, sought.limit, s.limit(s.velocity))
             position = position_at_event(s, position, arrived, stop, trial.interval)

@@ -180,10 +180,9 @@ class LaneProgram:
         stage."""
         encounters = []
         for b, e in zip(self.dynamics.boundaries, trial.encounters, strict=True):
-            last = e.motion.watched.last
+            watched = e.motion.watched
             if b.bounces:
-                last = where(e.motion.free, self.boundaries.present_acceleration(lane, b), last)
-            watched = e.motion.watched._replace(last=last)
+                watched = watched._replace(last=self.boundaries.present_acceleration(lane, b))
             encounters.append(e._replace(motion=e.motion._replace(watched=watched)))
         return trial._replace(encounters=encounters)
 
