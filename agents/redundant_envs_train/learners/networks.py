@@ -240,11 +240,12 @@ class Averaging:
         mixing = self.networks["actor"].mixing
         if mixing is None:
             return observations
-        # In the order of stable-baselines3's CombinedExtractor; in double precision, because the tip and
-        # its goal are close together.
-        space: Any = self.observation_space  # type: ignore[attr-defined]
-        parts = [observations[name] for name in space.spaces]
-        return (torch.cat(parts, 1).double() @ mixing.T.double()).float()
+        # In the order of stable-baselines3's CombinedExtractor; goals in double precision, because the tip
+        # and its goal are close together. The rest stays as it is.
+        goals = torch.cat([observations["achieved_goal"], observations["desired_goal"]], 1).double()
+        width = goals.shape[1]
+        mixed = goals @ mixing[:width, :width].T.double()
+        return torch.cat([mixed.float(), observations["observation"]], 1)
 
     def keep_means(self, *names: str) -> None:
         """Begin averages of these networks at their present weights."""

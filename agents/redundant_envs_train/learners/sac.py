@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from redundant_envs.extras import needs
 
 from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, goal_mixing, linear_layers
+from .sampling import sample
 
 with needs("train"):
     import torch
@@ -83,12 +84,17 @@ class AveragedSAC(Averaging, SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """As in stable-baselines3; but before learning starts, the actions of all environments are one draw,
-        of the same numbers in a hundredth of the time."""
-        if self.num_timesteps >= learning_starts:
-            return super()._sample_action(learning_starts, action_noise, n_envs)
+        """As in stable-baselines3, the same numbers in less time: before learning starts, the actions of all
+        environments are one draw, and later those of the networks, without the modules."""
         space: Any = self.action_space
-        drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
+        if self.num_timesteps < learning_starts:
+            drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
+        elif isinstance(self._last_obs, dict):  # the modules have the error of the tip multiplied in
+            return super()._sample_action(learning_starts, action_noise, n_envs)
+        else:
+            with torch.no_grad():
+                bounded = self._draw(torch.from_numpy(self._last_obs)).actions.numpy()
+            drawn = self.policy.unscale_action(bounded)
         scaled = self.policy.scale_action(drawn)
         return self.policy.unscale_action(scaled), scaled
 
@@ -96,14 +102,13 @@ class AveragedSAC(Averaging, SAC):
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
         """Gradient steps on one sample of the replay buffer."""
         rate = self.lr_schedule(self._current_progress_remaining)
-        assert self.replay_buffer is not None
-        sample = self.replay_buffer.sample(batch_size * gradient_steps)
-        now, after = self.inputs(sample.observations), self.inputs(sample.next_observations)
-        discounts, smoothness = self.gamma * (1.0 - sample.dones), self._smoothness(sample.rewards)
+        drawn = sample(self.replay_buffer, batch_size * gradient_steps)
+        now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
+        discounts, smoothness = self.gamma * (1.0 - drawn.dones), self._smoothness(drawn.rewards)
         # A sample with hindsight goals has all original goals first; every gradient step gets its share of
         # them.
         order = torch.randperm(len(now))
-        data = torch.cat([now, sample.actions], 1), now, after, sample.rewards, discounts, smoothness
+        data = torch.cat([now, drawn.actions], 1), now, after, drawn.rewards, discounts, smoothness
         batches = list(zip(*(part.index_select(0, order).split(batch_size) for part in data), strict=True))
         while batches:
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
@@ -111,16 +116,16 @@ class AveragedSAC(Averaging, SAC):
             states = [after for _, _, after, *_ in group]
             if len(group) == count:
                 states.append(group[-1][1])
-            drawn = self._draw(torch.cat(states))  # until then the actor stays as it is
+            ahead = self._draw(torch.cat(states))  # until then the actor stays as it is
             for k, (pairs, now, after, rewards, discounts, smoothness) in enumerate(group):
-                ahead = slice(k * batch_size, (k + 1) * batch_size)
+                rows = slice(k * batch_size, (k + 1) * batch_size)
                 self._n_updates += 1
                 self._update_critics(
-                    pairs, after, rewards, discounts, drawn.actions[ahead], drawn.log_prob[ahead], rate
+                    pairs, after, rewards, discounts, ahead.actions[rows], ahead.log_prob[rows], rate
                 )
                 self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
             if len(group) == count:
-                self._update_actor(now, drawn, smoothness, rate)
+                self._update_actor(now, ahead, smoothness, rate)
         self.networks["actor"].write()  # the next actions are drawn by its modules
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/learning_rate", rate)
