@@ -268,9 +268,14 @@ def test_actions_while_learning_are_those_of_stable_baselines3():
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(
     ("algo", "env", "settings"),
-    [("sac", "RPRPReach-v0", {}), ("sac", "RPRPGoalReach-v0", {}),
-     *(("her", "FourRGoalReach-v0", {"goal_selection_strategy": how}) for how in ("future", "final", "episode"))],
-)  # fmt: skip
+    [
+        ("sac", "RPRPReach-v0", {}),
+        ("sac", "RPRPGoalReach-v0", {}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "future"}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "final"}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "episode"}),
+    ],
+)
 def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, env, settings, full):
     model = make(algo, env, buffer_size=3200, learning_starts=5000, **settings)
     model.learn(4800 if full else 2400)

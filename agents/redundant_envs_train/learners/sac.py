@@ -108,16 +108,16 @@ class AveragedSAC(Averaging, SAC):
         # A sample with hindsight goals has all original goals first; every gradient step gets its share of
         # them.
         order = torch.randperm(len(now))
-        data = torch.cat([now, drawn.actions], 1), now, after, drawn.rewards, discounts, smoothness
+        data = torch.cat([now, drawn.actions], 1), after, drawn.rewards, discounts, now, smoothness
         batches = list(zip(*(part.index_select(0, order).split(batch_size) for part in data), strict=True))
         while batches:
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
             group, batches = batches[:count], batches[count:]
-            states = [after for _, _, after, *_ in group]
+            states, (now, smoothness) = [after for _, after, *_ in group], group[-1][-2:]
             if len(group) == count:
-                states.append(group[-1][1])
+                states.append(now)
             ahead = self._draw(torch.cat(states))  # until then the actor stays as it is
-            for k, (pairs, now, after, rewards, discounts, smoothness) in enumerate(group):
+            for k, (pairs, after, rewards, discounts, *_) in enumerate(group):
                 rows = slice(k * batch_size, (k + 1) * batch_size)
                 self._n_updates += 1
                 self._update_critics(

@@ -26,7 +26,7 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     if hindsight:
         whole = np.flatnonzero(buffer.ep_length > 0)  # transitions of episodes that are over
         index = whole[np.random.randint(0, len(whole), count)]
-        index = np.roll(index, -int(buffer.her_ratio * count))  # those with the goals that were asked for first
+        index = np.roll(index, -int(buffer.her_ratio * count))  # those with their own goals come first
     else:
         steps = np.random.randint(0, buffer.buffer_size if buffer.full else buffer.pos, count)
         index = steps * buffer.n_envs + np.random.randint(0, buffer.n_envs, count)
@@ -36,8 +36,8 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
         reached = slice(count - int(buffer.her_ratio * count), count)
         goals = _hindsight_goals(buffer, index[reached])
         seen["desired_goal"][reached] = after["desired_goal"][reached] = goals
-        given = after["achieved_goal"][reached], goals, {}
-        rewards[reached] = buffer.env.env_method("compute_reward", *given, indices=[0])[0]
+        tips = after["achieved_goal"][reached]
+        rewards[reached] = buffer.env.env_method("compute_reward", tips, goals, {}, indices=[0])[0]
     ends = _rows(buffer.dones, index) * (1.0 - _rows(buffer.timeouts, index))
     numbers = _rows(buffer.actions, index), ends[:, None], rewards[:, None]
     actions, dones, rewards = map(torch.from_numpy, numbers)
