@@ -1,7 +1,7 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
-Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced.
-Differences from it:
+Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced, and
+samples and actions are the same in less time. Differences from it:
 
 * the policy that is evaluated and saved is the running average of the actor's weights;
 * the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
