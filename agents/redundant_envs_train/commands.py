@@ -167,7 +167,8 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
     found = evaluate(folder)
     write_evaluation(found, folder)
     print(summary(found.result))
-    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s")
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in facts["split"].items())
+    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
     print(f"report: {report(folder, overwrite=True)}")
 
 

@@ -103,10 +103,12 @@ class SB3VecEnv(VectorFace, VecEnv):
         step = self._stepped(self._actions, Autoreset.SAME_STEP)
         out, last_out, columns = step.out, step.last_out, core.columns
         dones = step.terminated | step.truncated
-        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]]
         if "is_success" in core.task.metrics:
-            for info, success in zip(infos, columns.of(out, "is_success").tolist(), strict=True):
-                info["is_success"] = success
+            held = columns.of(out, "is_success").tolist()
+            infos = [{"TimeLimit.truncated": False, "is_success": success} for success in held]
+        else:
+            infos = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         faults = columns.of(out, "numerics")
         for n in np.flatnonzero(faults).tolist():
             infos[n]["numerics"] = int(faults[n])

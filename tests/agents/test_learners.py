@@ -16,6 +16,7 @@ from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.build import NormalNoise, make_model
 from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, goal_mixing, linear_layers
 from redundant_envs_train.learners.ppo import neighbouring_actions
+from redundant_envs_train.learners.sampling import sample
 
 SMALL = {
     "ppo": {"n_steps": 4, "batch_size": 32, "net_arch": [16, 12]},
@@ -102,12 +103,13 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
         model.adams[name].step = lambda rate, name=name: steps.append(name)  # look at gradients alone
     with torch.no_grad():
         drawn = model._draw(torch.cat([after, now]))
-        discounts = model.gamma * (1.0 - sample.dones[:, 0])
+        discounts = model.gamma * (1.0 - sample.dones)
         model._update_critics(
-            torch.cat([now, sample.actions], 1), after, sample.rewards[:, 0], discounts, drawn, 0.0
-        )
+            torch.cat([now, sample.actions], 1), after, sample.rewards, discounts,
+            drawn.actions[:32], drawn.log_prob[:32], 0.0,
+        )  # fmt: skip
         found_critics = critics.gradient.clone()
-        model._update_actor(now, drawn, model._smoothness(sample.rewards[:, 0]), 0.0)
+        model._update_actor(now, drawn, model._smoothness(sample.rewards), 0.0)
     assert steps == ["critics", "actor"]
 
     # the same losses through stable-baselines3's modules and torch's graph
@@ -122,7 +124,7 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
     with torch.no_grad():
         mean_after = policy.actor.get_action_dist_params(raw_after)[0]
         ahead = torch.min(*policy.critic_target(raw_after, drawn.actions[:32]))[:, 0]
-        goals = sample.rewards[:, 0] + discounts * (ahead - 0.05 * drawn.log_prob[:32])
+        goals = sample.rewards[:, 0] + discounts[:, 0] * (ahead - 0.05 * drawn.log_prob[:32, 0])
     values = policy.critic(raw, torch.tanh(u))
     near = (torch.tanh(mean) - torch.tanh(mean_after)).square().sum(1)
     weights = torch.full((32,), 0.3)
@@ -251,14 +253,85 @@ def test_random_actions_before_learning_are_those_of_stable_baselines3():
             assert np.array_equal(mine, other)
 
 
+def test_actions_while_learning_are_those_of_stable_baselines3():
+    model = make("sac", "FourRReach-v0")
+    model.learn(320)
+    taken = []
+    for act in (model._sample_action, lambda *given: SAC._sample_action(model, *given)):
+        torch.manual_seed(5)
+        taken.append(act(0, None, 16))
+    for ours, theirs in zip(*taken, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-6)
+        assert ours.dtype == theirs.dtype
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize(
+    ("algo", "env", "settings"),
+    [
+        ("sac", "RPRPReach-v0", {}),
+        ("sac", "RPRPGoalReach-v0", {}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "future"}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "final"}),
+        ("her", "FourRGoalReach-v0", {"goal_selection_strategy": "episode"}),
+    ],
+)
+def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, env, settings, full):
+    model = make(algo, env, buffer_size=3200, learning_starts=5000, **settings)
+    model.learn(4800 if full else 2400)
+    buffer = model.replay_buffer
+    assert buffer.full is full
+    found = []
+    for draw in (lambda: sample(buffer, 700), lambda: buffer.sample(700)):
+        np.random.seed(7)
+        found.append([draw(), np.random.random()])  # and as many draws
+    assert found[0][1] == found[1][1]
+    for name in ("observations", "actions", "next_observations", "dones", "rewards"):
+        ours, theirs = (getattr(drawn, name) for drawn, _ in found)
+        pairs = [(ours[k], theirs[k]) for k in theirs] if isinstance(theirs, dict) else [(ours, theirs)]
+        for mine, other in pairs:
+            assert mine.dtype == other.dtype
+            assert torch.equal(mine, other), name
+
+
+def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_the_other():
+    ours, theirs = (make("sac", policy_delay=3, gradient_steps=8).learn(1600) for _ in range(2))
+    before = theirs.networks["actor"].vector.clone()
+    torch.manual_seed(2)
+    np.random.seed(2)
+    ours.train(7, 32)
+    torch.manual_seed(2)
+    np.random.seed(2)
+    drawn = sample(theirs.replay_buffer, 7 * 32)
+    order = torch.randperm(7 * 32)
+    numbers = drawn.actions, drawn.rewards, theirs.gamma * (1.0 - drawn.dones)
+    rows = [part[order].split(32) for part in (drawn.observations, drawn.next_observations, *numbers)]
+    with torch.no_grad():
+        for now, after, actions, rewards, discounts in zip(*rows, strict=True):
+            theirs._n_updates += 1
+            last = theirs._n_updates % 3 == 0
+            ahead = theirs._draw(torch.cat([after, now]) if last else after)
+            theirs._update_critics(
+                torch.cat([now, actions], 1), after, rewards, discounts,
+                ahead.actions[:32], ahead.log_prob[:32], 6e-3,
+            )  # fmt: skip
+            theirs.networks["targets"].vector.lerp_(theirs.networks["critics"].vector, theirs.tau)
+            if last:
+                theirs._update_actor(now, ahead, theirs._smoothness(rewards), 6e-3)
+    assert ours._n_updates == theirs._n_updates
+    assert not torch.equal(theirs.networks["actor"].vector, before)
+    for name, networks in ours.networks.items():
+        torch.testing.assert_close(networks.vector, theirs.networks[name].vector, rtol=1e-4, atol=1e-5)
+
+
 def test_smoothness_at_the_goal_weighs_steps_that_reach_it_whatever_the_two_rewards_are():
     model = make("her", "RPRPGoalReach-v0", smoothness=0.25, smoothness_at_goal=2.0)
     for missed, reached in ((0.0, 1.0), (-1.0, 0.0)):
-        weights = model._smoothness(torch.tensor([missed, reached, missed, missed]))
+        weights = model._smoothness(torch.tensor([[missed], [reached], [missed], [missed]]))
         assert weights.tolist() == [[0.25], [2.0], [0.25], [0.25]]
     for one in (-1.0, 0.0, 1.0):
-        assert model._smoothness(torch.full((3,), one)).tolist() == [[0.25]] * 3
-    assert make("sac", smoothness=0.25)._smoothness(torch.tensor([0.0, 1.0])).tolist() == [[0.25]] * 2
+        assert model._smoothness(torch.full((3, 1), one)).tolist() == [[0.25]] * 3
+    assert make("sac", smoothness=0.25)._smoothness(torch.tensor([[0.0], [1.0]])).tolist() == [[0.25]] * 2
 
 
 def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
@@ -321,21 +394,21 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
     np.testing.assert_allclose(buffer.advantages, expected, rtol=1e-5, atol=1e-5)
 
 
-def test_every_gradient_step_has_its_share_of_asked_for_goals():
+def test_every_gradient_step_has_its_share_of_asked_for_goals(monkeypatch):
     model = make("her", "RPRPGoalReach-v0", batch_size=100, gradient_steps=8)
     model.learn(1600)
     seen, asked = [], []
-    update, sample = model._update_critics, model.replay_buffer.sample
+    update = model._update_critics
     model._update_critics = lambda pairs, *rest: (seen.append(pairs.clone()), update(pairs, *rest))[1]
 
-    def marked(count):
-        found = sample(count)
-        real = count - int(model.replay_buffer.her_ratio * count)
+    def marked(buffer, count):
+        found = sample(buffer, count)
+        real = count - int(buffer.her_ratio * count)
         found.actions[:real], found.actions[real:] = 1.0, -1.0  # asked-for goals come first
         asked.append(real / count)
         return found
 
-    model.replay_buffer.sample = marked
+    monkeypatch.setattr("redundant_envs_train.learners.sac.sample", marked)
     model.train(8, 100)
     shares = [float((pairs[:, -1] > 0).float().mean()) for pairs in seen]
     assert np.mean(shares) == pytest.approx(asked[0])

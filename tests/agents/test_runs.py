@@ -69,7 +69,11 @@ def test_a_run_explains_itself(home, refused):
     }  # fmt: skip
     assert promised <= set(result)
     assert (result["episodes"], result["env_steps"]) == (5, 1024)
-    assert data(folder, "training.json")["stopped"] is False
+    facts = data(folder, "training.json")
+    assert facts["stopped"] is False
+    assert set(facts["split"]) == {"environment", "policy", "gradient", "rest"}
+    assert min(facts["split"].values()) > 0.0
+    assert sum(facts["split"].values()) == pytest.approx(1.0, abs=0.002)
     for name in ("config.yaml", "scene.yaml", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
         assert (folder / name).stat().st_size > 0
     assert {p.name for p in (folder / "plots").glob("*.png")} == {"final_distance.png", "learning_curve.png"}

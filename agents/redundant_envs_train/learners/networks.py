@@ -27,17 +27,18 @@ Backward = Callable[[Tensor, Tensor], Tensor]  # (derivatives of outputs, inputs
 
 
 class Activation(NamedTuple):
-    """torch's module, the function, and its backward function."""
+    """torch's module, the function, the same in place, and its backward function."""
 
     module: type[nn.Module]
     forward: Callable[[Tensor], Tensor]
+    in_place: Callable[[Tensor], Tensor]
     backward: Backward
 
 
 ACTIVATIONS = {
-    "silu": Activation(nn.SiLU, nn.functional.silu, torch.ops.aten.silu_backward),
-    "tanh": Activation(nn.Tanh, torch.tanh, lambda g, z: g * (1.0 - torch.tanh(z).square_())),
-    "relu": Activation(nn.ReLU, torch.relu, lambda g, z: g * (z > 0.0)),
+    "silu": Activation(nn.SiLU, nn.functional.silu, torch.ops.aten.silu_, torch.ops.aten.silu_backward),
+    "tanh": Activation(nn.Tanh, torch.tanh, torch.tanh_, lambda g, z: g * (1.0 - torch.tanh(z).square_())),
+    "relu": Activation(nn.ReLU, torch.relu, torch.relu_, lambda g, z: g * (z > 0.0)),
 }
 
 Layers = Sequence[Sequence[nn.Linear]]
@@ -126,23 +127,38 @@ class Networks:
             x = z if layer == last else self._activation.forward(z)
         return x, tape
 
-    def backward(self, tape: Tape, doutputs: Tensor) -> Tensor:
-        """Set ``gradient``, and return the derivatives at the first layer's outputs."""
+    def outputs(self, inputs: Tensor) -> Tensor:
+        """Outputs alone."""
+        x = inputs.expand(len(self.modules), *inputs.shape)
+        last = len(self.weights) - 1
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = torch.baddbmm(bias, x, weight.mT)
+            if layer < last:
+                self._activation.in_place(x)
+        return x
+
+    def backward(self, tape: Tape, doutputs: Tensor) -> None:
+        """Set ``gradient``."""
         d = doutputs
         for layer in range(len(tape) - 1, -1, -1):
             if layer < len(tape) - 1:
-                d = self._activation.backward(d @ self.weights[layer + 1], tape[layer][1])
+                d = self._before(layer + 1, d, tape)
             torch.bmm(d.mT, tape[layer][0], out=self._dweights[layer])
             torch.sum(d, 1, keepdim=True, out=self._dbiases[layer])
-        return d
 
     def to_inputs(self, tape: Tape, doutputs: Tensor, columns: slice) -> Tensor:
         """Derivatives with respect to some columns of the inputs, (rows, columns), summed over all
         networks."""
         d = doutputs
         for layer in range(len(tape) - 1, 0, -1):
-            d = self._activation.backward(d @ self.weights[layer], tape[layer - 1][1])
-        return (d @ self.weights[0][:, :, columns]).sum(0)
+            d = self._before(layer, d, tape)
+        return torch.bmm(d, self.weights[0][:, :, columns]).sum(0)
+
+    def _before(self, layer: int, d: Tensor, tape: Tape) -> Tensor:
+        """Derivatives at the outputs of the layer before, without its activation, from those of a layer's."""
+        weight = self.weights[layer]
+        d = d * weight if weight.shape[1] == 1 else torch.bmm(d, weight)
+        return self._activation.backward(d, tape[layer - 1][1])
 
 
 class Adam:
@@ -215,11 +231,12 @@ class Averaging:
         mixing = self.networks["actor"].mixing
         if mixing is None:
             return observations
-        # In the order of stable-baselines3's CombinedExtractor; in double precision, because the tip and
-        # its goal are close together.
-        space: Any = self.observation_space  # type: ignore[attr-defined]
-        parts = [observations[name] for name in space.spaces]
-        return (torch.cat(parts, 1).double() @ mixing.T.double()).float()
+        # In the order of stable-baselines3's CombinedExtractor; goals in double precision, because the tip
+        # and its goal are close together. The rest stays as it is.
+        goals = torch.cat([observations["achieved_goal"], observations["desired_goal"]], 1).double()
+        width = goals.shape[1]
+        mixed = goals @ mixing[:width, :width].T.double()
+        return torch.cat([mixed.float(), observations["observation"]], 1)
 
     def keep_means(self, *names: str) -> None:
         """Begin averages of these networks at their present weights."""

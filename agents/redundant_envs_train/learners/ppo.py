@@ -30,6 +30,7 @@ with needs("train"):
 
 
 EPSILON = 1e-5  # Adam's, as in stable-baselines3's PPO
+ROWS = 1024  # observations whose values are computed together
 
 
 class AveragedPPO(Averaging, PPO):
@@ -71,18 +72,18 @@ class AveragedPPO(Averaging, PPO):
         """Fill the buffer; values are computed once, for all steps together."""
         rollout_buffer.reset()
         callback.on_rollout_start()
-        std = self.networks["actor"].extra.exp()
+        actor = self.networks["actor"]
+        std = actor.extra.exp()
+        noises = torch.empty(self.mean_actions.shape)
         ends: list[tuple[int, int, Any]] = []
         for step in range(n_rollout_steps):
-            means = self.networks["actor"].forward(self.inputs(_each(torch.from_numpy, self._last_obs)))[0][0]
-            noise = torch.randn_like(means)
-            actions = torch.addcmul(means, std, noise)
+            means = actor.outputs(self.inputs(_each(torch.from_numpy, self._last_obs)))[0]
+            actions = torch.addcmul(means, std, noises[step].normal_())
             seen: Any = self._last_obs
             for name in seen if isinstance(seen, dict) else (...,):
                 rollout_buffer.observations[name][step] = seen[name]
             rollout_buffer.actions[step] = actions.numpy()
-            self.mean_actions[step] = means.clamp(-1.0, 1.0).numpy()
-            rollout_buffer.log_probs[step] = (-0.5 * noise.square().sum(1) - self._log_prob_offset()).numpy()
+            self.mean_actions[step] = means.numpy()
             rollout_buffer.episode_starts[step] = self._last_episode_starts
             found, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
             self._last_obs, self._last_episode_starts = found, dones  # type: ignore[assignment]
@@ -95,6 +96,8 @@ class AveragedPPO(Averaging, PPO):
             for lane in np.flatnonzero(dones).tolist():
                 if infos[lane]["TimeLimit.truncated"]:
                     ends.append((step, lane, infos[lane]["terminal_observation"]))
+        np.clip(self.mean_actions, -1.0, 1.0, out=self.mean_actions)
+        rollout_buffer.log_probs[:] = (-0.5 * noises.square().sum(2) - self._log_prob_offset()).numpy()
         self._add_values(rollout_buffer, ends)
         callback.update_locals(locals())
         callback.on_rollout_end()
@@ -118,7 +121,9 @@ class AveragedPPO(Averaging, PPO):
     def _values(self, observations: Any) -> Tensor:
         """Values of observations of stable-baselines3, (n,)."""
         given = self.inputs(_each(torch.from_numpy, observations))
-        return self.networks["values"].forward(given)[0][0, :, 0]
+        # in parts, whose layers stay in the cache
+        values = [self.networks["values"].outputs(part)[0] for part in given.split(ROWS)]
+        return torch.cat(values)[:, 0]
 
     def _log_prob_offset(self) -> Tensor:
         """Term of the log probability of a normal distribution beside the squares of deviations."""
@@ -141,7 +146,8 @@ class AveragedPPO(Averaging, PPO):
         rows = torch.cat(data, 1)
         widths = [part.shape[1] for part in data]
         for _ in range(self.n_epochs):
-            mixed = rows.index_select(0, torch.randperm(len(rows)))
+            order = torch.randperm(len(rows))  # of stable-baselines3's samples, environment by environment
+            mixed = rows.index_select(0, order % self.n_steps * self.n_envs + order // self.n_steps)
             for minibatch in mixed.split(self.batch_size):
                 self._set_gradients(minibatch.split(widths, 1), clip, entropy)
                 norms = [networks.gradient.norm() for networks in self.networks.values()]
@@ -213,5 +219,5 @@ def _each(function: Callable[[Any], Any], observations: Any) -> Any:
 
 
 def _flat(array: NDArray[np.floating]) -> Tensor:
-    """Samples of a rollout, (samples, columns)."""
-    return torch.from_numpy(RolloutBuffer.swap_and_flatten(array))
+    """Samples of a rollout, (samples, columns), step by step."""
+    return torch.from_numpy(array).reshape(array.shape[0] * array.shape[1], -1)

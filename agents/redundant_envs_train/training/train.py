@@ -102,6 +102,7 @@ def _run(
         facts = {
             "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
             "simulator": simulator_hash(base.core),
+            "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
         if stopped:
             save_policy(model, folder / "policy.zip")

@@ -23,6 +23,8 @@ with needs("train"):
     from rich.progress import Progress
     from stable_baselines3.common.callbacks import BaseCallback
 
+PARTS = ("environment", "policy", "gradient")
+"""Parts of a training's time: steps of the environments, choices of actions, updates of the networks."""
 BAR_STEPS = 400  # steps of the progress bar
 RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
@@ -59,18 +61,32 @@ class Watch(BaseCallback):
         self._bar = 0
         self._ending = False
         self._collected: tuple[float, int] | None = None
+        self.spent = dict.fromkeys(PARTS, 0.0)
+        """Seconds of this process's training in each of ``PARTS``; the rest is collection and bookkeeping."""
+        self._acted = 0.0  # when the policy began to choose the present actions
+        step = monitor.step_wait
+
+        def step_wait() -> Any:
+            begun = time.perf_counter()
+            self.spent["policy"] += begun - self._acted
+            stepped = step()
+            self.spent["environment"] += time.perf_counter() - begun
+            return stepped
+
+        monitor.step_wait = step_wait
+
+    def split(self) -> dict[str, float]:
+        """Shares of environment, policy, gradient and rest in the training time of this process, 0 to 1."""
+        whole = self.seconds() - self._before
+        shares = {name: spent / whole for name, spent in self.spent.items()}
+        return {**shares, "rest": 1.0 - sum(shares.values())}
 
     def seconds(self) -> float:
         """Training time so far, without evaluations, s."""
         return self._before + time.perf_counter() - self._start - self._apart
 
     def _on_rollout_start(self) -> None:
-        if self._collected is not None:
-            since, updates = self._collected
-            steps = self.model._n_updates - updates
-            if steps > 0:
-                each = (time.perf_counter() - since) / steps
-                self.logger.record("time/update_ms", 1000.0 * each)
+        self._count_update()
         every = self.config.checkpoint_seconds
         due = every > 0.0 and time.perf_counter() - self._kept >= every
         if due or (self.stop.is_set() and not self._ending):
@@ -78,6 +94,21 @@ class Watch(BaseCallback):
             checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
             self._kept = time.perf_counter()
         self._ending = self.stop.is_set()
+        self._acted = time.perf_counter()
+
+    def _on_training_end(self) -> None:
+        self._count_update()
+
+    def _count_update(self) -> None:
+        """Add the time since the last rollout, which the learner spent on its gradients."""
+        if self._collected is None:
+            return
+        since, updates = self._collected
+        spent, steps = time.perf_counter() - since, self.model._n_updates - updates
+        self.spent["gradient"] += spent
+        self._collected = None
+        if steps > 0:
+            self.logger.record("time/update_ms", 1000.0 * spent / steps)
 
     def _on_rollout_end(self) -> None:
         self._collected = (time.perf_counter(), self.model._n_updates)
@@ -92,6 +123,7 @@ class Watch(BaseCallback):
         if self.num_timesteps >= self._next:
             self._next += self.config.curve_every
             self.point()
+        self._acted = time.perf_counter()
         return self.config.max_seconds is None or self.seconds() < self.config.max_seconds
 
     def _log_episodes(self) -> None:
