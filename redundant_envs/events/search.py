@@ -107,7 +107,7 @@ class Sought(NamedTuple):
 class LastPiece(NamedTuple):
     """The remaining way to a stop, which takes no trial step."""
 
-    possible: Any  # whether its time is negligible
+    possible: Any  # whether it is short enough
     time: Any  # its duration, s; shorter if another coordinate reaches its stop before
     arrives: list[Any]  # for each boundary, whether its coordinate is the one that reaches its stop
 
@@ -361,5 +361,5 @@ def position_after(time: Any, position: Any, velocity: Any, acceleration: Any) -
 
 @branches
 def velocity_after(time: Any, velocity: Any, acceleration: Any) -> Any:
-    """A velocity after a part of a last piece; without one, exactly the same."""
+    """A velocity after a last piece; without one, exactly the same."""
     return velocity if time == 0.0 else velocity + time * acceleration
