@@ -133,9 +133,18 @@ def packed(**files):
 
 @pytest.mark.parametrize("name", ["../a", "a/../../b", ".."])
 def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path):
-    with pytest.raises(tarfile.FilterError, match="outside"):
+    with pytest.raises(ValueError, match="outside"):
         on_ray.unpack(packed(**{name: b"evil"}), tmp_path / "place" / "run")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_link_in_a_received_run_is_refused(tmp_path):
+    data, entry = io.BytesIO(), tarfile.TarInfo("link")
+    entry.type, entry.linkname = tarfile.SYMTYPE, "/etc/passwd"
+    with tarfile.open(fileobj=data, mode="w") as archive:
+        archive.addfile(entry)
+    with pytest.raises(ValueError, match="'link', which is outside its folder or no file"):
+        on_ray.unpack(data.getvalue(), tmp_path / "run")
 
 
 def test_a_received_run_takes_the_place_of_an_older_one_which_outlives_a_kill(tmp_path, monkeypatch):
