@@ -94,14 +94,13 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
-        actions = self._checked_actions(actions)
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and self._ended.any():
             raise ValueError(
                 f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
-        step = self._stepped(actions, KERNEL_MODE[mode])
+        step = self._stepped(self._checked_actions(actions), KERNEL_MODE[mode])
         ended = step.terminated | step.truncated
         infos = self._infos(step.out, None)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:

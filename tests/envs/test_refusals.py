@@ -397,3 +397,10 @@ def test_parameters_of_lanes_are_part_of_a_state():
         twin.set_state(env.get_state())
         assert plain(twin.get_state()) == plain(env.get_state())
         assert twin.core.memory.read(("m2", "inner"))[0].tolist() == [0.5, 0.3]
+
+
+@pytest.mark.parametrize("action", [np.full((3, 4), NAN), np.zeros(2), "left"], ids=["nan", "shape", "text"])
+def test_an_ended_episode_is_said_to_have_ended_whatever_the_action(action):
+    """Found by fuzzing: a vector named the action, the single environment the end."""
+    env = running("disabled", max_episode_steps=1)
+    refused(env, lambda env: env.step(action), r"environments \[0, 1, 2\] have ended; call reset")
