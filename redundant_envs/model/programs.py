@@ -85,10 +85,9 @@ class Simulator:
         """The fields of the lanes, but for those that only the program of a lane sets."""
         return self.episode.layout() if self.episode else Interval(self.dynamics).layout()
 
-    @property
-    def key(self) -> str:
-        """Name of the program's machine code for whole blocks."""
-        return cache.program_key(self.identity, LANES)
+    def key(self, lanes: int = LANES) -> str:
+        """Name of the program's machine code for the first ``lanes`` of each block."""
+        return cache.program_key(self.identity, lanes)
 
     def check_same(self, identity: str) -> None:
         """ValueError unless a copy was made of a simulator with this program."""
@@ -113,9 +112,9 @@ class Simulator:
         lanes = FEW if count <= FEW else LANES
         if lanes == FEW:
             what += f", for at most {FEW}"
-        key = cache.program_key(self.identity, lanes)
+        names = [*self.arguments]
         return cache.kernels(
-            key, [*self.arguments], lambda: dataclasses.replace(self.program, lanes=lanes), what
+            self.key(lanes), names, lambda: dataclasses.replace(self.program, lanes=lanes), what
         )
 
 

@@ -28,7 +28,7 @@ def bits(name, tables=80):
 
 
 def key(name="4R all rk8"):
-    return batch_simulator(SCENES[name], track_work=False).key
+    return batch_simulator(SCENES[name], track_work=False).key()
 
 
 @pytest.fixture

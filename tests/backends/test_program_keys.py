@@ -20,7 +20,7 @@ BASE = Scene(FOUR_R, (e.Gravity(9.81), e.ViscousFriction(0.1)), control_dt=0.01,
 
 
 def key(scene, track_work=False):
-    return batch_simulator(scene, track_work).key
+    return batch_simulator(scene, track_work).key()
 
 
 def test_scenes_that_differ_in_numbers_have_one_program():
@@ -43,7 +43,7 @@ def test_scenes_that_differ_otherwise_have_programs_of_their_own():
     ]  # fmt: skip
     keys = [key(dataclasses.replace(BASE, **change)) for change in changes] + [key(BASE, True)]
     limited = Scene(FOUR_R, (gravity, e.EffortLimits((1.0,) * 4)), "euler")
-    keys += [key(limited), environment_simulator(limited, ReachTask()).key]
+    keys += [key(limited), environment_simulator(limited, ReachTask()).key()]
     assert len(set(keys)) == len(keys)
 
 
@@ -75,9 +75,9 @@ def test_keys_are_the_same_in_every_process():
 import redundant_envs as rde
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.tasks.reach import ReachTask
-print(environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key)
+print(environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key())
 """
-    here = environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key
+    here = environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key()
     for seed in ("1", "2"):
         env = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
         done = subprocess.run([sys.executable, "-c", text], env=env, capture_output=True, text=True)

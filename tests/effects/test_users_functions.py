@@ -207,6 +207,6 @@ def test_scenes_that_differ_in_names_only_are_one_program():
     """Names of functions, classes and parameters do not change results."""
     effects = pushing("Plain", a=(0.7, 0.2)), TIP, pushing("Other", a=(0.1, 0.9)), W
     scenes = [rde.Scene(ARM, (effect,)) for effect in effects]
-    *alike, last = (batch_simulator(scene, False).key for scene in scenes)
+    *alike, last = (batch_simulator(scene, False).key() for scene in scenes)
     assert len({*alike}) == 1
     assert last not in alike
