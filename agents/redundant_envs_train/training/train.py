@@ -131,4 +131,4 @@ def identity(config: Config, core: Core) -> dict[str, Any]:
 
 def simulator_hash(core: Core) -> str:
     """Identifies the simulator of a scene: a hash of its program."""
-    return core.simulator.key[:16]
+    return core.simulator.key()[:16]
