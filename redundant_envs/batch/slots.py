@@ -9,6 +9,7 @@ from typing import Any
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
 from redundant_envs.events.contacts import Happening
 from redundant_envs.lane.features import MOST_LOGGED, Control
+from redundant_envs.lane.interval import FIRST
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction, Scalar
@@ -163,7 +164,7 @@ class Slots:
             p.call(self.goes_on[None], **slots)
             if i.boundaries:
                 with p.when(mask(slots, "due") != 0):
-                    p.call(self.goes_on[Request.STEP], **slots)
+                    p.call(self.goes_on[FIRST], **slots)
         if i.stops:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)

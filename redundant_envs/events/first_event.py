@@ -84,19 +84,19 @@ def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tu
 def crossing_time(s: BoundedCoordinate, h: Any, side: Any, gap: Any, share: Any, turned: Any) -> Any:
     """Time at which the quintic through both ends of a step of length ``h`` passes the limit of a side, s.
 
-    Three iterations find the zero to the accuracy with which the quintic describes the event. The coordinate
-    starts ``gap`` above the limit; ``share`` is a guess, as a fraction of the step, and at the fraction
-    ``turned`` an inward motion has turned.
+    Two iterations find the zero nearly to the accuracy with which the quintic describes the event: a third
+    one would save one trial step in two hundred. The coordinate starts ``gap`` above the limit; ``share`` is
+    a guess, as a fraction of the step, and at the fraction ``turned`` an inward motion has turned.
     """
     c = quintic_through(s, h, gap)
     slopes = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]]
     low, high = turned_inward(s, side, turned), 1.0
     share = maximum(share, low)
-    # The reciprocal of the slope is updated by a separate Newton step, without a division.
-    per_slope = 1.0 / (side * polynomial(slopes, share))
-    for _ in range(3):
+    per_slope: Any = None
+    for _ in range(2):
         g, slope = side * polynomial(c, share), side * polynomial(slopes, share)
-        per_slope = per_slope * (2.0 - slope * per_slope)
+        # The second reciprocal follows from the first by a Newton step of its own, without a division.
+        per_slope = 1.0 / slope if per_slope is None else per_slope * (2.0 - slope * per_slope)
         low, high, share = nearer_root(g, slope, low, high, share, share - g * per_slope)
     return h * share
 

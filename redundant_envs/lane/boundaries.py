@@ -197,12 +197,17 @@ class Boundaries:
                 lane[f"{name}_{b.name}"] = where(held, of(before, now), before)
 
     def release(self, lane: Lane) -> None:
-        """Before a common step: release sliders whose stops would have to pull them."""
+        """Before a common step: release sliders whose stops would have to pull them.
+
+        It also notes the mobilities of the others, which say how far such a pull may move one in the step.
+        """
         x, holding = self.quantities(lane), self.dynamics.holding
         resting = [self._contact(lane, b, x[f"hold{b.number}"]) for b in holding]
         w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
             lane[b.active] = where(leaves, 0.0, lane[b.active])
+        for b in holding:
+            lane[f"mobility_{self.dynamics.arm.rates[b.joint]}_{b.name}"] = x[f"W{b.number}{b.number}"]
 
     def _contact(
         self, lane: Lane, b: Boundary, force: Any, acceleration: Any = None, released: Any = None

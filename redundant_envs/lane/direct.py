@@ -12,7 +12,7 @@ import numpy as np
 from redundant_envs import algebra
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Control, Reason
-from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.interval import FIRST, Interval
 from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction
@@ -142,7 +142,7 @@ def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, A
         fields |= {"moving": 0.0, "touching": 0.0}
         call(program[None])
         if interval.dynamics.boundaries:
-            call(program[Request.STEP])
+            call(program[FIRST])
         while some("moving") or some("touching"):
             while some("touching"):
                 call(interval.boundaries.find_contact_forces, program[Request.FORCES])

@@ -25,6 +25,9 @@ from redundant_envs.tracing.program import Machine
 
 ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 """The field that is true when the program of a lane may go on after a request."""
+FIRST = "first"
+"""Key of what a program does after its first trial step, if the common step was that: a part of what it does
+after any, and half as long."""
 ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
 """Quantities that are no fields in every scene, and whose names they are."""
 CONDITIONS = {
@@ -127,8 +130,9 @@ class Interval:
         if self.dynamics.local:
             self.undo(lane, lane.fault >= GIVEN_UP)
 
-    def traced_program(self, layout: Layout, whole: bool = False) -> dict[Request | None, LaneFunction]:
-        """The program of a lane as functions: at its beginning (None), and after each request.
+    def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
+        """The program of a lane as functions: at its beginning (None), after each request, and after a common
+        step that is its first trial step (:data:`FIRST`).
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
@@ -142,6 +146,9 @@ class Interval:
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
             made[request] = layout.function(name, written)
+        if self.dynamics.boundaries:
+            written = machine.after(Request.STEP, "due", first=True)
+            made[FIRST] = layout.function("after_common_step", {**written, "due": 0.0})
         return made
 
     def layout(self) -> Layout:

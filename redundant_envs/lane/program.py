@@ -286,21 +286,32 @@ class LaneProgram:
     def begin(self, lane: Lane) -> None:
         """Plan the first step; the common step is its first trial step, if it is of use."""
         useless = self.control.begin(lane)
+        released = any_of(lane[a] != lane[f"{a}_start"] for a in self.dynamics.active)
         self.at_start(lane)
         self.cut(lane)
         lane.due, lane.at_stop = False, False
-        for b in self.dynamics.holding:
-            lane[f"force_trial_{b.name}"] = 0.0
+        pulled = self.forces_in_common_step(lane)
         if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
-            rested = any_of(a != 0.0 for a in lane.get(self.dynamics.active, of="{}_start"))
-            lane.due = logical_not(useless | begun | rested | self.boundaries.is_cut(lane))
+            lane.due = logical_not(useless | begun | released | pulled | self.boundaries.is_cut(lane))
         if lane.due:
             lane.step = lane.h
         else:
             lane.step = lane.left
             lane.at_stop = self.boundaries.touched_before(lane)
             self.back_to(lane, "{}_start")
+
+    def forces_in_common_step(self, lane: Lane) -> Any:
+        """The forces that hold sliders at both ends of the common step; whether a stop would have to pull one
+        from the beginning, so that the common step is of no use."""
+        pulled: Any = False
+        for b in self.dynamics.holding:
+            side, rests = lane[b.active], lane[b.active] != 0.0
+            first, last = lane.get(("first", "last"), of=f"{{}}_{b.name}")
+            lane[f"force_trial_{b.name}"] = where(rests, side * first, 0.0)
+            lane[f"force_{b.name}"] = where(rests, side * last, 0.0)
+            pulled = pulled | (rests & (first > 0.0))
+        return pulled
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""

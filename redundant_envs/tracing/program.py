@@ -99,11 +99,15 @@ class Machine:
                 )
         return float(state.number)
 
-    def after(self, request: enum.Enum | None, answered: str) -> Writes:
-        """What is written by all stretches after a request, where the field ``answered`` is true."""
+    def after(self, request: enum.Enum | None, answered: str, first: bool = False) -> Writes:
+        """What is written by all stretches after a request, where the field ``answered`` is true.
+
+        With ``first`` only the first request of a program counts.
+        """
         lane = self.lane
         lane.begin(self.graphs[request])
-        parts = [(s, self.ways[s.number]) for s in self.states if s.request is request]
+        states = [s for s in self.states if s.request is request and (len(s.answers) == 1 or not first)]
+        parts = [(s, self.ways[s.number]) for s in states]
         here = lane[answered]
         ends: list[tuple[Any, Tree]] = []
         while (end := _common_end([tree for _, tree in parts])) is not None:

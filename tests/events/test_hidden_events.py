@@ -181,6 +181,17 @@ def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
     assert pieces.mean() < 1.15  # with a last piece that had to be straight it was 1.6
 
 
+def test_the_common_step_is_the_first_trial_step_where_a_slider_rests_too():
+    batch, pieces = resting(500), []
+    for _ in range(12):
+        status = batch.advance(np.tile((0.0, 60.0, 0.0, -60.0), (500, 1)))
+        still = (batch.q[:, 3] == 0.0) & (batch.qd[:, 3] == 0.0)
+        pieces += list(status.evaluations[(status.events == 1) & still] / 12.0 - 2.0)
+    assert len(pieces) > 200
+    assert min(pieces) >= 1.0
+    assert np.mean(pieces) < 1.15  # when it was thrown away there it was 2.0
+
+
 def moving(position, velocity, acceleration):
     """A slider between stops at 0 and 0.25 m after a trial step of 10 ms."""
     start = Watched(acceleration, acceleration, acceleration, acceleration)
