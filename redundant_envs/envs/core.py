@@ -17,7 +17,7 @@ from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS,
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.lane.episode import TABLES, TIP, Episode
+from redundant_envs.lane.episode import TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
@@ -29,7 +29,6 @@ from redundant_envs.tasks.checks import check_task
 from redundant_envs.values import whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
-LAST_TABLES = tuple(f"last_{name}" for name in TABLES)
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
@@ -94,7 +93,7 @@ class Core(Copied):
     of the episode follows from that key inside the compiled code.
     """
 
-    made_anew = ("keys", "mask", "_team", "_goal_reward", "_facts")
+    made_anew = ("keys", "mask", "_key_address", "_team", "_goal_reward", "_facts")
 
     def __init__(
         self,
@@ -143,6 +142,7 @@ class Core(Copied):
             entry = simulator.kernels(memory.count)["goal_reward"]
             self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
+        self._key_address = address(self.key_table)
 
     @property
     def episode(self) -> Episode:
@@ -210,16 +210,17 @@ class Core(Copied):
         last_obs, last_out = obs, out
         if autoreset == Autoreset.SAME_STEP:
             last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
-        any_due = int(self.mask.any())
-        lines = {"actions": actions, "obs": obs, "last_obs": last_obs, "episode_keys": self.key_table}
-        columns = {**dict(zip(TABLES, out, strict=True)), **dict(zip(LAST_TABLES, last_out, strict=True))}
-        places = {name: (address(table), table.strides[0]) for name, table in lines.items()}
-        places |= {name: (address(table), table.itemsize) for name, table in columns.items()}
+        fresh = [actions, obs, *out]
+        sizes = [actions.strides[0], obs.strides[0], *(table.itemsize for table in out)]  # bytes of a lane
+        starts = [address(array) for array in fresh]
+        last = starts[1:] if last_obs is obs else [address(array) for array in (last_obs, *last_out)]
+        how = operation, autoreset, int(self.mask.any())
         for part in self._team.parts:
             first = part.first * LANES
-            part.set(stride=count, operation=operation, autoreset=autoreset, any_due=any_due)
-            starts = {name: start + first * bytes_of_lane for name, (start, bytes_of_lane) in places.items()}
-            part.lend({**lines, **columns}, starts)
+            places = [start + first * size for start, size in zip(starts, sizes, strict=True)]
+            before = [start + first * size for start, size in zip(last, sizes[1:], strict=True)]
+            keys = self._key_address + first * self.key_table.strides[0]
+            part.put("actions", [*places, count, *before, keys, *how])
         self._team()
         if count > n:
             obs, last_obs = obs[:n], last_obs[:n]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ class Outputs(NamedTuple):
     @classmethod
     def made(cls, columns: Columns, lanes: int, make: Callable[..., Any] = np.empty) -> Outputs:
         """Tables for a number of lanes."""
-        flags, counts, values = (len(names) for names in columns.tables.values())
+        flags, counts, values = columns.heights
         return cls(make((flags, lanes), np.bool_), make((counts, lanes), np.int64), make((values, lanes)))
 
     def lanes(self, chosen: Any) -> Outputs:
@@ -46,6 +46,7 @@ class Columns:
 
     def __init__(self, episode: Episode) -> None:
         self.tables = episode.tables
+        self.heights = [len(names) for names in self.tables.values()]
         self.goal = episode.goal
         self._places = {
             name: (k, row) for k, t in enumerate(self.tables.values()) for row, name in enumerate(t)
@@ -56,6 +57,8 @@ class Columns:
         labels = {**INFO_NAMES, **episode.task.labels}
         shown = (labels.get(n) or SUM.sub(r"return_\1", n) for n, *_ in self.places_shown)
         self.names = [*shown]  # names of these in ``info``
+        self._names_and_masks = tuple(name for n in self.names for name in (n, f"_{n}"))
+        self._unread = dict.fromkeys(self._names_and_masks, UNREAD)
 
     def of(self, out: Outputs, name: str) -> Any:
         """A quantity of all lanes."""
@@ -65,6 +68,18 @@ class Columns:
     def points(self, out: Outputs, names: tuple[str, ...]) -> NDArray[np.float64]:
         """Two coordinates of all lanes, (lanes, 2)."""
         return np.stack([self.of(out, name) for name in names], axis=1)
+
+    def infos(self, out: Outputs) -> Info:
+        """Values of all lanes for the ``infos`` of a vector environment, read when they are used, and with
+        each a mask of the lanes that have it: all."""
+        infos = Info(self._unread)
+        infos.unread = self._all_shown, self._names_and_masks, out
+        return infos
+
+    def _all_shown(self, out: Outputs) -> list[NDArray[Any]]:
+        rows = [out[table][row] for _, table, row in self.places_shown]
+        masks = np.ones((len(rows), out.flags.shape[1]), np.bool_)  # one call, not many
+        return [x for pair in zip(rows, masks, strict=True) for x in pair]
 
     def info(self, out: Outputs, lane: int) -> dict[str, Any]:
         """Values for a lane's ``info``, as Python numbers."""
@@ -93,7 +108,7 @@ class Info(dict[str, Any]):
     """
 
     __slots__ = ("unread",)
-    unread: tuple[Callable[[bytes], tuple[Any, ...]], tuple[str, ...], bytes] | None
+    unread: tuple[Callable[[Any], Sequence[Any]], tuple[str, ...], Any] | None
     """How the values are read, their names, and what they are read from; None once they are."""
 
     def __reduce__(self) -> tuple[Any, ...]:

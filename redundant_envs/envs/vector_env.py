@@ -145,13 +145,11 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         return tuple(self._pictures().draw(lane) for lane in range(self.num_envs))
 
     def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-        infos: dict[str, Any] = {}
-        columns = self.core.columns
-        present = np.ones((len(columns.names), self.num_envs), np.bool_)  # one call, not many
+        """Values of all environments; only those of a mask have them."""
+        infos = self.core.columns.infos(out)
         if mask is not None:
-            present &= mask
-        for name, (_, table, row), valid in zip(columns.names, columns.places_shown, present, strict=True):
-            infos[name], infos[f"_{name}"] = out[table][row], valid
+            for name in self.core.columns.names:
+                infos[f"_{name}"] &= mask
         return infos
 
 

@@ -12,7 +12,7 @@ import threading
 import weakref
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from queue import SimpleQueue
 from typing import Any, ClassVar, Self
 
@@ -198,11 +198,11 @@ class Call:
             self._frame[self._places[name]] = value if whole else address(value)
             self._alive[name] = value
 
-    def lend(self, arrays: Mapping[str, NDArray[Any]], starts: Mapping[str, int]) -> None:
-        """Arrays by name, and the addresses from which the kernel uses them."""
-        for name, start in starts.items():
-            self._frame[self._places[name]] = start
-        self._alive.update(arrays)
+    def put(self, first: str, values: Sequence[int]) -> None:
+        """Arguments from the one named ``first`` on, in the order of the kernel: whole numbers, and addresses
+        of arrays that last until the call is over."""
+        place = self._places[first]
+        self._frame[place : place + len(values)] = values
 
     def __call__(self) -> None:
         self.entry(self.address)
