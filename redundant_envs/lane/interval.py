@@ -136,7 +136,8 @@ class Interval:
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        lane, made = TracedLane(layout, Graph(), declares=True), {}
+        lane = TracedLane(layout, Graph(), declares=True)
+        made: dict[Any, LaneFunction] = {}
         machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:

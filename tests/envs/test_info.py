@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RecordEpisodeStatistics
+from gymnasium.wrappers.vector import DictInfoToList
+from gymnasium.wrappers.vector import RecordEpisodeStatistics as VectorStatistics
 
 import redundant_envs  # noqa: F401 - it registers the environments
 from redundant_envs.envs.outputs import UNREAD, Info
@@ -123,6 +125,28 @@ def test_an_info_keeps_the_values_of_its_step():
     env.reset(seed=1)
     assert [first["episode_steps"], *(info["episode_steps"] for info in infos)] == [0, 1, 2, 3, 4]
     assert len({info["distance"] for info in infos}) == 4
+
+
+def test_infos_of_many_environments_keep_the_values_of_their_step():
+    envs = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=9)
+    envs.reset(seed=0)
+    infos = [envs.step(envs.action_space.sample())[4] for _ in range(3)]
+    envs.reset(seed=1)
+    assert [dict.get(infos[0], name) for name in ("distance", "_distance")] == [UNREAD, UNREAD]
+    for k, info in enumerate(infos, start=1):
+        assert info["episode_steps"].tolist() == [k] * 9
+        assert info["_distance"].tolist() == [True] * 9
+        assert type(pickle.loads(pickle.dumps(info))) is dict
+    assert len({float(info["distance"][8]) for info in infos}) == 3
+
+
+def test_wrappers_of_many_environments_take_infos():
+    made = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=3, max_episode_steps=2)
+    envs = DictInfoToList(VectorStatistics(made))
+    envs.reset(seed=0)
+    envs.step(envs.action_space.sample())
+    lists = envs.step(envs.action_space.sample())[4]
+    assert [(x["episode_steps"], int(x["episode"]["l"])) for x in lists] == [(2, 2)] * 3
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space")
