@@ -60,15 +60,21 @@ class Blocks:
 
     @property
     def scratch_size(self) -> int:
-        """Count of numbers of the scratch memory: two groups of blocks, and slots with all their fields."""
+        """Count of numbers of the scratch memory: two groups of blocks, and entry and slots with all their
+        fields."""
         if not self.interval.dynamics.local:
             return self.width(SCRATCH)
-        return (2 * GROUP + 1) * self.width(SCRATCH) + self.width(STATE) + self.width(PARAMETER)
+        return 2 * GROUP * self.width(SCRATCH) + 2 * self.seats_size
+
+    @property
+    def seats_size(self) -> int:
+        """Count of numbers of the memories of the entry, or of the slots."""
+        return sum(map(self.width, (STATE, SCRATCH, PARAMETER)))
 
     @property
     def queue_size(self) -> int:
-        """Length of the queue, in whole numbers: the waiting lanes, and the homes of the slots."""
-        return GROUP * LANES + LANES if self.interval.dynamics.local else 1
+        """Length of the queue, in whole numbers: the waiting lanes, and the homes of entry and slots."""
+        return GROUP * LANES + 2 * LANES if self.interval.dynamics.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block with a number; ``in_group`` is its index in the scratch memory."""

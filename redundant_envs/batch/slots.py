@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
 from redundant_envs.events.contacts import Happening
@@ -18,26 +18,43 @@ IDLE = -2.0
 """State of a slot without a lane."""
 
 
+class Seats(NamedTuple):
+    """A block of lanes that have left their own."""
+
+    pointers: dict[str, Scalar]  # the addresses of its memories
+    homes: Scalar  # the address of the numbers of its lanes
+
+
 class Slots:
-    """Local time stepping: lanes that the common step does not serve go through slots, eight at a time."""
+    """Local time stepping: lanes that the common step does not serve go through slots, eight at a time.
+
+    Where there are boundaries, lanes first enter a block in front of the slots, in which eight begin their
+    programs at once: slots become free one by one.
+    """
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
         self.layout, self.dynamics, self.ends = blocks.layout, blocks.interval.dynamics, ends
         self.trace()  # before any address: the program of a lane declares fields
-        p, group = self.p, 2 * GROUP * blocks.width(SCRATCH)
-        slots = p["scratch"] + group
+        p, homes = self.p, self.p["queue"] + GROUP * LANES
         self.shared = p["parameter_stride"] == 0
-        own_parameters = slots + (blocks.width(STATE) + blocks.width(SCRATCH))
-        self.slots = {
-            str(STATE): slots,
-            str(SCRATCH): slots + blocks.width(STATE),
+        self.waiting = p["queue"] + 0
+        self.slots, self.entry = Seats(self._pointers(0), homes), Seats(self._pointers(1), homes + LANES)
+        self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, 255))
+        self.next, self.last = p.variable(0), p.variable(0)  # lanes of the entry that wait for a slot
+        self.before = p.variable(0)  # number of busy lanes of the previous group
+
+    def _pointers(self, number: int) -> dict[str, Scalar]:
+        """The addresses of the memories of the slots, 0, or of the entry, 1."""
+        p, blocks = self.p, self.blocks
+        start = p["scratch"] + (2 * GROUP * blocks.width(SCRATCH) + number * blocks.seats_size)
+        own_parameters = start + (blocks.width(STATE) + blocks.width(SCRATCH))
+        return {
+            str(STATE): start,
+            str(SCRATCH): start + blocks.width(STATE),
             str(PARAMETER): p.select(self.shared, p["parameter"], own_parameters, kind="f64"),
             str(LOG): p["log"] + 0,
         }
-        self.waiting, self.homes = p["queue"] + 0, p["queue"] + GROUP * LANES
-        self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, 255))
-        self.before = p.variable(0)  # number of busy slots with lanes of the previous group
 
     def block(self, number: Scalar) -> Block:
         """A block by its number; two groups have scratch memories at the same time."""
@@ -95,7 +112,9 @@ class Slots:
         self.ended = make("end", self.ends.end)
         self.stepped = make("trial_step", step.trial_step)
         self.recorded = make("record_step", step.record_step)
-        self.of_slots = [*self.goes_on.values(), self.stepped, self.recorded]
+        self.of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
+        after = [f for f in self.goes_on.values() if f not in self.of_entry]
+        self.of_slots = [*after, self.stepped, self.recorded]
         if i.stops:
             self.contact = make("find_contact_forces", boundaries.find_contact_forces)
             self.of_slots.append(self.contact)
@@ -117,10 +136,10 @@ class Slots:
         """Take trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
         p = self.p
         with p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
-            with p.each_set(self.free.value) as slot, p.when(self.head.value < self.tail.value):
-                self.take(slot)
+            with p.each_set(self.free.value) as slot:
+                self.fill(slot)
             self.trial()
-            complete = self.blocks.mask(self.slots, "complete")
+            complete = self.blocks.mask(self.slots.pointers, "complete")
             with p.each_set(complete) as slot:
                 self.leave(slot, first)
 
@@ -159,12 +178,9 @@ class Slots:
 
     def trial(self) -> None:
         """Take a trial step with all slots, and let their programs go on."""
-        p, i, slots, mask = self.p, self.dynamics, self.slots, self.blocks.mask
-        with p.when(mask(slots, "entered") != 0):
-            p.call(self.goes_on[None], **slots)
-            if i.boundaries:
-                with p.when(mask(slots, "due") != 0):
-                    p.call(self.goes_on[FIRST], **slots)
+        p, i, slots, mask = self.p, self.dynamics, self.slots.pointers, self.blocks.mask
+        if not i.boundaries:
+            self.begin(self.slots)
         if i.stops:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)
@@ -189,36 +205,84 @@ class Slots:
         for name in names:
             self.blocks.store(goal, goal_lane, name, self.blocks.load(source, source_lane, name))
 
-    def take(self, slot: Scalar) -> None:
-        """Move a waiting lane into a free slot."""
+    def begin(self, seats: Seats) -> None:
+        """Begin the programs of the lanes that have just come to some seats."""
+        p, pointers, mask = self.p, seats.pointers, self.blocks.mask
+        with p.when(mask(pointers, "entered") != 0):
+            p.call(self.goes_on[None], **pointers)
+            if FIRST in self.goes_on:
+                with p.when(mask(pointers, "due") != 0):
+                    p.call(self.goes_on[FIRST], **pointers)
+
+    def fill(self, slot: Scalar) -> None:
+        """Give a free slot to the next lane, if one waits."""
+        p, waits = self.p, lambda: self.head.value < self.tail.value
+        if not self.dynamics.boundaries:
+            with p.when(waits()):
+                self.take(self.slots, slot)
+                self.free.value = self.free.value & ~p.record("<<", 1, slot)
+            return
+        with p.when((self.next.value == self.last.value) & waits()):
+            self.next.value = self.last.value = 0
+            with p.loop_while(lambda: waits() & (self.last.value < LANES)):
+                self.take(self.entry, self.last.value)
+                self.last.value = self.last.value + 1
+            self.begin(self.entry)
+        with p.when(self.next.value < self.last.value):
+            self.move(slot, self.next.value)
+            self.next.value = self.next.value + 1
+            self.free.value = self.free.value & ~p.record("<<", 1, slot)
+
+    def take(self, seats: Seats, seat: Scalar) -> None:
+        """Move a waiting lane to a free seat."""
         p = self.p
         lane = p.load(self.waiting, self.head.value)
         self.head.value = self.head.value + 1
         self.busy.value = self.busy.value + 1
-        self.free.value = self.free.value & ~p.record("<<", 1, slot)
-        p.store(self.homes, slot, lane)
+        p.store(seats.homes, seat, lane)
         home, k = self._home(lane)
-        read = set().union(*(self.blocks.reads[f.name] for f in self.of_slots))
+        read = self._read_by([*self.of_entry, *self.of_slots])
         if self.dynamics.logs:
             read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
-        self._copy(self._fields(read, written_by(self.of_blocks)), self.slots, slot, home.pointers, k)
-        with p.when(~self.shared):
+        self._copy(self._fields(read, written_by(self.of_blocks)), seats.pointers, seat, home.pointers, k)
+        self._copy_parameters(seats, seat, home.pointers, k)
+        self.blocks.store(seats.pointers, seat, "entered", 1.0)
+
+    def move(self, slot: Scalar, seat: Scalar) -> None:
+        """Move a lane that has begun its program from the entry to a slot."""
+        p, begun = self.p, written_by(self.of_entry)
+        p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
+        read = self._read_by(self.of_slots) | {self.layout.row_of("complete")}
+        if self.dynamics.logs:
+            read.add(self.layout.row_of("span_start"))
+        names = [*self._fields(read, written_by(self.of_blocks) | begun)]
+        names += [n for n in self._fields(begun, self._read_at_end()) if n not in names]
+        self._copy(names, self.slots.pointers, slot, self.entry.pointers, seat)
+        self._copy_parameters(self.slots, slot, self.entry.pointers, seat)
+
+    def _read_by(self, functions: Iterable[LaneFunction]) -> set[tuple[str, int]]:
+        return set().union(*(self.blocks.reads[f.name] for f in functions))
+
+    def _read_at_end(self) -> set[tuple[str, int]]:
+        return self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+
+    def _copy_parameters(self, goal: Seats, goal_lane: Scalar, source: Any, source_lane: Any) -> None:
+        with self.p.when(~self.shared):
             numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
-            self._copy(numbers, self.slots, slot, home.pointers, k)
-        self.blocks.store(self.slots, slot, "entered", 1.0)
+            self._copy(numbers, goal.pointers, goal_lane, source, source_lane)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
         """Return a lane that has crossed its interval to its block; ``first`` begins the present group."""
         p = self.p
-        lane = p.load(self.homes, slot)
+        lane, slots = p.load(self.slots.homes, slot), self.slots.pointers
         self.busy.value = self.busy.value - 1
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
         home, k = self._home(lane)
-        read = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
-        self._copy(self._fields(written_by(self.of_slots), read), home.pointers, k, self.slots, slot)
-        self.blocks.store(self.slots, slot, "complete", 0.0)
-        self.blocks.store(self.slots, slot, "state", IDLE)
+        changed = written_by([*self.of_entry, *self.of_slots])
+        self._copy(self._fields(changed, self._read_at_end()), home.pointers, k, slots, slot)
+        self.blocks.store(slots, slot, "complete", 0.0)
+        self.blocks.store(slots, slot, "state", IDLE)
 
     # ---- the log of events -----------------------------------------------------------------------------
 
@@ -233,9 +297,9 @@ class Slots:
 
     def log(self) -> None:
         """Log the events of the sliders in the slots."""
-        p, load, slots = self.p, self.blocks.load, self.slots
+        p, load, slots = self.p, self.blocks.load, self.slots.pointers
         with p.each_set(self.free.value ^ 255) as slot:
-            lane = p.load(self.homes, slot)
+            lane = p.load(self.slots.homes, slot)
             log = {str(LOG): p["log"] + (lane >> 3) * self.blocks.width(LOG)}
             for k, s in enumerate(self.dynamics.stops):
                 happened = load(slots, slot, f"happened_{s.name}")
@@ -243,7 +307,7 @@ class Slots:
                     time = load(slots, slot, "span_start") + load(slots, slot, "elapsed")
                     event = time, happened + 10.0 * k, load(slots, slot, f"speed_{s.name}")
                     self._append(log, lane & (LANES - 1), slots, slot, event)
-                    self.blocks.store(self.slots, slot, f"happened_{s.name}", 0.0)
+                    self.blocks.store(slots, slot, f"happened_{s.name}", 0.0)
 
     def log_released(self, block: Block) -> None:
         """Log the sliders that were released before the common step."""
