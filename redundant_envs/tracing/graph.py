@@ -17,8 +17,8 @@ Value = Any
 """An :class:`Operation`, or a float that all lanes share."""
 
 CONDITIONS = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "xor", "not", "bit")
-"""Operations whose result is a condition; "bit" asks for one bit of a number's representation."""
-FREE = ("neg", "and", "result", "load")
+"""Operations whose result is a condition; "bit" asks for bit k of a number's representation."""
+FREE = ("neg", "bit", "and", "result", "load")
 """Operations that become part of the instructions that use their results, or only name values."""
 LATENCY = {"/": 24, "sqrt": 32, "select": 2}
 """Cycles until a result can be used, for vectors of 8; those of an addition if not listed."""

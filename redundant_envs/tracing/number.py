@@ -198,7 +198,7 @@ def sincos(x: Number) -> tuple[Any, Any]:
     c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
     c = fma(z, fma(z, 4.16666666666666019037e-02 + z * c, -0.5), 1.0)
     # The last two bits of the shifted number are those of the quadrant.
-    odd, upper = (Condition(x.graph, x.graph.record("bit", shifted.value, extra=bit)) for bit in (1, 2))
+    odd, upper = (Condition(x.graph, x.graph.record("bit", shifted.value, extra=k)) for k in (0, 1))
     s, c = where(odd, c, s), where(odd, s, c)
     return where(upper, -s, s), where(odd ^ upper, -c, c)
 
