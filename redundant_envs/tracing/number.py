@@ -36,6 +36,8 @@ def _binary(name: str, swapped: bool = False) -> Method:
             return NotImplemented
         a, b = (b, self.value) if swapped else (self.value, b)
         made = self.graph.combine(name, a, b)
+        if type(made) is bool:
+            return made
         return Condition(self.graph, made) if compares else Number(self.graph, made)
 
     return method
