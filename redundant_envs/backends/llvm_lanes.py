@@ -147,8 +147,8 @@ class Emitter:
             return b.bitcast(b.shl(biased, v.same(v.whole, MANTISSA_BITS)), v.numbers)
         return compared(b, node.name, *arguments)
 
-    # A condition on a bit of a number is emitted as whole numbers that have it in their signs. Comparisons, and
-    # tests of bits, go to the units of a processor that multiply; shifts and logic go to others.
+    # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
+    # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.
 
     def _truths(self, signs: Any) -> Any:
         return self.builder.icmp_signed("<", signs, self.vectors.same(self.vectors.whole, 0))
