@@ -132,11 +132,11 @@ class Graph:
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
         """Part of the program. Equal products of different parts are recorded separately, so that joining in
-        one part does not depend on the other parts."""
+        one part does not depend on the other parts; ``shared`` ones are never joined."""
 
-    def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
+    def record(self, name: str, *arguments: Value, extra: Any = None, shared: bool = False) -> Operation:
         operands = [a if type(a) is Operation else bits_of(a) for a in arguments]
-        key = (name, extra, self.part if name == "*" else 0, *operands)
+        key = (name, extra, self.part if name == "*" and not shared else 0, *operands)
         found = self._known.get(key)
         if found is None:
             origin = _origin() if self._located else None
