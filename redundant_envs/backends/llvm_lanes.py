@@ -19,7 +19,7 @@ LANES = 8
 """Lanes of a block in memory."""
 DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
-EXPONENT_BIAS, MANTISSA_BITS = 1023, 52
+EXPONENT_BIAS, MANTISSA_BITS, SIGN_BIT = 1023, 52, 63
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
 INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
@@ -123,6 +123,11 @@ class Emitter:
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
         b, v = self.builder, self.vectors
         arguments = [self.value(a) for a in node.arguments]
+        signs = [a.type == v.whole for a in arguments]
+        if node.name == "select" and signs[0]:
+            return self._selected_by_sign(node, *arguments)
+        if any(signs) and not (all(signs) and node.name == "xor"):
+            arguments = [self._truths(a) if sign else a for a, sign in zip(arguments, signs, strict=True)]
         if node.name in INTRINSICS:
             name = f"{INTRINSICS[node.name]}.v{v.lanes}f64"
             kind = ir.FunctionType(v.numbers, [v.numbers] * len(arguments))
@@ -136,12 +141,29 @@ class Emitter:
         if node.name == "select":
             return b.select(*arguments)
         if node.name == "bit":
-            masked = b.and_(b.bitcast(arguments[0], v.whole), v.same(v.whole, node.extra))
-            return b.icmp_signed("!=", masked, v.same(v.whole, 0))
+            return b.shl(b.bitcast(arguments[0], v.whole), v.same(v.whole, SIGN_BIT - node.extra))
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
             biased = b.add(b.bitcast(arguments[0], v.whole), v.same(v.whole, EXPONENT_BIAS))
             return b.bitcast(b.shl(biased, v.same(v.whole, MANTISSA_BITS)), v.numbers)
         return compared(b, node.name, *arguments)
+
+    # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
+    # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.
+
+    def _truths(self, signs: Any) -> Any:
+        return self.builder.icmp_signed("<", signs, self.vectors.same(self.vectors.whole, 0))
+
+    def _selected_by_sign(self, node: Operation, signs: Any, a: Any, b: Any) -> Any:
+        """``a`` where the sign is set, else ``b``."""
+        builder, v = self.builder, self.vectors
+        _, first, second = node.arguments
+        x, y = (builder.bitcast(value, v.whole) for value in (a, b))
+        if isinstance(first, Operation) and first.name == "neg" and first.arguments[0] is second:
+            chosen = builder.xor(y, builder.and_(signs, v.same(v.whole, -(1 << SIGN_BIT))))
+        else:
+            everywhere = builder.ashr(signs, v.same(v.whole, SIGN_BIT))
+            chosen = builder.or_(builder.and_(x, everywhere), builder.and_(y, builder.not_(everywhere)))
+        return builder.bitcast(chosen, v.numbers)
 
 
 class EmittedStages:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
 from typing import Any
 
 from redundant_envs.algebra import where
@@ -34,7 +33,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     def end(lane: Lane) -> dict[Any, Any]:
         interval.update_effect_states(lane)
         motion = lane.get((*dynamics.states[: 2 * dynamics.count], *dynamics.effect_states))
-        defect = reduce(lambda total, x: total + 0.0 * x, motion[1:], 0.0 * motion[0])
+        defect = interval.step.defect(motion)
         told: dict[str, Any] = {}
         fault: Any = 0.0
         if dynamics.local:

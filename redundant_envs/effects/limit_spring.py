@@ -13,7 +13,7 @@ from redundant_envs.robots.parameters import not_negative, number, strength, tra
 @physics
 def depth_beyond(position, lower, upper, side):
     """Distance of a joint beyond the limit of a side; 0 between the limits."""
-    return position - where(side > 0.0, upper, where(side < 0.0, lower, position))
+    return position - where(side < 0.0, lower, where(side != 0.0, upper, position))
 
 
 @physics

@@ -117,7 +117,7 @@ def inside(guess: Any, low: Any, high: Any, otherwise: Any) -> Any:
 
 def side_beyond(position: Any, lower: Any, upper: Any) -> Any:
     """Side of the limit that a position is beyond; also for arrays."""
-    return cases((position > upper, 1.0), (position < lower, -1.0), default=0.0)
+    return cases((position < lower, -1.0), (position > upper, 1.0), default=0.0)
 
 
 @branches

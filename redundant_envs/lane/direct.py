@@ -16,8 +16,7 @@ from redundant_envs.lane.interval import FIRST, Interval
 from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction
-from redundant_envs.tracing.graph import Operation, Value, reached
-from redundant_envs.tracing.passes.simplify import COMPARISONS
+from redundant_envs.tracing.graph import COMPARISONS, Operation, Value, reached
 
 Procedure = Callable[[Lane], Any]
 OPERATIONS: dict[str, Callable[..., Any]] = {

@@ -108,6 +108,6 @@ def _count(counts: dict[str, Counter[str]], nodes: list[Operation], times: int) 
         folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
         owner = n.origin.owner or PARTS.get(folder, "arm")
         if n.origin.function == "sincos":
-            counts.setdefault(owner, Counter())["sine_pairs"] += times * (n.name == "bit" and n.extra == 1)
+            counts.setdefault(owner, Counter())["sine_pairs"] += times * (n.name == "bit" and n.extra == 0)
         elif n.name in COUNTED:
             counts.setdefault(owner, Counter())[COUNTED[n.name]] += times

@@ -33,10 +33,15 @@ class Step(NamedTuple):
 
 
 def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
-    """The first weight that is not 0, and the sum of terms in units of it."""
-    (factor, total), *rest = ((w, term) for w, term in zip(weights, terms, strict=False) if w != 0.0)
-    for w, term in rest:
-        total = total + (w / factor) * term
+    """The first weight that is not 0, and the sum of terms in units of it; terms of equal weights are added
+    first, which needs fewer products."""
+    parts: dict[float, Any] = {}
+    for w, term in zip(weights, terms, strict=False):
+        if w != 0.0:
+            parts[w] = parts[w] + term if w in parts else term
+    (factor, total), *rest = parts.items()
+    for w, part in rest:
+        total = total + (w / factor) * part
     return factor, total
 
 

@@ -165,10 +165,11 @@ def mobility_bounds(m1, m2, m3, m4, l1, l2):
     )
 
 
-@physics(gives="inverse_m4 S1 S3 I1 I3 m3m4")
-def products_of_masses(m1, m3, m4, l1, l2):
-    """The part that depends on masses and lengths alone; S, I: first and second moments of mass."""
-    return 1.0 / m4, m1 * l1, m3 * l2, m1 * l1 * l1, m3 * l2 * l2, m3 * m4
+@physics(gives="inverse_m4 S1 S3 I1 I3 m3m4 S34 m23")
+def products_of_masses(m1, m2, m3, m4, l1, l2):
+    """The part that depends on masses and lengths alone; S, I: first and second moments of mass; S34 is
+    2 m4 S3."""
+    return 1.0 / m4, m1 * l1, m3 * l2, m1 * l1 * l1, m3 * l2 * l2, m3 * m4, 2.0 * m4 * m3 * l2, m2 + m3
 
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4 hold2 hold4")
@@ -232,14 +233,47 @@ def held_dynamics(
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4")
 def forward_dynamics(
-    m2, m3, m4, inverse_m4, S1, S3, I1, I3, m3m4, a1, a2, r2, s1, c1, s12, c12, w1, v1, w2, v2,
+    m2, m4, m23, inverse_m4, S1, S3, I1, I3, m3m4, S34, a1, a2, r2, s1, c1, s12, c12, w1, v1, w2, v2,
     Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
-    qdd1, qdd2, qdd3, qdd4, _, _ = held_dynamics(
-        m2, m3, m4, inverse_m4, S1, S3, I1, I3, m3m4, a1, a2, r2, s1, c1, s12, c12, w1, v1, w2, v2,
-        Q1, Q2, Q3, Q4, ax, ay, 0.0, 0.0,
-    )  # fmt: skip
-    return qdd1, qdd2, qdd3, qdd4
+    """The same for free sliders with fewer operations, slider 1 in the frame of link 2.
+
+    There the inertia of slider 1, with what the second link adds to it, is m23 along that link and K2/I
+    across it, and only link 1 couples the two. x, y: acceleration of slider 1 along and across link 2.
+    """
+    S4 = m4 * a2
+    sigma = S3 + S4
+    I = I3 + S4 * a2
+    inverse_I = 1.0 / I
+    K2 = m2 * I + m3m4 * r2 * r2
+    squared = w2 * w2
+    coriolis = v2 * w2
+    # Forces on slider 1 along link 2, and across it times I, without the one of link 1 across itself.
+    along = Q2 * c12 + (S3 * squared - Q4)
+    across = I * (Q2 * s12) - (sigma * Q3 - S34 * r2 * coriolis)
+    gn = ay * c1 - ax * s1
+    be = ax * c1 + ay * s1 - a1 * w1 * w1
+    bn = gn + 2.0 * v1 * w1
+    base = Q1 - S1 * gn
+    # The force of link 1 across itself is eliminated and multiplied out; terms that cancel are left out. The
+    # torque on link 1 and the forces on slider 1 turn the arm; the inertia of link 1 lags behind the bias bn.
+    Ic = I * c12
+    mc = m23 * c12
+    a11 = a1 * a1
+    inverse_D1 = 1.0 / (I1 * (mc * Ic) + K2 * (I1 * (s12 * s12) + m23 * a11))
+    turn_along = s12 * base - a1 * along
+    turn_across = Ic * base + a1 * across
+    pull = I1 * (Ic * along + s12 * across)
+    lag = I1 * bn
+    qdd1 = (K2 * (s12 * turn_along - a1 * (m23 * bn)) + mc * turn_across) * inverse_D1
+    x = (c12 * pull - K2 * (a1 * turn_along + s12 * lag)) * inverse_D1
+    y = (s12 * pull + m23 * (a1 * turn_across + Ic * lag)) * inverse_D1
+    return (
+        qdd1,
+        c12 * x + (s12 * y - be),
+        (Q3 - (S4 + S4) * coriolis - sigma * y) * inverse_I,
+        a2 * squared + (Q4 * inverse_m4 - x),
+    )
 
 
 @physics(gives="W12 W22 W32 W42 W14 W24 W34 W44")

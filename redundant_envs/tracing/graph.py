@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import operator
 import struct
 import sys
 from collections.abc import Iterable, Iterator
@@ -17,8 +18,12 @@ Value = Any
 """An :class:`Operation`, or a float that all lanes share."""
 
 CONDITIONS = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "xor", "not", "bit")
-"""Operations whose result is a condition; "bit" asks for one bit of a number's representation."""
-FREE = ("neg", "and", "result", "load")
+"""Operations whose result is a condition; "bit" asks for bit k of a number's representation."""
+COMPARISONS = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+    "!=": operator.ne,
+}  # fmt: skip
+FREE = ("neg", "bit", "and", "result", "load")
 """Operations that become part of the instructions that use their results, or only name values."""
 LATENCY = {"/": 24, "sqrt": 32, "select": 2}
 """Cycles until a result can be used, for vectors of 8; those of an addition if not listed."""
@@ -127,11 +132,11 @@ class Graph:
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
         """Part of the program. Equal products of different parts are recorded separately, so that joining in
-        one part does not depend on the other parts."""
+        one part does not depend on the other parts; ``shared`` ones are never joined."""
 
-    def record(self, name: str, *arguments: Value, extra: Any = None) -> Operation:
+    def record(self, name: str, *arguments: Value, extra: Any = None, shared: bool = False) -> Operation:
         operands = [a if type(a) is Operation else bits_of(a) for a in arguments]
-        key = (name, extra, self.part if name == "*" else 0, *operands)
+        key = (name, extra, self.part if name == "*" and not shared else 0, *operands)
         found = self._known.get(key)
         if found is None:
             origin = _origin() if self._located else None
@@ -146,7 +151,27 @@ class Graph:
         """Record an operation on two values, unless one of them leaves the other as it is."""
         if type(a) is float and (name, bits_of(a)) in LEFT:
             return b
-        return a if type(b) is float and (name, bits_of(b)) in RIGHT else self.record(name, a, b)
+        if type(b) is float and (name, bits_of(b)) in RIGHT:
+            return a
+        known = self._decided(name, a, b) if name in COMPARISONS and type(b) is float else None
+        return self.record(name, a, b) if known is None else known
+
+    def _decided(self, name: str, a: Value, b: float) -> Value | bool | None:
+        """A comparison of one of two constants with a third, as the condition that chooses, or as known; of
+        three constants, such as those of sides, too. None for any other value."""
+        if type(a) is float:
+            return bool(COMPARISONS[name](a, b))
+        if type(a) is not Operation or a.name != "select" or type(a.arguments[1]) is not float:
+            return None
+        condition, first, second = a.arguments
+        first, second = self._decided(name, first, b), self._decided(name, second, b)
+        if second is None or first is second:
+            return second
+        if type(second) is bool:
+            return condition if first else self.record("not", condition)
+        if first:
+            return self.record("or", condition, second)
+        return self.record("and", self.record("not", condition), second)
 
 
 def reached(results: Iterable[Value]) -> list[Operation]:

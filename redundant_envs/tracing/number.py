@@ -36,6 +36,8 @@ def _binary(name: str, swapped: bool = False) -> Method:
             return NotImplemented
         a, b = (b, self.value) if swapped else (self.value, b)
         made = self.graph.combine(name, a, b)
+        if type(made) is bool:
+            return made
         return Condition(self.graph, made) if compares else Number(self.graph, made)
 
     return method
@@ -165,6 +167,11 @@ def fma(a: Any, b: Any, c: Any) -> Number:
     return Number(graph, graph.record("fma", value_of(a), value_of(b), value_of(c)))
 
 
+def product(a: Number, b: Number) -> Number:
+    """a b, which no sum takes up: parts of a program may share it."""
+    return Number(a.graph, a.graph.record("*", a.value, b.value, shared=True))
+
+
 def negation(x: Condition) -> Condition:
     return Condition(x.graph, x.graph.record("not", x.value))
 
@@ -190,15 +197,15 @@ def sincos(x: Number) -> tuple[Any, Any]:
     k = shifted - ROUND
     r = fma(-k, 1.5707963267948966, x)
     r = fma(-k, 6.123233995736766e-17, r)
-    z = r * r
-    s = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
-    s = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * s)
-    s = r + r * z * (-1.66666666666666324348e-01 + z * s)
-    c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
-    c = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c)
-    c = fma(z, fma(z, 4.16666666666666019037e-02 + z * c, -0.5), 1.0)
+    z, rz = product(r, r), product(r, product(r, r))
+    s = fma(z, fma(z, 1.58969099521155010221e-10, -2.50507602534068634195e-08), 2.75573137070700676789e-06)
+    s = fma(z, fma(z, s, -1.98412698298579493134e-04), 8.33333333332248946124e-03)
+    s = fma(rz, fma(z, s, -1.66666666666666324348e-01), r)
+    c = fma(z, fma(z, -1.13596475577881948265e-11, 2.08757232129817482790e-09), -2.75573143513906633035e-07)
+    c = fma(z, fma(z, c, 2.48015872894767294178e-05), -1.38888888888741095749e-03)
+    c = fma(z, fma(z, fma(z, c, 4.16666666666666019037e-02), -0.5), 1.0)
     # The last two bits of the shifted number are those of the quadrant.
-    odd, upper = (Condition(x.graph, x.graph.record("bit", shifted.value, extra=bit)) for bit in (1, 2))
+    odd, upper = (Condition(x.graph, x.graph.record("bit", shifted.value, extra=k)) for k in (0, 1))
     s, c = where(odd, c, s), where(odd, s, c)
     return where(upper, -s, s), where(odd ^ upper, -c, c)
 

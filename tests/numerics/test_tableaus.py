@@ -10,7 +10,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from redundant_envs.numerics.methods import explicit_step
+from redundant_envs.numerics.methods import explicit_step, weighted
 from redundant_envs.numerics.tableaus import METHODS, RK8
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
@@ -115,6 +115,19 @@ def test_every_tree_up_to_the_claimed_order_is_met_and_some_of_the_next_one_is_n
     for k in range(1, order + 1):
         assert all(gap <= most for gap, most in misses(method, weights, share, k))
     assert max(misses(method, weights, share, order + 1))[0] > 1e-6
+
+
+def test_terms_of_equal_weights_are_added_before_they_are_multiplied():
+    class Term(str):
+        def __add__(self, other):
+            return Term(f"({self} + {other})")
+
+        def __rmul__(self, weight):
+            return Term(f"{weight} {self}")
+
+    terms = [Term(f"k{i + 1}") for i in range(4)]
+    assert weighted(METHODS["rk4"].b, terms) == (1 / 6, "((k1 + k4) + 2.0 (k2 + k3))")
+    assert weighted((0.0, 0.5, 1.0), terms) == (0.5, "(k2 + 2.0 k3)")
 
 
 def test_the_stages_contain_one_estimate_of_order_6():

@@ -75,6 +75,34 @@ def test_products_of_different_parts_are_never_one_and_all_else_is():
     assert [x.value is y.value for x, y in zip(before, after, strict=True)] == [False, True, True, True]
 
 
+def test_sines_of_one_angle_are_one_pair_in_all_parts():
+    graph = Graph()
+    x = Number(graph, graph.load("row", 0))
+    first = algebra.sincos(x)
+    graph.part = 1
+    assert [n.value for n in algebra.sincos(x)] == [n.value for n in first]
+
+
+@pytest.mark.parametrize(
+    ("compare", "recorded"),
+    [
+        (lambda side: side > 0.0, ">"),
+        (lambda side: side < 0.0, "> not < and"),
+        (lambda side: side != 0.0, "> < or"),
+        (lambda side: side <= 1.0, ""),
+        (lambda side: (side > 1.0) | (side > 0.0), ">"),
+    ],
+)
+def test_a_comparison_of_chosen_constants_is_what_has_chosen_them(compare, recorded):
+    def decided(x):
+        return where(compare(cases((x > 0.25, 1.0), (x < -0.25, -1.0), default=0.0)), x, 7.0)
+
+    found = traced(decided)
+    assert sorted(n for n in names(found) if n != "select") == sorted(recorded.split())
+    for x, side in ((0.5, 1.0), (-2.0, -1.0), (0.0, 0.0), (math.nan, 0.0)):
+        np.testing.assert_equal(decided(x), x if compare(side) else 7.0)
+
+
 def test_every_operation_is_reached_once_and_after_its_operands():
     def function(a, b):
         x = a

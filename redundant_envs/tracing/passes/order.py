@@ -21,7 +21,7 @@ FAR = 120
 
 def source_of(value: Operation) -> Operation:
     """The value for which an operand is another name."""
-    while value.name == "neg" and isinstance(value.arguments[0], Operation):
+    while value.name in ("neg", "bit") and isinstance(value.arguments[0], Operation):
         value = value.arguments[0]
     return value
 

@@ -6,17 +6,11 @@ A joined product has one rounding and one instruction, the same on every machine
 from __future__ import annotations
 
 import itertools
-import operator
 from collections import Counter
 from collections.abc import Container, Mapping
 from typing import Any
 
-from redundant_envs.tracing.graph import Operation, Value, reached
-
-COMPARISONS = {
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
-    "!=": operator.ne,
-}  # fmt: skip
+from redundant_envs.tracing.graph import COMPARISONS, Operation, Value, reached
 
 
 def join_products(results: list[Value], asides: Container[int] = ()) -> None:
