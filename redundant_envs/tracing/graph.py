@@ -173,6 +173,21 @@ class Graph:
             return self.record("or", condition, second)
         return self.record("and", self.record("not", condition), second)
 
+    def choose(self, condition: Operation, a: Value, b: Value) -> Operation:
+        """``a`` where a condition holds, else ``b``; if ``b`` is chosen, too, it does not ask for the same
+        condition again: without that, a value between two limits is a minimum and a maximum."""
+        if type(b) is Operation and b.name == "select":
+            inner, *values = b.arguments
+            known = {"or": condition, "and": self._known_negation(condition)}.get(inner.name)
+            rest = [x for x in inner.arguments if x is not known] if known else []
+            if len(rest) == 1:
+                b = self.record("select", rest[0], *values)
+        return self.record("select", condition, a, b)
+
+    def _known_negation(self, condition: Operation) -> Operation | None:
+        """The negation of a condition, if it was recorded."""
+        return self._known.get(("not", None, 0, condition))
+
 
 def reached(results: Iterable[Value]) -> list[Operation]:
     """All operations that some results need, each after its operands."""

@@ -182,7 +182,7 @@ def where(condition: Condition, a: Any, b: Any) -> Any:
     graph = condition.graph
     if isinstance(a, Condition | bool) and isinstance(b, Condition | bool):
         return (condition & a) | (negation(condition) & b)
-    return Number(graph, graph.record("select", condition.value, value_of(a), value_of(b)))
+    return Number(graph, graph.choose(condition.value, value_of(a), value_of(b)))
 
 
 def sincos(x: Number) -> tuple[Any, Any]:

@@ -103,6 +103,21 @@ def test_a_comparison_of_chosen_constants_is_what_has_chosen_them(compare, recor
         np.testing.assert_equal(decided(x), x if compare(side) else 7.0)
 
 
+def test_a_choice_within_a_choice_does_not_ask_for_its_condition_again():
+    def clamped(x):
+        side = cases((x < -0.25, -1.0), (x > 0.25, 1.0), default=0.0)
+        return where(side < 0.0, -0.25, where(side > 0.0, 0.25, x))
+
+    def beyond(x):
+        side = cases((x < -0.25, -1.0), (x > 0.25, 1.0), default=0.0)
+        return where(side < 0.0, -0.25, where(side != 0.0, 0.25, x))
+
+    for function in (clamped, beyond):
+        assert sorted(names(traced(function))) == ["<", ">", "select", "select"]
+        for x, expected in ((0.5, 0.25), (-2.0, -0.25), (0.1, 0.1), (math.nan, math.nan)):
+            np.testing.assert_equal(function(x), expected)
+
+
 def test_every_operation_is_reached_once_and_after_its_operands():
     def function(a, b):
         x = a
