@@ -25,11 +25,12 @@ from .sampling import sample
 
 with needs("train"):
     import torch
-    from stable_baselines3 import SAC
+    from stable_baselines3 import SAC, HerReplayBuffer
     from stable_baselines3.common.preprocessing import get_action_dim
     from torch import Tensor
     from torch.nn.functional import softplus
 
+hardtanh_backward, tanh_backward = torch.ops.aten.hardtanh_backward, torch.ops.aten.tanh_backward
 LOG_STD = (-20.0, 2.0)  # bounds of the logarithm of the standard deviation, as in stable-baselines3
 FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
@@ -105,27 +106,30 @@ class AveragedSAC(Averaging, SAC):
         drawn = sample(self.replay_buffer, batch_size * gradient_steps)
         now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
         discounts, smoothness = self.gamma * (1.0 - drawn.dones), self._smoothness(drawn.rewards)
-        # A sample with hindsight goals has all original goals first; every gradient step gets its share of
-        # them.
-        order = torch.randperm(len(now))
-        data = torch.cat([now, drawn.actions], 1), after, drawn.rewards, discounts, now, smoothness
-        batches = list(zip(*(part.index_select(0, order).split(batch_size) for part in data), strict=True))
+        # next states have the same columns, where actions drawn there will be
+        pairs, nexts = (torch.cat([states, drawn.actions], 1) for states in (now, after))
+        data = [pairs, nexts, drawn.rewards, discounts, smoothness]
+        if isinstance(self.replay_buffer, HerReplayBuffer):
+            # A sample has all original goals first; every gradient step gets its share of them.
+            order = torch.randperm(len(now))
+            data = [part.index_select(0, order) for part in data]
+        batches = list(zip(*(part.split(batch_size) for part in data), strict=True))
+        width = now.shape[1]
         while batches:
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
             group, batches = batches[:count], batches[count:]
-            states, (now, smoothness) = [after for _, after, *_ in group], group[-1][-2:]
-            if len(group) == count:
-                states.append(now)
-            ahead = self._draw(torch.cat(states))  # until then the actor stays as it is
-            for k, (pairs, after, rewards, discounts, *_) in enumerate(group):
+            with_actor = len(group) == count
+            pairs, *_, smoothness = group[-1]
+            chosen = torch.cat([*(nexts for _, nexts, *_ in group), *([pairs] if with_actor else [])])
+            ahead = self._draw(chosen[:, :width])  # until its next step the actor stays as it is
+            chosen[:, width:] = ahead.actions
+            for k, (pairs, _, rewards, discounts, _) in enumerate(group):
                 rows = slice(k * batch_size, (k + 1) * batch_size)
                 self._n_updates += 1
-                self._update_critics(
-                    pairs, after, rewards, discounts, ahead.actions[rows], ahead.log_prob[rows], rate
-                )
+                self._update_critics(pairs, chosen[rows], rewards, discounts, ahead.log_prob[rows], rate)
                 self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
-            if len(group) == count:
-                self._update_actor(now, ahead, smoothness, rate)
+            if with_actor:
+                self._update_actor(chosen[-batch_size:], ahead, smoothness, rate)
         self.networks["actor"].write()  # the next actions are drawn by its modules
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/learning_rate", rate)
@@ -152,43 +156,46 @@ class AveragedSAC(Averaging, SAC):
         normal = torch.randn_like(mean)
         noise = log_std.exp().mul_(normal)
         before = mean + noise
-        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit
-        terms = (
-            normal.square().mul_(-0.5) - log_std - 2.0 * (math.log(2.0) - before - softplus(-2.0 * before))
-        )
-        constant = 0.5 * mean.shape[1] * math.log(2.0 * math.pi)
-        return Draw(outputs[0], tape, torch.tanh(before), terms.sum(1, keepdim=True) - constant, noise)
+        # Half of the logarithm of the density, without its constant: that of the normal distribution minus
+        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit.
+        squash = torch.add(before, softplus(-before, beta=2.0), alpha=2.0)
+        halves = squash.sub_(log_std.addcmul_(normal, normal, value=0.5), alpha=0.5)
+        constant = mean.shape[1] * (2.0 * math.log(2.0) + 0.5 * math.log(2.0 * math.pi))
+        log_prob = halves.sum(1, keepdim=True).mul_(2.0).sub_(constant)
+        return Draw(outputs[0], tape, torch.tanh(before), log_prob, noise)
 
     def _update_critics(
-        self, pairs: Tensor, after: Tensor, rewards: Tensor, discounts: Tensor, actions: Tensor,
-        log_prob: Tensor, rate: float,
-    ) -> None:  # fmt: skip
-        """One step of both critics towards reward and discounted value of ``actions`` drawn at ``after``."""
-        values = self.networks["targets"].outputs(torch.cat([after, actions], 1))
-        least = torch.minimum(values[0], values[1])
-        goals = torch.addcmul(rewards, discounts, least - self._alpha() * log_prob)
+        self, pairs: Tensor, ahead: Tensor, rewards: Tensor, discounts: Tensor, log_prob: Tensor, rate: float
+    ) -> None:
+        """One step of both critics towards reward and discounted value of ``ahead``: next states, and actions
+        drawn there with ``log_prob``."""
+        least = torch.minimum(*self.networks["targets"].outputs(ahead))
+        goals = torch.addcmul(rewards, discounts, least.sub_(log_prob, alpha=self._alpha()))
         critics = self.networks["critics"]
         found, tape = critics.forward(pairs)
-        critics.backward(tape, (found - goals).div_(len(after)))
+        critics.backward(tape, found.sub_(goals).mul_(1.0 / len(pairs)))
         self.adams["critics"].step(rate)
 
-    def _update_actor(self, now: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
-        """One step of the actor; the last rows of ``drawn`` are those of the next states, then of ``now``."""
-        count, width = len(now), drawn.actions.shape[1]
+    def _update_actor(self, chosen: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
+        """One step of the actor at ``chosen``: states, and actions drawn there.
+
+        They are the last rows of ``drawn``; those before are of the next states.
+        """
+        count, width = len(chosen), drawn.actions.shape[1]
         action, noise, raw = drawn.actions[-count:], drawn.noise[-count:], drawn.outputs[-count:, width:]
         alpha = self._alpha() / count
         # the loss: mean of alpha log p - min Q + smoothness |tanh(mean(s)) - tanh(mean(s'))|^2
         critics = self.networks["critics"]
-        values, tape = critics.forward(torch.cat([now, action], 1))
-        first = values[0] <= values[1]
+        values, tape = critics.forward(chosen)
+        first = torch.le(*values)
         dvalues = torch.stack([first, ~first]) * (-1.0 / count)
-        daction = critics.to_inputs(tape, dvalues, slice(now.shape[1], None))
-        dbefore = daction * (1.0 - action * action) + (2.0 * alpha) * action
+        daction = critics.to_inputs(tape, dvalues, slice(-width, None))
+        dbefore = tanh_backward(daction, action).add_(action, alpha=2.0 * alpha)
         after, here = torch.tanh(drawn.outputs[-2 * count :, :width]).split(count)
-        dmean = dbefore + (2.0 / count) * smoothness * (here - after) * (1.0 - here * here)
-        inside = (raw > LOG_STD[0]) & (raw < LOG_STD[1])
-        dlog_std = (dbefore * noise - alpha) * inside
-        rows = [(x[:, -count:], z[:, -count:]) for x, z in drawn.tape]
+        apart = (here - after).mul_(smoothness)
+        dmean = torch.add(dbefore, tanh_backward(apart, here), alpha=2.0 / count)
+        dlog_std = hardtanh_backward((dbefore * noise).sub_(alpha), raw, *LOG_STD)  # 0 where it is clamped
+        rows = [(x[:, -count:], kept[:, -count:]) for x, kept in drawn.tape]
         self.networks["actor"].backward(rows, torch.cat([dmean, dlog_std], 1)[None])
         self.adams["actor"].step(rate)
         self.take_means(self.average, FIRST_UPDATES / (FIRST_UPDATES + self._n_updates))
