@@ -9,6 +9,7 @@ import torch
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
+from stable_baselines3.common.vec_env import VecNormalize
 from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -16,6 +17,7 @@ from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.build import NormalNoise, make_model
 from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, goal_mixing, linear_layers
 from redundant_envs_train.learners.ppo import neighbouring_actions
+from redundant_envs_train.learners.sac import AveragedSAC
 from redundant_envs_train.learners.sampling import sample
 
 SMALL = {
@@ -264,6 +266,31 @@ def test_actions_while_learning_are_those_of_stable_baselines3():
     for ours, theirs in zip(*taken, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-6)
         assert ours.dtype == theirs.dtype
+
+
+@pytest.mark.parametrize("case", ["plain", "time limits as ends", "normalized"])
+def test_transitions_are_stored_as_by_stable_baselines3(case):
+    # episodes end within 150 steps, and the buffer of 160 begins anew
+    kept = []
+    for algorithm in (AveragedSAC, SAC):
+        env = make_sb3("RPRPReach-v0", 5)
+        env.seed(0)
+        given = {"handle_timeout_termination": case != "time limits as ends"}
+        model = algorithm(
+            "MlpPolicy", VecNormalize(env) if case == "normalized" else env, buffer_size=800, seed=1,
+            learning_starts=10**6, replay_buffer_kwargs=given, device="cpu",
+        ).learn(5 * 320)  # fmt: skip
+        kept.append(model.replay_buffer)
+    ours, theirs = kept
+    assert ours.full
+    assert ours.dones.any()
+    assert ours.timeouts.any() == (case != "time limits as ends")
+    names = {name for name, value in vars(theirs).items() if isinstance(value, np.ndarray | int)}
+    assert {"pos", "full", "observations", "rewards", "dones", "timeouts"} <= names
+    for name in names:
+        mine, other = getattr(ours, name), getattr(theirs, name)
+        assert type(mine) is type(other), name
+        assert np.array_equal(mine, other), name
 
 
 @pytest.mark.parametrize("full", [False, True])

@@ -9,7 +9,6 @@ together, and the derivatives are written out. Tests compare them with those of 
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
