@@ -165,7 +165,8 @@ class AveragedSAC(Averaging, SAC):
         outputs, tape = self.networks["actor"].forward(states)
         mean, log_std = outputs[0].chunk(2, 1)
         log_std = log_std.clamp(*LOG_STD)
-        normal = torch.randn_like(mean)
+        # in the order of stable-baselines3's draws, and then of the means in memory
+        normal = torch.empty_like(mean).copy_(torch.randn(mean.shape))
         noise = log_std.exp().mul_(normal)
         before = mean + noise
         # Half of the logarithm of the density, without its constant: that of the normal distribution minus
