@@ -1,7 +1,7 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
 Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced, and
-samples, actions and what the buffer keeps are the same in less time. Differences from it:
+samples, what the buffer keeps and, up to rounding, actions are the same in less time. Differences from it:
 
 * the policy that is evaluated and saved is the running average of the actor's weights;
 * the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
@@ -86,18 +86,18 @@ class AveragedSAC(Averaging, SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """As in stable-baselines3, the same numbers in less time: before learning starts, the actions of all
-        environments are one draw, and later those of the networks, without the modules."""
+        """As in stable-baselines3, the same numbers up to rounding in less time: before learning starts, the
+        actions of all environments are one draw, and later those of the networks, without the modules."""
         space: Any = self.action_space
         if self.num_timesteps < learning_starts:
             drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
+            scaled = self.policy.scale_action(drawn)
         elif isinstance(self._last_obs, dict):  # the modules have the error of the tip multiplied in
             return super()._sample_action(learning_starts, action_noise, n_envs)
         else:
             with torch.no_grad():
-                bounded = self._draw(torch.from_numpy(self._last_obs)).actions.numpy()
-            drawn = self.policy.unscale_action(bounded)
-        scaled = self.policy.scale_action(drawn)
+                outputs = self.networks["actor"].outputs(torch.from_numpy(self._last_obs))[0]
+                scaled = torch.tanh(_noisy(outputs)[0]).numpy()
         return self.policy.unscale_action(scaled), scaled
 
     def _store_transition(
@@ -163,17 +163,12 @@ class AveragedSAC(Averaging, SAC):
     def _draw(self, states: Tensor) -> Draw:
         """Actions of the present actor."""
         outputs, tape = self.networks["actor"].forward(states)
-        mean, log_std = outputs[0].chunk(2, 1)
-        log_std = log_std.clamp(*LOG_STD)
-        # in the order of stable-baselines3's draws, and then of the means in memory
-        normal = torch.empty_like(mean).copy_(torch.randn(mean.shape))
-        noise = log_std.exp().mul_(normal)
-        before = mean + noise
+        before, noise, log_std, normal = _noisy(outputs[0])
         # Half of the logarithm of the density, without its constant: that of the normal distribution minus
         # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit.
         squash = torch.add(before, softplus(-before, beta=2.0), alpha=2.0)
         halves = squash.sub_(log_std.addcmul_(normal, normal, value=0.5), alpha=0.5)
-        constant = mean.shape[1] * (2.0 * math.log(2.0) + 0.5 * math.log(2.0 * math.pi))
+        constant = before.shape[1] * (2.0 * math.log(2.0) + 0.5 * math.log(2.0 * math.pi))
         log_prob = halves.sum(1, keepdim=True).mul_(2.0).sub_(constant)
         return Draw(outputs[0], tape, torch.tanh(before), log_prob, noise)
 
@@ -216,3 +211,14 @@ class AveragedSAC(Averaging, SAC):
             target = float(self.target_entropy)
             self.log_ent_coef.grad = -(drawn.log_prob[-count:].mean() + target).reshape(1)
             self.ent_coef_optimizer.step()
+
+
+def _noisy(outputs: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """From outputs of the actor: actions before the tanh, the noise in them, the logarithms of its standard
+    deviations, and the normal numbers from which it was made; each (rows, A)."""
+    mean, log_std = outputs.chunk(2, 1)
+    log_std = log_std.clamp(*LOG_STD)
+    # in the order of stable-baselines3's draws, and then of the means in memory
+    normal = torch.empty_like(mean).copy_(torch.randn(mean.shape))
+    noise = log_std.exp().mul_(normal)
+    return mean + noise, noise, log_std, normal
