@@ -9,6 +9,7 @@ import torch
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
+from stable_baselines3.common.vec_env import VecNormalize
 from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -16,6 +17,7 @@ from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.build import NormalNoise, make_model
 from redundant_envs_train.learners.networks import ACTIVATIONS, Adam, Networks, goal_mixing, linear_layers
 from redundant_envs_train.learners.ppo import neighbouring_actions
+from redundant_envs_train.learners.sac import AveragedSAC
 from redundant_envs_train.learners.sampling import sample
 
 SMALL = {
@@ -59,7 +61,7 @@ def test_gradients_of_networks_are_those_of_torch(activation, sizes, count):
         *hidden, last = module
         value = x
         for layer in hidden:
-            value = ACTIVATIONS[activation].forward(layer(value))
+            value = ACTIVATIONS[activation].module()(layer(value))
         return last(value)
 
     expected = torch.stack([plain(m) for m in modules])
@@ -104,12 +106,13 @@ def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losse
     with torch.no_grad():
         drawn = model._draw(torch.cat([after, now]))
         discounts = model.gamma * (1.0 - sample.dones)
+        chosen = torch.cat([torch.cat([after, now]), drawn.actions], 1)
         model._update_critics(
-            torch.cat([now, sample.actions], 1), after, sample.rewards, discounts,
-            drawn.actions[:32], drawn.log_prob[:32], 0.0,
+            torch.cat([now, sample.actions], 1), chosen[:32], sample.rewards, discounts, drawn.log_prob[:32],
+            0.0,
         )  # fmt: skip
         found_critics = critics.gradient.clone()
-        model._update_actor(now, drawn, model._smoothness(sample.rewards), 0.0)
+        model._update_actor(chosen[32:], drawn, model._smoothness(sample.rewards), 0.0)
     assert steps == ["critics", "actor"]
 
     # the same losses through stable-baselines3's modules and torch's graph
@@ -265,6 +268,31 @@ def test_actions_while_learning_are_those_of_stable_baselines3():
         assert ours.dtype == theirs.dtype
 
 
+@pytest.mark.parametrize("case", ["plain", "time limits as ends", "normalized"])
+def test_transitions_are_stored_as_by_stable_baselines3(case):
+    # episodes end within 150 steps, and the buffer of 160 begins anew
+    kept = []
+    for algorithm in (AveragedSAC, SAC):
+        env = make_sb3("RPRPReach-v0", 5)
+        env.seed(0)
+        given = {"handle_timeout_termination": case != "time limits as ends"}
+        model = algorithm(
+            "MlpPolicy", VecNormalize(env) if case == "normalized" else env, buffer_size=800, seed=1,
+            learning_starts=10**6, replay_buffer_kwargs=given, device="cpu",
+        ).learn(5 * 320)  # fmt: skip
+        kept.append(model.replay_buffer)
+    ours, theirs = kept
+    assert ours.full
+    assert ours.dones.any()
+    assert ours.timeouts.any() == (case != "time limits as ends")
+    names = {name for name, value in vars(theirs).items() if isinstance(value, np.ndarray | int)}
+    assert {"pos", "full", "observations", "rewards", "dones", "timeouts"} <= names
+    for name in names:
+        mine, other = getattr(ours, name), getattr(theirs, name)
+        assert type(mine) is type(other), name
+        assert np.array_equal(mine, other), name
+
+
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(
     ("algo", "env", "settings"),
@@ -303,21 +331,20 @@ def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_t
     torch.manual_seed(2)
     np.random.seed(2)
     drawn = sample(theirs.replay_buffer, 7 * 32)
-    order = torch.randperm(7 * 32)
     numbers = drawn.actions, drawn.rewards, theirs.gamma * (1.0 - drawn.dones)
-    rows = [part[order].split(32) for part in (drawn.observations, drawn.next_observations, *numbers)]
+    rows = [part.split(32) for part in (drawn.observations, drawn.next_observations, *numbers)]
     with torch.no_grad():
         for now, after, actions, rewards, discounts in zip(*rows, strict=True):
             theirs._n_updates += 1
             last = theirs._n_updates % 3 == 0
             ahead = theirs._draw(torch.cat([after, now]) if last else after)
+            chosen = [torch.cat(pair, 1) for pair in zip((after, now), ahead.actions.split(32), strict=False)]
             theirs._update_critics(
-                torch.cat([now, actions], 1), after, rewards, discounts,
-                ahead.actions[:32], ahead.log_prob[:32], 6e-3,
-            )  # fmt: skip
+                torch.cat([now, actions], 1), chosen[0], rewards, discounts, ahead.log_prob[:32], 6e-3
+            )
             theirs.networks["targets"].vector.lerp_(theirs.networks["critics"].vector, theirs.tau)
             if last:
-                theirs._update_actor(now, ahead, theirs._smoothness(rewards), 6e-3)
+                theirs._update_actor(chosen[1], ahead, theirs._smoothness(rewards), 6e-3)
     assert ours._n_updates == theirs._n_updates
     assert not torch.equal(theirs.networks["actor"].vector, before)
     for name, networks in ours.networks.items():

@@ -1,7 +1,7 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
 Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced, and
-samples and actions are the same in less time. Differences from it:
+samples, what the buffer keeps and, up to rounding, actions are the same in less time. Differences from it:
 
 * the policy that is evaluated and saved is the running average of the actor's weights;
 * the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
@@ -21,15 +21,17 @@ from numpy.typing import NDArray
 from redundant_envs.extras import needs
 
 from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, goal_mixing, linear_layers
-from .sampling import sample
+from .sampling import sample, store
 
 with needs("train"):
     import torch
-    from stable_baselines3 import SAC
+    from stable_baselines3 import SAC, HerReplayBuffer
+    from stable_baselines3.common.buffers import ReplayBuffer
     from stable_baselines3.common.preprocessing import get_action_dim
     from torch import Tensor
     from torch.nn.functional import softplus
 
+hardtanh_backward, tanh_backward = torch.ops.aten.hardtanh_backward, torch.ops.aten.tanh_backward
 LOG_STD = (-20.0, 2.0)  # bounds of the logarithm of the standard deviation, as in stable-baselines3
 FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
@@ -84,19 +86,30 @@ class AveragedSAC(Averaging, SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """As in stable-baselines3, the same numbers in less time: before learning starts, the actions of all
-        environments are one draw, and later those of the networks, without the modules."""
+        """As in stable-baselines3, the same numbers up to rounding in less time: before learning starts, the
+        actions of all environments are one draw, and later those of the networks, without the modules."""
         space: Any = self.action_space
         if self.num_timesteps < learning_starts:
             drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
+            scaled = self.policy.scale_action(drawn)
         elif isinstance(self._last_obs, dict):  # the modules have the error of the tip multiplied in
             return super()._sample_action(learning_starts, action_noise, n_envs)
         else:
             with torch.no_grad():
-                bounded = self._draw(torch.from_numpy(self._last_obs)).actions.numpy()
-            drawn = self.policy.unscale_action(bounded)
-        scaled = self.policy.scale_action(drawn)
+                outputs = self.networks["actor"].outputs(torch.from_numpy(self._last_obs))[0]
+                scaled = torch.tanh(_noisy(outputs)[0]).numpy()
         return self.policy.unscale_action(scaled), scaled
+
+    def _store_transition(
+        self, replay_buffer: ReplayBuffer, buffer_action: Any, new_obs: Any, reward: Any, dones: Any,
+        infos: list[dict[str, Any]],
+    ) -> None:  # fmt: skip
+        """As in stable-baselines3, the same numbers in less time."""
+        if type(replay_buffer) is not ReplayBuffer or self._vec_normalize_env is not None:
+            super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
+            return
+        store(replay_buffer, self._last_obs, new_obs, buffer_action, reward, dones, infos)
+        self._last_original_obs, self._last_obs = self._last_obs, new_obs
 
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
@@ -105,27 +118,30 @@ class AveragedSAC(Averaging, SAC):
         drawn = sample(self.replay_buffer, batch_size * gradient_steps)
         now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
         discounts, smoothness = self.gamma * (1.0 - drawn.dones), self._smoothness(drawn.rewards)
-        # A sample with hindsight goals has all original goals first; every gradient step gets its share of
-        # them.
-        order = torch.randperm(len(now))
-        data = torch.cat([now, drawn.actions], 1), after, drawn.rewards, discounts, now, smoothness
-        batches = list(zip(*(part.index_select(0, order).split(batch_size) for part in data), strict=True))
+        # next states have the same columns, where actions drawn there will be
+        pairs, nexts = (torch.cat([states, drawn.actions], 1) for states in (now, after))
+        data = [pairs, nexts, drawn.rewards, discounts, smoothness]
+        if isinstance(self.replay_buffer, HerReplayBuffer):
+            # A sample has all original goals first; every gradient step gets its share of them.
+            order = torch.randperm(len(now))
+            data = [part.index_select(0, order) for part in data]
+        batches = list(zip(*(part.split(batch_size) for part in data), strict=True))
+        width = now.shape[1]
         while batches:
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
             group, batches = batches[:count], batches[count:]
-            states, (now, smoothness) = [after for _, after, *_ in group], group[-1][-2:]
-            if len(group) == count:
-                states.append(now)
-            ahead = self._draw(torch.cat(states))  # until then the actor stays as it is
-            for k, (pairs, after, rewards, discounts, *_) in enumerate(group):
+            with_actor = len(group) == count
+            pairs, *_, smoothness = group[-1]
+            chosen = torch.cat([*(nexts for _, nexts, *_ in group), *([pairs] if with_actor else [])])
+            ahead = self._draw(chosen[:, :width])  # until its next step the actor stays as it is
+            chosen[:, width:] = ahead.actions
+            for k, (pairs, _, rewards, discounts, _) in enumerate(group):
                 rows = slice(k * batch_size, (k + 1) * batch_size)
                 self._n_updates += 1
-                self._update_critics(
-                    pairs, after, rewards, discounts, ahead.actions[rows], ahead.log_prob[rows], rate
-                )
+                self._update_critics(pairs, chosen[rows], rewards, discounts, ahead.log_prob[rows], rate)
                 self.networks["targets"].vector.lerp_(self.networks["critics"].vector, self.tau)
-            if len(group) == count:
-                self._update_actor(now, ahead, smoothness, rate)
+            if with_actor:
+                self._update_actor(chosen[-batch_size:], ahead, smoothness, rate)
         self.networks["actor"].write()  # the next actions are drawn by its modules
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/learning_rate", rate)
@@ -147,48 +163,47 @@ class AveragedSAC(Averaging, SAC):
     def _draw(self, states: Tensor) -> Draw:
         """Actions of the present actor."""
         outputs, tape = self.networks["actor"].forward(states)
-        mean, log_std = outputs[0].chunk(2, 1)
-        log_std = log_std.clamp(*LOG_STD)
-        normal = torch.randn_like(mean)
-        noise = log_std.exp().mul_(normal)
-        before = mean + noise
-        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit
-        terms = (
-            normal.square().mul_(-0.5) - log_std - 2.0 * (math.log(2.0) - before - softplus(-2.0 * before))
-        )
-        constant = 0.5 * mean.shape[1] * math.log(2.0 * math.pi)
-        return Draw(outputs[0], tape, torch.tanh(before), terms.sum(1, keepdim=True) - constant, noise)
+        before, noise, log_std, normal = _noisy(outputs[0])
+        # Half of the logarithm of the density, without its constant: that of the normal distribution minus
+        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)), which loses no digit.
+        squash = torch.add(before, softplus(-before, beta=2.0), alpha=2.0)
+        halves = squash.sub_(log_std.addcmul_(normal, normal, value=0.5), alpha=0.5)
+        constant = before.shape[1] * (2.0 * math.log(2.0) + 0.5 * math.log(2.0 * math.pi))
+        log_prob = halves.sum(1, keepdim=True).mul_(2.0).sub_(constant)
+        return Draw(outputs[0], tape, torch.tanh(before), log_prob, noise)
 
     def _update_critics(
-        self, pairs: Tensor, after: Tensor, rewards: Tensor, discounts: Tensor, actions: Tensor,
-        log_prob: Tensor, rate: float,
-    ) -> None:  # fmt: skip
-        """One step of both critics towards reward and discounted value of ``actions`` drawn at ``after``."""
-        values = self.networks["targets"].outputs(torch.cat([after, actions], 1))
-        least = torch.minimum(values[0], values[1])
-        goals = torch.addcmul(rewards, discounts, least - self._alpha() * log_prob)
+        self, pairs: Tensor, ahead: Tensor, rewards: Tensor, discounts: Tensor, log_prob: Tensor, rate: float
+    ) -> None:
+        """One step of both critics towards reward and discounted value of ``ahead``: next states, and actions
+        drawn there with ``log_prob``."""
+        least = torch.minimum(*self.networks["targets"].outputs(ahead))
+        goals = torch.addcmul(rewards, discounts, least.sub_(log_prob, alpha=self._alpha()))
         critics = self.networks["critics"]
         found, tape = critics.forward(pairs)
-        critics.backward(tape, (found - goals).div_(len(after)))
+        critics.backward(tape, found.sub_(goals).mul_(1.0 / len(pairs)))
         self.adams["critics"].step(rate)
 
-    def _update_actor(self, now: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
-        """One step of the actor; the last rows of ``drawn`` are those of the next states, then of ``now``."""
-        count, width = len(now), drawn.actions.shape[1]
+    def _update_actor(self, chosen: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
+        """One step of the actor at ``chosen``: states, and actions drawn there.
+
+        They are the last rows of ``drawn``; those before are of the next states.
+        """
+        count, width = len(chosen), drawn.actions.shape[1]
         action, noise, raw = drawn.actions[-count:], drawn.noise[-count:], drawn.outputs[-count:, width:]
         alpha = self._alpha() / count
         # the loss: mean of alpha log p - min Q + smoothness |tanh(mean(s)) - tanh(mean(s'))|^2
         critics = self.networks["critics"]
-        values, tape = critics.forward(torch.cat([now, action], 1))
-        first = values[0] <= values[1]
+        values, tape = critics.forward(chosen)
+        first = torch.le(*values)
         dvalues = torch.stack([first, ~first]) * (-1.0 / count)
-        daction = critics.to_inputs(tape, dvalues, slice(now.shape[1], None))
-        dbefore = daction * (1.0 - action * action) + (2.0 * alpha) * action
+        daction = critics.to_inputs(tape, dvalues, slice(-width, None))
+        dbefore = tanh_backward(daction, action).add_(action, alpha=2.0 * alpha)
         after, here = torch.tanh(drawn.outputs[-2 * count :, :width]).split(count)
-        dmean = dbefore + (2.0 / count) * smoothness * (here - after) * (1.0 - here * here)
-        inside = (raw > LOG_STD[0]) & (raw < LOG_STD[1])
-        dlog_std = (dbefore * noise - alpha) * inside
-        rows = [(x[:, -count:], z[:, -count:]) for x, z in drawn.tape]
+        apart = (here - after).mul_(smoothness)
+        dmean = torch.add(dbefore, tanh_backward(apart, here), alpha=2.0 / count)
+        dlog_std = hardtanh_backward((dbefore * noise).sub_(alpha), raw, *LOG_STD)  # 0 where it is clamped
+        rows = [(x[:, -count:], kept[:, -count:]) for x, kept in drawn.tape]
         self.networks["actor"].backward(rows, torch.cat([dmean, dlog_std], 1)[None])
         self.adams["actor"].step(rate)
         self.take_means(self.average, FIRST_UPDATES / (FIRST_UPDATES + self._n_updates))
@@ -196,3 +211,14 @@ class AveragedSAC(Averaging, SAC):
             target = float(self.target_entropy)
             self.log_ent_coef.grad = -(drawn.log_prob[-count:].mean() + target).reshape(1)
             self.ent_coef_optimizer.step()
+
+
+def _noisy(outputs: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """From outputs of the actor: actions before the tanh, the noise in them, the logarithms of its standard
+    deviations, and the normal numbers from which it was made; each (rows, A)."""
+    mean, log_std = outputs.chunk(2, 1)
+    log_std = log_std.clamp(*LOG_STD)
+    # in the order of stable-baselines3's draws, and then of the means in memory
+    normal = torch.empty_like(mean).copy_(torch.randn(mean.shape))
+    noise = log_std.exp().mul_(normal)
+    return mean + noise, noise, log_std, normal

@@ -1,7 +1,7 @@
-"""Samples of stable-baselines3's replay buffers: its own, of the same draws, in a third of the time.
+"""Transitions into stable-baselines3's replay buffers, and samples out of them, in a third of the time.
 
-A transition is one row of each array, whichever environment it is of; NumPy takes rows several times as fast
-as elements at pairs of indices.
+What is stored and drawn is the same. A transition is one row of each array, whichever environment it is of;
+NumPy takes rows several times as fast as elements at pairs of indices.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from redundant_envs.extras import needs
 with needs("train"):
     import torch
     from stable_baselines3 import HerReplayBuffer
+    from stable_baselines3.common.buffers import ReplayBuffer
     from stable_baselines3.common.type_aliases import DictReplayBufferSamples
     from stable_baselines3.her.goal_selection_strategy import GoalSelectionStrategy
 
@@ -42,6 +43,30 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     numbers = _rows(buffer.actions, index), ends[:, None], rewards[:, None]
     actions, dones, rewards = map(torch.from_numpy, numbers)
     return DictReplayBufferSamples(_tensors(seen), actions, _tensors(after), dones, rewards)
+
+
+def store(
+    buffer: ReplayBuffer, seen: Any, after: Any, actions: Any, rewards: Any, dones: Any, infos: Any
+) -> None:
+    """What ``buffer.add`` does for a plain ReplayBuffer.
+
+    ``after`` has the first observations of the next episodes where episodes ended; the buffer gets the last.
+    """
+    at = buffer.pos
+    numbers = {
+        "observations": seen, "next_observations": after, "actions": actions, "rewards": rewards,
+        "dones": dones, "timeouts": 0.0,
+    }  # fmt: skip
+    for name, number in numbers.items():
+        getattr(buffer, name)[at] = number
+    for lane in np.flatnonzero(dones).tolist():  # only there an episode may be cut off
+        last = infos[lane].get("terminal_observation")
+        if last is not None:
+            buffer.next_observations[at, lane] = last
+        if buffer.handle_timeout_termination:
+            buffer.timeouts[at, lane] = infos[lane].get("TimeLimit.truncated", False)
+    buffer.pos = (at + 1) % buffer.buffer_size
+    buffer.full |= buffer.pos == 0
 
 
 def _hindsight_goals(buffer: HerReplayBuffer, index: NDArray[np.int64]) -> NDArray[np.floating]:
