@@ -21,6 +21,9 @@ MOST_BEND = 2e-3
 NEAR = 8.0
 """If another coordinate could come to a stop within so many times the longest last piece, this piece is short
 enough to be straight: their order must not depend on how it is guessed."""
+MOST_LONG_PIECES = 8.0
+"""After so many impacts of an interval pieces are straight, too: what a longer one neglects may grow twofold
+with each further impact, and it is the same with half as many steps, so no comparison would show it."""
 RELEASE_SHARE = 1e-7
 """Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
 PUSH_ON = 5e-8
@@ -50,6 +53,7 @@ class Trial(NamedTuple):
     h: Any  # its length, s
     left: Any  # the time left of the planned step at its start, s
     interval: Any  # the control interval that it belongs to, s
+    impacts: Any  # in this interval so far
     encounters: list[Encounter]  # coordinates at their boundaries in it
     events: list[Event]  # the first of each
 
@@ -267,7 +271,8 @@ def next_towards_turn(search: Search) -> Any:
 def last_piece(trial: Trial, sought: Sought) -> LastPiece:
     """The remaining way of the sought coordinate to its stop, or of another one that is at its own before."""
     time, bend = time_of_way(sought)
-    alone = (abs(bend) <= MOST_BEND) & logical_not(any_of(others_near(trial, sought)))
+    few = trial.impacts < MOST_LONG_PIECES
+    alone = few & (abs(bend) <= MOST_BEND) & logical_not(any_of(others_near(trial, sought)))
     share = where(alone, LAST_SHARE, STRAIGHT_SHARE)
     possible = (abs(time) <= share * trial.left) & (time <= trial.left - trial.h) & sought.bounces
     arrives = list(sought.chosen)
