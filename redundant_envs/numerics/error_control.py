@@ -76,8 +76,8 @@ CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
 MANY_SHARE = 0.01
-"""The largest change to half as many steps, in tolerances, after so many impacts: most pieces between them are
-the same in both motions, so what makes the motions differ is rounding, a hundredth of the errors of steps."""
+"""The largest change to half as many steps, in tolerances, after so many impacts: most pieces between them
+are the same in both motions, so what makes them differ is rounding, a hundredth of the errors of steps."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
 STEPS_OF_HIDDEN_KINK = 16.0
