@@ -22,7 +22,7 @@ NEAR = 8.0
 """If another coordinate could come to a stop within so many times the longest last piece, this piece is short
 enough to be straight: their order must not depend on how it is guessed."""
 MOST_LONG_PIECES = 8.0
-"""After so many impacts of an interval pieces are straight, too: what a longer one neglects may grow twofold
+"""After so many impacts pieces are straight, too: what a longer one neglects may grow twofold
 with each further impact, and it is the same with half as many steps, so no comparison would show it."""
 RELEASE_SHARE = 1e-7
 """Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
@@ -53,7 +53,7 @@ class Trial(NamedTuple):
     h: Any  # its length, s
     left: Any  # the time left of the planned step at its start, s
     interval: Any  # the control interval that it belongs to, s
-    impacts: Any  # in this interval so far
+    impacts: Any  # so far, since the start of the common step
     encounters: list[Encounter]  # coordinates at their boundaries in it
     events: list[Event]  # the first of each
 

@@ -173,7 +173,7 @@ class LaneProgram:
                 mobility = self.boundaries.mobility(lane, b, b)
             encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
         events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
-        impacts = lane.impacts if self.dynamics.stops else 0.0
+        impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
         return Trial(h, lane.left, lane.interval, impacts, encounters, events)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:

@@ -204,26 +204,25 @@ def mobility_bounds(m1, m2, m3, m4, l1, l2, l3, l4):
 
 
 @physics(
-    gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 push1 push2 push3 tip3 tip4 both4 ratio1 ratio3"
+    gives="inverse_l1 inverse_l2 inverse_l3 inverse_l4 push1 push2 push3 push4 tip3 tip4 ratio1 ratio3"
     " ratio34 N3",
 )
 def products_of_masses(m1, m2, m3, m4, l1, l2, l3, l4):
     """The part of the elimination that depends on masses and lengths alone.
 
-    A couple of 1 N m on link i accelerates a mass at its end across it: m2 by push_i, m4 by tip_i, and m2 by
-    both4 m4 / (m3 + m4).
+    A couple of 1 N m on link i accelerates a mass at its end across it: m2 by push_i, and m4 by tip_i.
     """
     return (
         1.0 / l1, 1.0 / l2, 1.0 / l3, 1.0 / l4,
         1.0 / (m2 * l1), 1.0 / (m2 * l2), 1.0 / (m2 * l3),
-        1.0 / (m4 * l3), 1.0 / (m4 * l4), (m3 + m4) / (m2 * m4 * l4),
+        1.0 / (m2 * l4), 1.0 / (m4 * l3), 1.0 / (m4 * l4),
         m1 / m2, m3 / m2, m3 / m4, m3 * (m3 + m4) / (m2 * m4),
     )  # fmt: skip
 
 
 @physics(gives="qdd1 qdd2 qdd3 qdd4")
 def forward_dynamics(
-    l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, push1, push2, push3, tip3, tip4, both4,
+    l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, push1, push2, push3, push4, tip3, tip4,
     ratio1, ratio3, ratio34, N3, s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
     """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
@@ -236,6 +235,7 @@ def forward_dynamics(
     f1 = Q1 * push1
     f2 = Q2 * push2
     f3 = Q3 * push3
+    f4 = Q4 * push4
     g4 = Q4 * tip4
     b1 = -l1 * w1 * w1
     b2 = -l2 * w2 * w2
@@ -256,9 +256,10 @@ def forward_dynamics(
     a3 = Q3 * tip3 - c43 * g4
     # Tip to base: p is the bias force of all beyond a link along it, times D; p2 is without that of b2, which
     # o2 has. E is the share of the couples.
-    E3 = s43 * (both4 * Q4 - c43 * f3)
+    # Nearly straight, what couples leave is small, and so differences of equals are taken first.
+    E3 = s43 * ((f4 - c43 * f3) + ratio34 * f4)
     p3 = N3 * b3 + (c43 * (ratio3 * b4) - E3)
-    E2 = s32 * (N2 * f3 - k2 * f2)
+    E2 = s32 * (N3 * (f3 - c32 * f2) + D3 * f3)
     p2 = c32 * p3 - E2
     # Base to tip: (e, n) is the acceleration of a link's near end, y across the link at its far end, P
     # the force along the next link if y were 0, p + N/D e, times D of both links. With a heavy tip the two
