@@ -75,7 +75,7 @@ SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
-MANY_SHARE = 0.01
+MANY_SHARE = 1e-3
 """The largest change to half as many steps, in tolerances, after so many impacts: most pieces between them
 are the same in both motions, so what makes them differ is rounding, a hundredth of the errors of steps."""
 STEPS_PER_IMPACT = 8.0
