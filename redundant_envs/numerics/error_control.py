@@ -75,9 +75,10 @@ SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
-MANY_SHARE = 1e-3
-"""The largest change to half as many steps, in tolerances, after so many impacts: most pieces between them
-are the same in both motions, so what makes them differ is rounding, a hundredth of the errors of steps."""
+MANY_SHARE, MOST_MANY_SHARE, MANY_ROUNDING = 1e-3, 0.1, 1e-13
+"""The largest change to half as many steps after so many impacts, in tolerances: most pieces between them are
+the same in both motions, so what makes them differ is rounding, a hundredth of the errors of steps. Rounding
+alone may be 1e-13 m, for which a small tolerance allows up to a tenth."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
 STEPS_OF_HIDDEN_KINK = 16.0
@@ -149,7 +150,10 @@ def growth_allowed(c: Crossed) -> Any:
 def confirmed(c: Crossed) -> Any:
     """Whether the result of the previous time confirms that of an interval."""
     if not c.kinked:
-        return c.change <= (MANY_SHARE if c.impacts >= MANY_IMPACTS else 1.0) * c.tip_tolerance
+        if c.impacts < MANY_IMPACTS:
+            return c.change <= c.tip_tolerance
+        most = minimum(MOST_MANY_SHARE * c.tip_tolerance, MANY_ROUNDING)
+        return c.change <= maximum(MANY_SHARE * c.tip_tolerance, most)
     growth = KINKED_GROWTH if c.impacts < CHECKED_IMPACTS else GROWTH
     least = maximum(STEPS_PER_IMPACT * c.impacts, STEPS_OF_HIDDEN_KINK if c.hidden_kink else 1.0)
     return (

@@ -139,7 +139,7 @@ def test_numbers_of_the_scene_are_shown_by_their_names():
     """In the function of long steps, too."""
     for integrator in STAGES:
         text = rde.listing(scene(FOUR_R, EFFECTS["FourR"], integrator))
-        for name in ("theta1", "l4", "m2", "command3", r"saturating_spring\.k", "ax"):
+        for name in ("theta1", "l4", "tip4", "command3", r"saturating_spring\.k", "ax"):
             assert re.search(rf"= {name}$", text, re.MULTILINE), (integrator, name)
         for name in (*FOUR_R.coordinates, *FOUR_R.rates):
             assert f"  {name} <- %" in text
