@@ -18,13 +18,17 @@ from redundant_envs.lane.memory import LOG
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
-from redundant_envs.model.programs import Copied, Simulator, Team, batch_simulator
+from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.values import shown, whole_number
 
 Numerics = Fault
 """Name of the error estimate in ``info``."""
 
+OUTPUTS = {
+    "finite": np.bool_, "evaluations": np.int64, "error": np.float64, "events": np.int64, "numerics": np.int8,
+}  # fmt: skip
+"""Arrays that the kernel fills, and their types, in the order of ``Status``."""
 EVENT_KINDS = {1: "upper impact", 2: "lower impact", 3: "rest", 4: "release"}
 
 
@@ -54,13 +58,6 @@ class Status(NamedTuple):
     numerics: NDArray[np.int8]  # flags of Numerics
 
 
-def _constant(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """An array, and the same array to be read only."""
-    shown = array.view()
-    shown.flags.writeable = False
-    return array, shown
-
-
 class BatchSimulator(Copied):
     """``num_envs`` copies of a scene with their own states and parameters.
 
@@ -78,7 +75,7 @@ class BatchSimulator(Copied):
         Also integrate the work of motors and of forces without a potential (``work``, J).
     """
 
-    made_anew = ("_team", "_unchanging", "_facts")
+    made_anew = ("_team", "_filled", "_unchanging", "_facts")
 
     def __init__(self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False) -> None:
         check_scene(scene)
@@ -93,15 +90,20 @@ class BatchSimulator(Copied):
     def _connect(self) -> None:
         simulator, memory = self.simulator, self._memory
         self._team = Team(simulator, "advance", memory, self.threads)
-        count = memory.blocks * LANES
         dynamics = simulator.dynamics
-        stages = self.scene.substeps * dynamics.method.stages
-        # Outputs that are the same in every interval are one read-only array for all calls.
-        self._unchanging = (
-            None if dynamics.method.error5 else _constant(np.full(count, np.nan)),
-            None if dynamics.local else _constant(np.full(count, stages)),
-            None if dynamics.stops else _constant(np.zeros(count, dtype=np.int64)),
-        )
+        same = {} if dynamics.method.error5 else {"error": np.nan}
+        if not dynamics.local:
+            same["evaluations"] = self.scene.substeps * dynamics.method.stages
+        if not dynamics.stops:
+            same["events"] = 0
+        self._filled, self._unchanging = {}, {}
+        for name, kind in OUTPUTS.items():
+            self._filled[name] = column = np.zeros(memory.blocks * LANES, kind)
+            for part in self._team.parts:
+                part.set(**{name: column[part.first * LANES :]})
+            if name in same:  # one read-only array for all calls
+                self._unchanging[name] = shown = np.full(self.num_envs, same[name], kind)
+                shown.flags.writeable = False
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -218,25 +220,17 @@ class BatchSimulator(Copied):
             N m and N at the joints (``Scene.actuation``); zero by default.
         """
         n = self.num_envs
-        none = np.zeros(self.simulator.dynamics.count)
-        table = self._table("efforts", none if efforts is None else efforts, n)
+        if efforts is None:
+            efforts = np.zeros(self.simulator.dynamics.count)
+        table = self._table("efforts", efforts, n)
         if not table.flags.carray:
             table = table.copy(order="C")
-        count = self._memory.blocks * LANES
-        no_error, no_evaluations, no_events = self._unchanging
-        error, shown_error = no_error or 2 * (np.empty(count),)
-        evaluations, shown_evaluations = no_evaluations or 2 * (np.empty(count, np.int64),)
-        events, shown_events = no_events or 2 * (np.empty(count, np.int64),)
-        finite, numerics = np.empty(count, np.bool_), np.empty(count, np.int8)
+        start, size = address(table), table.strides[0]
         for part in self._team.parts:
-            first = part.first * LANES
-            part.set(
-                efforts=table[first:], error=error[first:], evaluations=evaluations[first:],
-                events=events[first:], finite=finite[first:], numerics=numerics[first:],
-            )  # fmt: skip
+            part.put("efforts", (start + part.first * LANES * size,))
         self._team()
-        # The last block may not be full.
-        return Status(finite[:n], shown_evaluations[:n], shown_error[:n], shown_events[:n], numerics[:n])
+        same, filled = self._unchanging, self._filled
+        return Status(*[same[name] if name in same else filled[name][:n].copy() for name in OUTPUTS])
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
