@@ -11,9 +11,10 @@ import heapq
 
 from redundant_envs.tracing.graph import FREE, Operation, Value, reached
 
-ISSUED = 3
-"""Instructions that may begin in a cycle: two with vectors of 512 bits, more with 256 bits."""
-REGISTERS = 26
+ISSUED = 1
+"""Instructions that may begin in a cycle. Processors begin up to two with vectors of 512 bits, but with more
+than one here too many values are computed long before they are used (docs/decisions/0011)."""
+REGISTERS = 22
 """Values that may wait to be used before the order prefers to use them up (32 registers)."""
 FAR = 120
 """Cycles between the first and the last use of a value beyond which it will wait in memory."""
