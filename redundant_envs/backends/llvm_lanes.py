@@ -202,7 +202,7 @@ class EmittedStages:
         for space, k, value in part.stores:
             places.setdefault(value, []).append((space, k))
         values = [*part.returned, *(v for _, _, v in part.stores)]
-        for node in [*(in_order(values) if ordered else reached(values)), *places]:
+        for node in [*(in_order(values, self.vectors.lanes) if ordered else reached(values)), *places]:
             emitted = emitter.value(node)
             for space, k in places.pop(node, ()):  # at once, so that it needs no register
                 store_block(builder, emitted, bases[space], k)
@@ -294,7 +294,8 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
     emitted = EmittedStages(stages, made, spaces, ordered, vectors) if stages else None
     emitter = Emitter(builder, load, vectors, emitted)
-    order = stages.in_order(results) if stages else in_order(results) if ordered else reached(results)
+    alone = in_order(results, vectors.lanes) if ordered else reached(results)
+    order = stages.in_order(results) if stages else alone
     for node in order:
         emitter.value(node)
     values = [emitter.value(r) for r in results]

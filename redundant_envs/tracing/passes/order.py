@@ -11,9 +11,9 @@ import heapq
 
 from redundant_envs.tracing.graph import FREE, Operation, Value, reached
 
-ISSUED = 1
-"""Instructions that may begin in a cycle. Processors begin up to two with vectors of 512 bits, but with more
-than one here too many values are computed long before they are used (docs/decisions/0011)."""
+ISSUED = {4: 3, 8: 1}
+"""Instructions that may begin in a cycle, by the lanes of a vector. Processors begin up to two with 8 lanes,
+but with more than one here too many values are computed long before they are used (docs/decisions/0011)."""
 REGISTERS = 22
 """Values that may wait to be used before the order prefers to use them up (32 registers)."""
 FAR = 120
@@ -104,7 +104,7 @@ class Schedule:
         self.done(n, cycle)
 
 
-def in_order(results: list[Value]) -> list[Operation]:
+def in_order(results: list[Value], lanes: int = 8) -> list[Operation]:
     """The operations that some results need and that cost time, in an order that keeps a processor busy.
 
     A list schedule: in every cycle, of the operations whose operands are available, those begin that have
@@ -114,7 +114,7 @@ def in_order(results: list[Value]) -> list[Operation]:
     schedule, order, cycle = Schedule(reached(results)), list[Operation](), 0
     while schedule.coming or schedule.ready:
         schedule.come(cycle)
-        for _ in range(ISSUED):
+        for _ in range(ISSUED[lanes]):
             if (n := schedule.next()) is None:
                 break
             order.append(n)
