@@ -25,7 +25,7 @@ from redundant_envs.values import shown, whole_number
 Numerics = Fault
 """Name of the error estimate in ``info``."""
 
-OUTPUTS = {
+OUTPUTS: dict[str, type[Any]] = {
     "finite": np.bool_, "evaluations": np.int64, "error": np.float64, "events": np.int64, "numerics": np.int8,
 }  # fmt: skip
 """Arrays that the kernel fills, and their types, in the order of ``Status``."""
@@ -96,7 +96,8 @@ class BatchSimulator(Copied):
             same["evaluations"] = self.scene.substeps * dynamics.method.stages
         if not dynamics.stops:
             same["events"] = 0
-        self._filled, self._unchanging = {}, {}
+        self._filled: dict[str, NDArray[Any]] = {}
+        self._unchanging: dict[str, NDArray[Any]] = {}
         for name, kind in OUTPUTS.items():
             self._filled[name] = column = np.zeros(memory.blocks * LANES, kind)
             for part in self._team.parts:
