@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, any_of, maximum, minimum, total, where
+from redundant_envs.algebra import ABSENT, any_of, cases, maximum, minimum, total, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events import boundary, contacts, crossings
 from redundant_envs.events.boundary import Boundary, BoundedCoordinate
@@ -170,8 +170,8 @@ class Boundaries:
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
             for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)
         )
-        met = where(meets, Reason.EVENT, Reason.NONE)
-        lane.reason = where(lane.reason == Reason.NEAR_BOUNDARY, met, lane.reason)
+        near = lane.reason == Reason.NEAR_BOUNDARY
+        lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
 
     def is_cut(self, lane: Lane) -> Any:
         """Whether an instant that is known beforehand lies within the common step."""
