@@ -28,7 +28,7 @@ ONE = torch.ones(())
 
 
 class Activation(NamedTuple):
-    """torch's module, and the function in place, which may overwrite what they are given.
+    """An activation as torch's module, and as functions, each of which may overwrite its first argument.
 
     ``forward`` gives its values and what ``backward`` needs beside them. ``backward`` turns derivatives with
     respect to the values into those with respect to the inputs.
