@@ -15,6 +15,7 @@ from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
+from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
@@ -81,6 +82,12 @@ class Dynamics:
             gap, bounce = w.functions["function"], w.parameter(w.hook.restitution)
             found.append(Boundary(f"gap{k + 1}", "", "", w.key, gap=gap, restitution=bounce))
         return tuple(found)
+
+    @cached_property
+    def sharpness(self) -> float:
+        """The factor of the error estimate."""
+        springs = any("stiffness" in a.functions for a in self.scene.attached.of(Force))
+        return SHARPNESS_OF_SPRINGS if springs and self.stops else SHARPNESS
 
     @cached_property
     def holding(self) -> tuple[Boundary, ...]:

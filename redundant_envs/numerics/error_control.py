@@ -16,9 +16,12 @@ def blended_error(higher: Any, lower: Any) -> Any:
 
 SHARPNESS = 45.0
 """Chosen so that single steps of many scenes are off by at most two thirds of their estimate (0021)."""
+SHARPNESS_OF_SPRINGS = 1000.0
+"""That of scenes with declared springs and stops: a step of an oscillation may be off by its whole estimate,
+and a slider that swings back until it just touches its stop may multiply that by a hundred."""
 
 
-def tip_error(e6: Any, e5: Any, e3: Any) -> Any:
+def tip_error(e6: Any, e5: Any, e3: Any, sharpness: float = SHARPNESS) -> Any:
     """Error of a step, m, from estimates that fall with its length like h^7, h^6 and h^4.
 
     Their quotient q of e5 and e3 falls like h^2, so e6 times the root of q falls like h^8. Where e6 is small
@@ -27,7 +30,7 @@ def tip_error(e6: Any, e5: Any, e3: Any) -> Any:
     """
     higher = maximum(e5, e6)
     q = higher / maximum(higher, e3 + 1e-300)  # 1e-300: no 0 / 0
-    smooth = minimum(SHARPNESS * e6 * sqrt(q), 2.0 * higher)
+    smooth = minimum(sharpness * e6 * sqrt(q), 2.0 * higher)
     return where(e3 < 1e150, maximum(smooth, e5 * q), e3)  # if e3 is infinite, q is 0
 
 

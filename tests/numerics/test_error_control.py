@@ -313,3 +313,21 @@ def test_an_interval_has_to_come_out_the_same_where_its_estimate_is_doubtful(kno
 def test_many_impacts_behind_a_kink_end_with_a_flag():
     found = ended(1e-9, change=0.3, steps=256.0, impacts=63.0, kinked=True)
     assert found == (End.CROSSED, Fault.TOLERANCE_NOT_REACHED)
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8])
+def test_a_spring_that_brings_a_light_slider_back_to_its_stop_keeps_the_tolerance(tolerance):
+    """It just touches the stop, which multiplies the error of a step: the tip was off by 17 tolerances."""
+    arm = rde.RPRP((0.28, 0.9, 0.8, 0.00033), (0.14, 0.39))
+    springs = e.CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
+    effects = (e.Gravity(), springs, e.PrismaticStop((0.0, 0.0), (0.25, 0.25), 1.0))
+    rng = np.random.default_rng(3)
+    q = np.array([-0.23, 0.25, -1.42, 0.25]) + rng.normal(0.0, [0.1, 0.0, 0.1, 0.0], (256, 4))
+    qd = np.array([-0.1, 0.0, -0.08, 0.0]) * rng.uniform(0.0, 2.0, (256, 1))
+    q[0], qd[0] = [-0.23, 0.25, -1.42, 0.25], [-0.1, 0.0, -0.08, 0.0]
+    got, status = advance(rde.Scene(arm, effects, tolerance=tolerance), q, qd)
+    first, _ = advance(rde.Scene(arm, effects, "dop853"), q, qd)
+    second, _ = advance(rde.Scene(arm, effects, substeps=2048), q, qd)
+    judged = (tip_errors(arm, first, second) <= 0.1 * tolerance) & (status.numerics == 0)
+    assert judged.mean() > 0.9
+    assert (tip_errors(arm, got, first) <= tolerance)[judged].all()
