@@ -93,7 +93,7 @@ def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:
         parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
         return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
 
-    return error_control.tip_error(*(tip_size(*error) for error in step.errors), dynamics.sharpness)
+    return error_control.tip_error(*(tip_size(*error) for error in step.errors), sharpness=dynamics.sharpness)
 
 
 def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
@@ -108,7 +108,7 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
         sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in step.errors]
         pace = abs(after - before) * (lane.interval / h)
         size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
-        shares.append(error_control.tip_error(*sizes, dynamics.sharpness) / size)
+        shares.append(error_control.tip_error(*sizes, sharpness=dynamics.sharpness) / size)
     return lane.interval * gained * total(shares)
 
 
