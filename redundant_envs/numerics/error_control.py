@@ -21,7 +21,7 @@ SHARPNESS_OF_SPRINGS = 1000.0
 and a slider that swings back until it just touches its stop may multiply that by a hundred."""
 
 
-def tip_error(e6: Any, e5: Any, e3: Any, sharpness: float = SHARPNESS) -> Any:
+def tip_error(e6: Any, e5: Any, e3: Any, *, sharpness: float = SHARPNESS) -> Any:
     """Error of a step, m, from estimates that fall with its length like h^7, h^6 and h^4.
 
     Their quotient q of e5 and e3 falls like h^2, so e6 times the root of q falls like h^8. Where e6 is small
