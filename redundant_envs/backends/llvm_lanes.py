@@ -294,8 +294,10 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
     emitted = EmittedStages(stages, made, spaces, ordered, vectors) if stages else None
     emitter = Emitter(builder, load, vectors, emitted)
-    alone = in_order(results, vectors.lanes) if ordered else reached(results)
-    order = stages.in_order(results) if stages else alone
+    if stages:
+        order = stages.in_order(results)
+    else:
+        order = in_order(results, vectors.lanes) if ordered else reached(results)
     for node in order:
         emitter.value(node)
     values = [emitter.value(r) for r in results]

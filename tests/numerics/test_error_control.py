@@ -10,12 +10,14 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.numerics.error_control import (
     Crossed,
     blended_error,
+    confirmed,
     steps_allowed,
     steps_for_error,
     tip_error,
@@ -313,6 +315,28 @@ def test_an_interval_has_to_come_out_the_same_where_its_estimate_is_doubtful(kno
 def test_many_impacts_behind_a_kink_end_with_a_flag():
     found = ended(1e-9, change=0.3, steps=256.0, impacts=63.0, kinked=True)
     assert found == (End.CROSSED, Fault.TOLERANCE_NOT_REACHED)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "share"), [(1e-3, 1e-3), (1e-10, 1e-3), (1e-11, 1e-2), (1e-12, 0.1), (1e-13, 0.1)]
+)
+def test_after_32_impacts_a_thousandth_of_the_tolerance_is_compared_but_not_rounding(tolerance, share):
+    def passes(impacts, change):
+        return bool(confirmed(Crossed(64.0, 0.0, tolerance, change * tolerance, impacts)))
+
+    assert (passes(31.0, 0.99), passes(31.0, 1.01)) == (True, False)
+    assert (passes(32.0, 0.99 * share), passes(32.0, 1.01 * share)) == (True, False)
+
+
+def test_only_springs_between_stops_have_the_larger_factor():
+    arm = rde.RPRP((0.5,) * 4, (0.25,) * 2)
+    spring = e.CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
+    stop = e.PrismaticStop((0.0, 0.0), (0.25, 0.25), 1.0)
+    found = {
+        k: Dynamics(rde.Scene(arm, k, tolerance=1e-6)).sharpness
+        for k in ((), (spring,), (stop,), (spring, stop))
+    }
+    assert found == {(): 45.0, (spring,): 45.0, (stop,): 45.0, (spring, stop): 1000.0}
 
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8])
