@@ -31,16 +31,17 @@ class Schedule:
     """Operations that wait to begin, and values that wait to be used."""
 
     def __init__(self, nodes: list[Operation]) -> None:
-        self.nodes = nodes
-        self.place = {n: k for k, n in enumerate(nodes)}
         self.users: dict[Operation, list[Operation]] = {n: [] for n in nodes}
         for n in nodes:
             for a in dict.fromkeys(n.operands):
                 self.users[a].append(n)
-        self.chain: dict[Operation, int] = {}
+        chain: dict[Operation, int] = {}
         """Cycles from the beginning of an operation to the end of all that follow from it."""
         for n in reversed(nodes):
-            self.chain[n] = n.latency + max((self.chain[u] for u in self.users[n]), default=0)
+            chain[n] = n.latency + max((chain[u] for u in self.users[n]), default=0)
+        self.nodes = sorted(nodes, key=lambda n: -chain[n])
+        self.rank = {n: k for k, n in enumerate(self.nodes)}
+        """Place of an operation among all, those with the longest chains being the first."""
         self.inputs: dict[Operation, dict[Operation, None]] = {}
         self.uses: dict[Operation, list[Operation]] = {n: [] for n in nodes if n.name not in FREE}
         for n in self.uses:
@@ -48,15 +49,16 @@ class Schedule:
             for a in self.inputs[n]:
                 self.uses[a].append(n)
         self.left = {a: len(users) for a, users in self.uses.items()}
-        chains = {a: [self.chain[u] for u in users] for a, users in self.uses.items() if users}
+        chains = {a: [chain[u] for u in users] for a, users in self.uses.items() if users}
         self.near = {a for a, some in chains.items() if max(some) - min(some) <= FAR}
-        self.more_waiting = {n: int(n in self.near) for n in self.uses}
+        self.more_waiting = [int(n in self.near) for n in self.nodes]
         """How many more values wait to be used after an operation than before it."""
         for a in self.near:
             self._last_use_frees(a)
         self.missing = {n: len(set(n.operands)) for n in nodes}
-        self.begins = dict.fromkeys(self.place, 0)
-        self.coming = [(0, self.place[n]) for n in nodes if self.missing[n] == 0]
+        self.begins = dict.fromkeys(nodes, 0)
+        self.coming = [(0, self.rank[n]) for n in nodes if self.missing[n] == 0]
+        heapq.heapify(self.coming)
         self.ready: set[int] = set()
         self.waiting = 0
 
@@ -64,7 +66,7 @@ class Schedule:
         """Count that the only use left of a value, if there is one left, ends its waiting."""
         if self.left[a] == 1:
             for u in self.uses[a]:
-                self.more_waiting[u] -= 1
+                self.more_waiting[self.rank[u]] -= 1
 
     def done(self, n: Operation, cycle: int) -> None:
         """An operation has begun in a cycle: those that waited for it alone may follow."""
@@ -72,7 +74,7 @@ class Schedule:
             self.begins[u] = max(self.begins[u], cycle + n.latency)
             self.missing[u] -= 1
             if self.missing[u] == 0:
-                heapq.heappush(self.coming, (self.begins[u], self.place[u]))
+                heapq.heappush(self.coming, (self.begins[u], self.rank[u]))
 
     def come(self, cycle: int) -> None:
         """Operations whose operands are available in a cycle become ready."""
@@ -85,18 +87,16 @@ class Schedule:
 
     def next(self) -> Operation | None:
         """The operation that begins next; None if it is better to wait."""
-        nodes, chain, more = self.nodes, self.chain, self.more_waiting
-        if not self.ready:
-            return None
-        if self.waiting < REGISTERS:
-            return nodes[max(self.ready, key=lambda k: (chain[nodes[k]], -k))]
-        k = min(self.ready, key=lambda k: (max(more[nodes[k]], 0), -chain[nodes[k]], k))
-        return None if more[nodes[k]] > 0 and self.coming else nodes[k]
+        chosen = self.ready
+        if self.waiting >= REGISTERS:
+            using_up = {k for k in self.ready if self.more_waiting[k] <= 0}
+            chosen = using_up if using_up or self.coming else self.ready
+        return self.nodes[min(chosen)] if chosen else None
 
     def begin(self, n: Operation, cycle: int) -> None:
         """Begin an operation in a cycle."""
-        self.ready.discard(self.place[n])
-        self.waiting += self.more_waiting[n]
+        self.ready.discard(self.rank[n])
+        self.waiting += self.more_waiting[self.rank[n]]
         for a in self.inputs[n]:
             self.left[a] -= 1
             if a in self.near:
