@@ -8,10 +8,12 @@ formulas; for more, the set of stops that act is searched.
 from __future__ import annotations
 
 import itertools
+import operator
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import all_of, cases, logical_not, maximum, where
+from redundant_envs.algebra import all_of, cases, logical_not, maximum, total
 
 Matrix = Sequence[Sequence[Any]]
 
@@ -31,20 +33,7 @@ def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> lis
     share = [row[0] * (1.0 / w[0][0]) for row in w]
     rest = [[w[i][j] - share[i] * w[0][j] for j in range(1, len(b))] for i in range(1, len(b))]
     x = solution(rest, [b[i] - share[i] * b[0] for i in range(1, len(b))])
-    return [(b[0] - dot(w[0][1:], x)) * (1.0 / w[0][0]), *x]
-
-
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Sum of products."""
-    terms = [x * y for x, y in zip(a, b, strict=True)]
-    return sum(terms[1:], terms[0])
-
-
-def less_products(start: Any, a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """A number less some products, one after the other."""
-    for x, y in zip(a, b, strict=True):
-        start = start - x * y
-    return start
+    return [(b[0] - total(map(operator.mul, w[0][1:], x))) * (1.0 / w[0][0]), *x]
 
 
 def subsets(count: int) -> list[tuple[int, ...]]:
@@ -79,7 +68,7 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
         good = [at[i] & (p[i] >= 0.0) for i in chosen]
         for j in n:
             if j not in p:
-                left = less_products(d[j], [outward[j][i] for i in p], list(p.values()))
+                left = reduce(operator.sub, (outward[j][i] * x for i, x in p.items()), d[j])
                 good.append(logical_not(at[j]) | (left <= 0.0))
         choices.append((all_of(good), p))
     result = solution(outward, d, w)
@@ -88,22 +77,16 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
 
 def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
     """Impulses that stop some coordinates; 0 for a coordinate that need not stop."""
-    count = len(velocities)
-    negative = [-v for v in velocities]
-    if count == 2:
-        (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
-        pair = (w[0][1] * vb - w[1][1] * va) * per_det, (w[0][1] * va - w[0][0] * vb) * per_det
-        return [
-            cases((still[0] & still[1], pair[k]), (still[k], negative[k] * (1.0 / w[k][k])), default=0.0)
-            for k in (0, 1)
-        ]
-    result: list[Any] = [0.0] * count
-    for chosen in subsets(count):
-        p = solution(submatrix(w, chosen), [negative[i] for i in chosen])
-        these = all_of(still[i] if i in chosen else logical_not(still[i]) for i in range(count))
-        for k, i in enumerate(chosen):
-            result[i] = where(these, p[k], result[i])
-    return result
+    choices: list[list[tuple[Any, Any]]] = [[] for _ in velocities]
+    for chosen in reversed(subsets(len(velocities))):
+        p = solution(submatrix(w, chosen), [-velocities[i] for i in chosen])
+        if len(velocities) == len(chosen) == 2:  # the bits of the formula without a change of signs
+            (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
+            p = [(w[0][1] * vb - w[1][1] * va) * per_det, (w[0][1] * va - w[0][0] * vb) * per_det]
+        these = all_of(still[i] for i in chosen)
+        for i, impulse in zip(chosen, p, strict=True):
+            choices[i].append((these, impulse))
+    return [cases(*largest_first, default=0.0) for largest_first in choices]
 
 
 def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
@@ -130,7 +113,8 @@ def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
         p = solution(submatrix(w, chosen), [accelerations[i] for i in chosen])
         idle = [j for j in range(count) if j not in chosen]
         good = [x >= 0.0 for x in p]
-        good += [accelerations[j] - dot([w[j][i] for i in chosen], p) <= 0.0 for j in idle]
+        pushed = [total(w[j][i] * x for i, x in zip(chosen, p, strict=True)) for j in idle]
+        good += [accelerations[j] - a <= 0.0 for j, a in zip(idle, pushed, strict=True)]
         these = logical_not(settled) & all_of(good)
         result = [r | these if i in chosen else r for i, r in enumerate(result)]
         settled = settled | these

@@ -7,20 +7,14 @@ from __future__ import annotations
 
 import enum
 import itertools
+import operator
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
-from redundant_envs.algebra import all_of, any_of, cases, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import all_of, any_of, cases, logical_not, maximum, minimum, sqrt, total, where
 from redundant_envs.events.boundary import NEGLIGIBLE_SPEED, ROUNDING, side_touched
-from redundant_envs.events.complementarity import (
-    Matrix,
-    dot,
-    halting,
-    impulses,
-    less_products,
-    outward_mobilities,
-    pressed,
-)
+from redundant_envs.events.complementarity import Matrix, halting, impulses, outward_mobilities, pressed
 from redundant_envs.tracing.ways import branches
 
 MOST_IMPACTS = 256
@@ -140,7 +134,7 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
 def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
     """Coordinates at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
     modes, forces = [c.active_stop for c in contacts], [c.force for c in contacts]
-    free = [-mode * dot(row, forces) for mode, row in zip(modes, w, strict=True)]
+    free = [-mode * total(map(operator.mul, row, forces)) for mode, row in zip(modes, w, strict=True)]
     stays = pressed(free, outward_mobilities(w, modes))
     all_rest = all_of(c.resting for c in contacts) & any_of(c.pulled for c in contacts)
     result = []
@@ -205,9 +199,7 @@ def velocities_after(
     """
     velocities = []
     for c, row, stops, push in zip(contacts, w, still, pushed, strict=True):
-        velocity = c.velocity
-        for impulse, mobility in zip(pushes, row, strict=True):
-            velocity = velocity + impulse * mobility
+        velocity = total([c.velocity, *map(operator.mul, pushes, row)])
         bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
         velocities.append(cases((stops, 0.0), (push, bounced), default=velocity))
     return velocities
@@ -252,7 +244,10 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     cleaned = [where(r, 0.0, c.velocity) for r, c in zip(rounding, contacts, strict=True)]
     contacts = [c._replace(velocity=v) for c, v in zip(contacts, cleaned, strict=True)]
     held = [where(c.free, 0.0, c.force) if c.holds else 0.0 for c in contacts]
-    unheld = [c.side * less_products(c.acceleration, row, held) for c, row in zip(contacts, w, strict=True)]
+    unheld = [
+        c.side * reduce(operator.sub, map(operator.mul, row, held), c.acceleration)
+        for c, row in zip(contacts, w, strict=True)
+    ]
     rests, released = support_of(contacts, unheld, w)
     settling = any_of(released) | any_of(rests)
     approach = any_of(c.speed > 0.0 for c in contacts)
