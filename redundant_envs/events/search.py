@@ -234,19 +234,16 @@ def correction(sought: Sought, search: Search) -> tuple[Any, Any]:
     return -2.0 * gap * speed, curved if curved > speed * speed else 2.0 * speed * speed
 
 
-def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
-    """Length of the next trial step towards an event, s, from the search after the last one."""
-    numerator, denominator = correction(sought, search)
-    return guess_in_bracket(trial, search, sought, numerator / denominator)  # one division for both formulas
-
-
 @branches
-def guess_in_bracket(trial: Trial, search: Search, sought: Sought, step: Any) -> Any:
-    """The guess to which a correction leads; after many trial steps the middle of the bracket."""
+def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
+    """Length of the next trial step towards an event, s, from the search after the last one: the guess to
+    which its correction leads; after many trial steps the middle of the bracket."""
     low, high = search.low, search.high
     guess = middle = 0.5 * (low + high)
     if not sought.free and search.is_narrow(trial.left):
         return high
+    numerator, denominator = correction(sought, search)
+    step = numerator / denominator  # one division for both formulas
     if search.tries <= MOST_GUESSES:
         if not sought.free:
             guess = low + (high - low) * step + PUSH_ON * trial.left
@@ -347,9 +344,8 @@ def position_at_event(s: BoundedCoordinate, position: Any, arrives: Any, stop: A
 def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: Any) -> list[Any]:
     """Positions at an event: after a trial step and a last piece of ``time``, in which some arrive."""
     positions = []
-    for s, is_sought, arrived in zip(
-        (e.motion for e in trial.encounters), sought.chosen, arrives, strict=True
-    ):
+    for e, is_sought, arrived in zip(trial.encounters, sought.chosen, arrives, strict=True):
+        s = e.motion
         position = position_after(time, s.position, s.velocity, s.watched.last)
         if s.bounces:
             stop = where(is_sought, sought.limit, s.limit(s.velocity))
