@@ -23,8 +23,6 @@ NO_LIMIT = 1e300
 """Larger limits count as absent: infinite ones must not make every position close to them."""
 MARGIN = 1e-13
 """m or rad, relative above 1: if a force changes its law this much later, the error is below tolerances."""
-SMALLEST_SCALE = 1e-280
-"""Smallest scale of rounding, for positions and limits that are all 0."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class BoundedCoordinate(NamedTuple):
         largest = maximum(size_of(self.lower), size_of(self.upper))
         if not isinstance(self.scale, float):
             largest = maximum(largest, self.scale)
-        return ROUNDING * maximum(largest, maximum(abs(self.start_position), SMALLEST_SCALE))
+        return ROUNDING * maximum(largest, maximum(abs(self.start_position), 1e-280))
 
     @property
     def side_beyond(self) -> Any:

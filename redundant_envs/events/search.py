@@ -102,11 +102,6 @@ class Sought(NamedTuple):
     time: Any  # of the first event that it has in the step, s
     bounces: Any  # whether its limit is a stop
 
-    @property
-    def over(self) -> Any:
-        """Whether the step ends after the event."""
-        return self.gap > 0.0
-
 
 class LastPiece(NamedTuple):
     """The remaining way to a stop, which takes no trial step."""
@@ -196,12 +191,13 @@ def towards_event(search: Search, h: Any, sought: Sought) -> Search:
 
     An end that stays for the second time gets a smaller weight (Anderson and Bjorck 1973).
     """
-    weight = 1.0 - sought.gap / where(sought.over, search.gap_high, search.gap_low)
+    over = sought.gap > 0.0  # the step ends after the event
+    weight = 1.0 - sought.gap / where(over, search.gap_high, search.gap_low)
     weight = weight if weight > 0.0 else 0.5
     after = search._replace(tries=search.tries + 1.0)
     if not sought.free:
         after = after._replace(side=direction(sought.gap))
-    if sought.over:
+    if over:
         weight_low = weight * search.gap_low if search.side > 0.0 else search.gap_low
         return after._replace(high=h, gap_low=weight_low, gap_high=sought.gap)
     weight_high = search.gap_high if search.side > 0.0 else weight * search.gap_high
@@ -319,7 +315,7 @@ def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, p
     # A coordinate that is distinguishable from its limit at the end of the bracket has not arrived.
     rounding = sought.closeness + 4.0 * ROUNDING * trial.left * abs(sought.speed)
     at_limit = (abs(gap) <= sought.closeness) | possible | (narrow & (gap >= -rounding))
-    return where(sought.free, at_limit, (narrow | late) & sought.over)
+    return where(sought.free, at_limit, (narrow | late) & (gap > 0.0))
 
 
 @branches
@@ -346,7 +342,7 @@ def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: 
     positions = []
     for e, is_sought, arrived in zip(trial.encounters, sought.chosen, arrives, strict=True):
         s = e.motion
-        position = position_after(time, s.position, s.velocity, s.watched.last)
+        position = moved_on(time, s.position, s.velocity + 0.5 * time * s.watched.last)
         if s.bounces:
             stop = where(is_sought, sought.limit, s.limit(s.velocity))
             position = position_at_event(s, position, arrived, stop, trial.interval)
@@ -355,12 +351,6 @@ def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: 
 
 
 @branches
-def position_after(time: Any, position: Any, velocity: Any, acceleration: Any) -> Any:
-    """A position after a last piece; without one, exactly the same."""
-    return position if time == 0.0 else position + time * (velocity + 0.5 * time * acceleration)
-
-
-@branches
-def velocity_after(time: Any, velocity: Any, acceleration: Any) -> Any:
-    """A velocity after a last piece; without one, exactly the same."""
-    return velocity if time == 0.0 else velocity + time * acceleration
+def moved_on(time: Any, x: Any, rate: Any) -> Any:
+    """A number after a last piece with a mean rate; without one, exactly the same."""
+    return x if time == 0.0 else x + time * rate

@@ -167,7 +167,8 @@ class CommonStep:
             lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
-        """Number of steps that the present rates and all springs and dampers require."""
+        """Number of steps of an interval before any estimate is used: half a radian of the fastest link in
+        each, and as many as springs and dampers require, which no estimate sees before they are touched."""
         arm = self.dynamics.arm
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
@@ -175,7 +176,7 @@ class CommonStep:
         numbers = boundaries.numbers_of(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
-        return error_control.least_steps(fastest, most, lane.interval)
+        return lane.interval * maximum(2.0 * fastest, most)
 
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes."""

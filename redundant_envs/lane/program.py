@@ -271,9 +271,9 @@ class LaneProgram:
         """Move the state by a last piece, with the accelerations at its start."""
         arm, moving = self.dynamics.arm, self.dynamics.states[self.dynamics.count :]
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
-            lane[q] = search.position_after(time, lane[q], lane[v], lane[f"{v}_slope"])
+            lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:
-            lane[s] = search.velocity_after(time, lane[s], lane[f"{s}_slope"])
+            lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""

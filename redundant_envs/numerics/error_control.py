@@ -54,21 +54,10 @@ def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
     return 100.0 * scale if strikes else scale
 
 
-def least_steps(fastest: Any, least_step_rate: Any, interval: Any) -> Any:
-    """Number of steps of an interval before any estimate is used: half a radian of the fastest link in each,
-    and as many as springs and dampers require, since an estimate cannot see a spring before it is touched."""
-    return interval * maximum(2.0 * fastest, least_step_rate)
-
-
 # ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
 
-# A sum of errors ignores their growth, which matters with many steps or many impacts. From 128 steps on an
-# interval must give the same result, to the tolerance, with half as many, unless errors that grow a hundred
-# thousand times would pass; from 1024 on always: such a motion may be chaotic. Two sliders between their
-# stops may double an error with each impact: from 4 impacts on errors that grow a hundred times must pass,
-# and from 8 on the check is always made, as it is after a kink of a force, or when the tip has come to
-# another distance from a joint. If impacts follow each other faster than steps, both motions have the same
-# pieces between them, and agree whatever their error is: after a kink such an agreement does not count.
+# A sum of errors ignores their growth with many steps or impacts. Where that matters an interval must give
+# the same result, to the tolerance, with half as many steps: decision 0013 has the reasons.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
