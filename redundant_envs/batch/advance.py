@@ -23,18 +23,12 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
     gives_up = dynamics.local and (bool(dynamics.boundaries) or dynamics.control is Control.ADAPTIVE)
-    has = {
-        "evaluations": dynamics.local,
-        "error": bool(dynamics.method.error5),
-        "events": bool(dynamics.stops),
-    }
-    columns = [name for name in COLUMNS if has.get(name, True)]
+    told: dict[str, Any] = {}
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.update_effect_states(lane)
         motion = lane.get((*dynamics.states[: 2 * dynamics.count], *dynamics.effect_states))
         defect = interval.step.defect(motion)
-        told: dict[str, Any] = {}
         fault: Any = 0.0
         if dynamics.local:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
@@ -54,7 +48,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
         return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
 
     def outputs(block: Block) -> dict[str, Any]:
-        return {name: p[name] + block.first for name in columns}
+        return {name: p[name] + block.first for name in COLUMNS if name in told}
 
     advance(blocks, Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
     blocks.prune()

@@ -198,9 +198,6 @@ class Slots:
         at = {name: self.layout.row_of(name) for name in self.layout.fields}
         return [n for n, row in at.items() if row in rows and (row[0] == STATE or row in and_these)]
 
-    def _home(self, lane: Scalar) -> tuple[Block, Scalar]:
-        return self.block(lane >> 3), lane & (LANES - 1)
-
     def _copy(self, names: Sequence[str], goal: Any, goal_lane: Any, source: Any, source_lane: Any) -> None:
         for name in names:
             self.blocks.store(goal, goal_lane, name, self.blocks.load(source, source_lane, name))
@@ -240,10 +237,8 @@ class Slots:
         self.head.value = self.head.value + 1
         self.busy.value = self.busy.value + 1
         p.store(seats.homes, seat, lane)
-        home, k = self._home(lane)
-        read = self._read_by([*self.of_entry, *self.of_slots])
-        if self.dynamics.logs:
-            read.add(self.layout.row_of("span_start"))  # read by the log of events, and by no function
+        home, k = self.block(lane >> 3), lane & (LANES - 1)
+        read = self._read_by(self.of_entry) | self._read_in_slots()
         self._copy(self._fields(read, written_by(self.of_blocks)), seats.pointers, seat, home.pointers, k)
         self._copy_parameters(seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
@@ -252,9 +247,7 @@ class Slots:
         """Move a lane that has begun its program from the entry to a slot."""
         p, begun = self.p, written_by(self.of_entry)
         p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
-        read = self._read_by(self.of_slots) | {self.layout.row_of("complete")}
-        if self.dynamics.logs:
-            read.add(self.layout.row_of("span_start"))
+        read = self._read_in_slots() | {self.layout.row_of("complete")}
         names = [*self._fields(read, written_by(self.of_blocks) | begun)]
         names += [n for n in self._fields(begun, self._read_at_end()) if n not in names]
         self._copy(names, self.slots.pointers, slot, self.entry.pointers, seat)
@@ -262,6 +255,10 @@ class Slots:
 
     def _read_by(self, functions: Iterable[LaneFunction]) -> set[tuple[str, int]]:
         return set().union(*(self.blocks.reads[f.name] for f in functions))
+
+    def _read_in_slots(self) -> set[tuple[str, int]]:
+        log = [self.layout.row_of("span_start")] if self.dynamics.logs else []
+        return self._read_by(self.of_slots).union(log)
 
     def _read_at_end(self) -> set[tuple[str, int]]:
         return self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
@@ -278,7 +275,7 @@ class Slots:
         self.busy.value = self.busy.value - 1
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
-        home, k = self._home(lane)
+        home, k = self.block(lane >> 3), lane & (LANES - 1)
         changed = written_by([*self.of_entry, *self.of_slots])
         self._copy(self._fields(changed, self._read_at_end()), home.pointers, k, slots, slot)
         self.blocks.store(slots, slot, "complete", 0.0)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.values import whole_number
+
 
 @dataclass(frozen=True)
 class Tableau:
@@ -54,10 +56,7 @@ class Tableau:
                 raise ValueError(
                     f"the {what} of the tableau {self.name!r} sum to {sum(row)!r}; give {wanted!r}"
                 )
-        if isinstance(self.order, bool) or not isinstance(self.order, int) or self.order < 1:
-            raise ValueError(
-                f"the tableau {self.name!r} has the order {self.order!r}; give a whole number from 1 on"
-            )
+        whole_number(f"the order of the tableau {self.name!r}", self.order)
 
     def overshoot_between_nodes(self, at_ends: bool) -> float:
         """Distance by which a parabola may leave the range of its values at the nodes, in units of the range.
