@@ -125,18 +125,6 @@ class Blocks:
         """The lanes of a block, as the bits of a whole number."""
         return self.p.record("<<", 1, block.lanes) - 1
 
-    def whole_lines(self, block: Block, table: str, columns: int) -> Scalar:
-        """The rows of a table for a block; for a block that is not full, a copy padded with 0."""
-        p, array = self.p, self.p[table]
-        there = array + block.first * columns
-        tile = p.space(LANES * columns, array.kind)
-        with p.when(block.lanes < LANES):
-            with p.each(LANES * columns) as i:
-                p.store(tile, i, p.number(i) * 0.0 if array.kind in ("f32", "f64") else 0)
-            with p.each(block.lanes * columns) as i:
-                p.store(tile, i, p.load(there, i))
-        return p.select(block.lanes == LANES, there, tile, kind=array.kind)
-
     def advance(self, ends: Ends) -> None:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
@@ -159,9 +147,19 @@ class Blocks:
             ends.finish(block)
 
     def call(self, function: LaneFunction, block: Block, outputs: Mapping[str, Any] | None = None) -> None:
-        """Call a function, which may read rows of tables, on a block."""
-        tables = {table: self.whole_lines(block, table, n) for table, (_, n) in function.inputs.items()}
-        self.p.call(function, **tables, **block.pointers, **(outputs or {}))
+        """Call a function on a block, with the rows of tables that it reads: copies padded with 0 for a block
+        that is not full."""
+        p, tables = self.p, {}
+        for table, (kind, columns) in function.inputs.items():
+            there = p[table] + block.first * columns
+            tile = p.space(LANES * columns, kind)
+            with p.when(block.lanes < LANES):
+                with p.each(LANES * columns) as i:
+                    p.store(tile, i, p.number(i) * 0.0)
+                with p.each(block.lanes * columns) as i:
+                    p.store(tile, i, p.load(there, i))
+            tables[table] = p.select(block.lanes == LANES, there, tile, kind=kind)
+        p.call(function, **tables, **block.pointers, **(outputs or {}))
 
     def prune(self) -> None:
         """Drop stores within an interval to rows that no function and no loop reads."""

@@ -39,7 +39,6 @@ EPISODE_KEY = KEY_WORDS + 1
 """Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
 begun."""
 DUE, BEGUN = 1, 2
-ROUNDS = 10
 ARGUMENTS = {
     "actions": "f32",
     "obs": "f32",
@@ -48,9 +47,7 @@ ARGUMENTS = {
     "last_obs": "f32",
     **{f"last_{table}": element for table, element in TABLES.items()},
     "episode_keys": "u32",
-    "operation": "int",
-    "autoreset": "int",
-    "any_due": "int",
+    **dict.fromkeys(("operation", "autoreset", "any_due"), "int"),
 }
 """Arguments of the kernel beside memories. The stride is that of the rows of tables."""
 
@@ -65,7 +62,7 @@ class EnvironmentKernel:
         self.observed = self.blocks.function("observe", episode.observe)
         self.reset = self.blocks.function("reset", episode.reset)
         operation = p["operation"]
-        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(self.episode.actions)
+        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
             action = p.load(p["actions"], k)
             bad = (action != action) | (action == math.inf) | (action == -math.inf)
@@ -74,9 +71,8 @@ class EnvironmentKernel:
                 p.leave()
         steps = (operation == Operation.STEP) | checked
         with p.when(steps):
-            inputs = {"actions": ("f32", self.episode.actions)}
-            begin = self.episode.command
-            advance(self.blocks, Ends(begin, inputs, self.end, self.outputs, self.autoreset))
+            inputs = {"actions": ("f32", episode.actions)}
+            advance(self.blocks, Ends(episode.command, inputs, self.end, self.outputs, self.autoreset))
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
@@ -179,7 +175,7 @@ def philox(key: list[Any], counter: list[Any]) -> list[Any]:
     low, (k0, k1), (c0, c1, c2, c3) = 0xFFFFFFFF, key, counter
     zero = k0 & 0
     c0, c1 = zero + c0, zero + c1
-    for _ in range(ROUNDS):
+    for _ in range(10):
         a = c0 * 0xD2511F53
         b = c2 * 0xCD9E8D57
         c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
@@ -108,16 +108,39 @@ class Slots:
             self.confirmed = make("confirm_crossings", boundaries.confirm_crossings)
         if i.controlled:
             self.skipped = make("skip_common_step", step.skip_common_step)
-        self.of_blocks = [f for n, f in self.blocks.functions.items() if f not in self.goes_on.values()]
+        of_blocks = [f for n, f in self.blocks.functions.items() if f not in self.goes_on.values()]
         self.ended = make("end", self.ends.end)
         self.stepped = make("trial_step", step.trial_step)
         self.recorded = make("record_step", step.record_step)
-        self.of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
-        after = [f for f in self.goes_on.values() if f not in self.of_entry]
-        self.of_slots = [*after, self.stepped, self.recorded]
+        of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
+        after = [f for f in self.goes_on.values() if f not in of_entry]
+        of_slots = [*after, self.stepped, self.recorded]
         if i.stops:
             self.contact = make("find_contact_forces", boundaries.find_contact_forces)
-            self.of_slots.append(self.contact)
+            of_slots.append(self.contact)
+        self.name_fields(of_blocks, of_entry, of_slots)
+
+    def name_fields(self, *functions: Sequence[LaneFunction]) -> None:
+        """Fields that a lane brings from its block, takes from the entry to a slot, and brings back, which
+        follow from what functions of blocks, of the entry and of slots read and write."""
+        _, read_in_entry, read_in_slots = (
+            set().union(*(self.blocks.reads[f.name] for f in some)) for some in functions
+        )
+        in_blocks, in_entry, in_slots = (
+            {(space, row) for f in some for space, row, _ in f.stores} for some in functions
+        )
+        if self.dynamics.logs:
+            read_in_slots.add(self.layout.row_of("span_start"))  # by the log of events, and by no function
+        at_end = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+        self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
+        taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
+        self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
+        self.returned = self._fields(in_entry | in_slots, at_end)
+
+    def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
+        """Fields in some rows: states, and those that are in other rows, too."""
+        at = {name: self.layout.row_of(name) for name in self.layout.fields}
+        return [n for n, row in at.items() if row in rows and (row[0] == STATE or row in and_these)]
 
     def group(self, first: Scalar, end: Scalar) -> None:
         """Take a common step with a group of blocks; lanes that it does not serve wait for a slot."""
@@ -193,11 +216,6 @@ class Slots:
             p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
-    def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
-        """Fields in some rows: states, and those that are in other rows, too."""
-        at = {name: self.layout.row_of(name) for name in self.layout.fields}
-        return [n for n, row in at.items() if row in rows and (row[0] == STATE or row in and_these)]
-
     def _copy(self, names: Sequence[str], goal: Any, goal_lane: Any, source: Any, source_lane: Any) -> None:
         for name in names:
             self.blocks.store(goal, goal_lane, name, self.blocks.load(source, source_lane, name))
@@ -238,30 +256,15 @@ class Slots:
         self.busy.value = self.busy.value + 1
         p.store(seats.homes, seat, lane)
         home, k = self.block(lane >> 3), lane & (LANES - 1)
-        read = self._read_by(self.of_entry) | self._read_in_slots()
-        self._copy(self._fields(read, written_by(self.of_blocks)), seats.pointers, seat, home.pointers, k)
+        self._copy(self.brought, seats.pointers, seat, home.pointers, k)
         self._copy_parameters(seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
     def move(self, slot: Scalar, seat: Scalar) -> None:
         """Move a lane that has begun its program from the entry to a slot."""
-        p, begun = self.p, written_by(self.of_entry)
-        p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
-        read = self._read_in_slots() | {self.layout.row_of("complete")}
-        names = [*self._fields(read, written_by(self.of_blocks) | begun)]
-        names += [n for n in self._fields(begun, self._read_at_end()) if n not in names]
-        self._copy(names, self.slots.pointers, slot, self.entry.pointers, seat)
+        self.p.store(self.slots.homes, slot, self.p.load(self.entry.homes, seat))
+        self._copy(self.taken, self.slots.pointers, slot, self.entry.pointers, seat)
         self._copy_parameters(self.slots, slot, self.entry.pointers, seat)
-
-    def _read_by(self, functions: Iterable[LaneFunction]) -> set[tuple[str, int]]:
-        return set().union(*(self.blocks.reads[f.name] for f in functions))
-
-    def _read_in_slots(self) -> set[tuple[str, int]]:
-        log = [self.layout.row_of("span_start")] if self.dynamics.logs else []
-        return self._read_by(self.of_slots).union(log)
-
-    def _read_at_end(self) -> set[tuple[str, int]]:
-        return self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
 
     def _copy_parameters(self, goal: Seats, goal_lane: Scalar, source: Any, source_lane: Any) -> None:
         with self.p.when(~self.shared):
@@ -276,8 +279,7 @@ class Slots:
         self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
         home, k = self.block(lane >> 3), lane & (LANES - 1)
-        changed = written_by([*self.of_entry, *self.of_slots])
-        self._copy(self._fields(changed, self._read_at_end()), home.pointers, k, slots, slot)
+        self._copy(self.returned, home.pointers, k, slots, slot)
         self.blocks.store(slots, slot, "complete", 0.0)
         self.blocks.store(slots, slot, "state", IDLE)
 
@@ -314,11 +316,6 @@ class Slots:
                 with p.when(load(pointers, lane, name) != load(pointers, lane, f"{name}_start")):
                     event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0
                     self._append(pointers, lane, pointers, lane, event)
-
-
-def written_by(functions: Iterable[LaneFunction]) -> set[tuple[str, int]]:
-    """Memory rows that functions store to."""
-    return {(space, row) for f in functions for space, row, _ in f.stores}
 
 
 def advance(blocks: Blocks, ends: Ends) -> None:

@@ -22,8 +22,7 @@ NEAR = 8.0
 """If another coordinate could come to a stop within so many times the longest last piece, this piece is short
 enough to be straight: their order must not depend on how it is guessed."""
 MOST_LONG_PIECES = 8.0
-"""After so many impacts pieces are straight, too: what a longer one neglects may grow twofold
-with each further impact, and it is the same with half as many steps, so no comparison would show it."""
+"""After so many impacts pieces are straight, too: no comparison would show what they neglect (0022)."""
 RELEASE_SHARE = 1e-7
 """Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
 PUSH_ON = 5e-8

@@ -68,18 +68,16 @@ CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
 MANY_SHARE, MOST_MANY_SHARE, MANY_ROUNDING = 1e-3, 0.1, 1e-13
-"""The largest change to half as many steps after so many impacts, in tolerances: most pieces between them are
-the same in both motions, so what makes them differ is rounding, a hundredth of the errors of steps. Rounding
-alone may be 1e-13 m, for which a small tolerance allows up to a tenth."""
+"""The largest change to half as many steps after so many impacts, in tolerances (decision 0022): a tenth in
+place of a thousandth where rounding alone may be that much, 1e-13 m."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""
 STEPS_OF_HIDDEN_KINK = 16.0
 """Nor does it with fewer than these if a kink may have been passed back and forth between two stages: with
 half as many steps it may have been between stages, too."""
 KINKED_GROWTH, KINKED_SHARE = 16.0, 0.25
-"""For a kinked interval: the factor with which its estimated error must still pass, and the largest change to
-half as many steps, in tolerances: across a kink both are now and then, by chance, much smaller than the
-error. With 8 impacts ``GROWTH`` times the estimated error must pass."""
+"""For a kinked interval: the factor with which its estimated error must still pass, with 8 impacts
+``GROWTH``, and the largest change to half as many steps, in tolerances."""
 TOO_FAST = 1.1
 """A link may have become faster by a tenth than the rate for which the number of steps was chosen."""
 FARTHER, FAR = 4.0, 0.4

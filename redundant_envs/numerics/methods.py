@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import maximum, minimum
@@ -47,10 +48,7 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
 
 def watch(values: Numbers) -> Watched:
     """A quantity from its values at the stages."""
-    least = most = values[0]
-    for value in values[1:]:
-        least, most = minimum(least, value), maximum(most, value)
-    return Watched(values[0], values[-1], least, most)
+    return Watched(values[0], values[-1], reduce(minimum, values), reduce(maximum, values))
 
 
 def explicit_step(
