@@ -74,7 +74,6 @@ class BoundedCoordinate(NamedTuple):
 
     @property
     def free(self) -> Any:
-        """Whether it rests at no stop."""
         return self.active_stop == 0.0
 
     @property
@@ -91,7 +90,6 @@ class BoundedCoordinate(NamedTuple):
         return where(self.free, side_beyond(self.position, self.lower, self.upper), 0.0)
 
     def limit(self, side: Any) -> Any:
-        """The limit of a side."""
         return where(side > 0.0, self.upper, self.lower)
 
 

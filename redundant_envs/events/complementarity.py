@@ -42,7 +42,6 @@ def subsets(count: int) -> list[tuple[int, ...]]:
 
 
 def submatrix(w: Matrix, chosen: Sequence[int]) -> list[list[Any]]:
-    """The rows and columns of some coordinates."""
     return [[w[i][j] for j in chosen] for i in chosen]
 
 
