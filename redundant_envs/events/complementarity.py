@@ -36,13 +36,13 @@ def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> lis
     return [(b[0] - total(map(operator.mul, w[0][1:], x))) * (1.0 / w[0][0]), *x]
 
 
-def subsets(count: int) -> list[tuple[int, ...]]:
-    """Sets of coordinates but the empty one, the smaller ones first."""
-    return [s for size in range(1, count + 1) for s in itertools.combinations(range(count), size)]
-
-
-def submatrix(w: Matrix, chosen: Sequence[int]) -> list[list[Any]]:
-    return [[w[i][j] for j in chosen] for i in chosen]
+def solutions(w: Matrix, b: Sequence[Any]) -> list[dict[int, Any]]:
+    """x of w x = b for each set of coordinates alone, by their numbers; the smaller sets first."""
+    count, found = len(b), []
+    for some in (s for n in range(1, count + 1) for s in itertools.combinations(range(count), n)):
+        x = solution([[w[i][j] for j in some] for i in some], [b[i] for i in some])
+        found.append(dict(zip(some, x, strict=True)))
+    return found
 
 
 def outward_mobilities(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:
@@ -62,9 +62,8 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
     at = [s != 0.0 for s in sides]
     d = [u + e * maximum(u, 0.0) for u, e in zip(speeds, restitution, strict=True)]
     choices = []
-    for chosen in subsets(len(speeds))[:-1]:
-        p = dict(zip(chosen, solution(submatrix(outward, chosen), [d[i] for i in chosen]), strict=True))
-        good = [at[i] & (p[i] >= 0.0) for i in chosen]
+    for p in solutions(outward, d)[:-1]:
+        good = [at[i] & (x >= 0.0) for i, x in p.items()]
         for j in n:
             if j not in p:
                 left = reduce(operator.sub, (outward[j][i] * x for i, x in p.items()), d[j])
@@ -77,13 +76,12 @@ def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution
 def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[Any]:
     """Impulses that stop some coordinates; 0 for a coordinate that need not stop."""
     choices: list[list[tuple[Any, Any]]] = [[] for _ in velocities]
-    for chosen in reversed(subsets(len(velocities))):
-        p = solution(submatrix(w, chosen), [-velocities[i] for i in chosen])
-        if len(velocities) == len(chosen) == 2:  # the bits of the formula without a change of signs
+    for p in reversed(solutions(w, [-v for v in velocities])):
+        if len(velocities) == len(p) == 2:  # the bits of the formula without a change of signs
             (va, vb), per_det = velocities, 1.0 / (w[0][0] * w[1][1] - w[0][1] * w[0][1])
-            p = [(w[0][1] * vb - w[1][1] * va) * per_det, (w[0][1] * va - w[0][0] * vb) * per_det]
-        these = all_of(still[i] for i in chosen)
-        for i, impulse in zip(chosen, p, strict=True):
+            p = {0: (w[0][1] * vb - w[1][1] * va) * per_det, 1: (w[0][1] * va - w[0][0] * vb) * per_det}
+        these = all_of(still[i] for i in p)
+        for i, impulse in p.items():
             choices[i].append((these, impulse))
     return [cases(*largest_first, default=0.0) for largest_first in choices]
 
@@ -108,13 +106,11 @@ def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
         return [some & (both | one_a), some & (both | (logical_not(one_a) & one_b))]
     settled: Any = all_of(f <= 0.0 for f in accelerations)
     result: list[Any] = [False] * count
-    for chosen in subsets(count):
-        p = solution(submatrix(w, chosen), [accelerations[i] for i in chosen])
-        idle = [j for j in range(count) if j not in chosen]
-        good = [x >= 0.0 for x in p]
-        pushed = [total(w[j][i] * x for i, x in zip(chosen, p, strict=True)) for j in idle]
-        good += [accelerations[j] - a <= 0.0 for j, a in zip(idle, pushed, strict=True)]
+    for p in solutions(w, accelerations):
+        idle = [j for j in range(count) if j not in p]
+        good = [x >= 0.0 for x in p.values()]
+        good += [accelerations[j] - total(w[j][i] * x for i, x in p.items()) <= 0.0 for j in idle]
         these = logical_not(settled) & all_of(good)
-        result = [r | these if i in chosen else r for i, r in enumerate(result)]
+        result = [r | these if i in p else r for i, r in enumerate(result)]
         settled = settled | these
     return result

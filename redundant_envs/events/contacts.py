@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import enum
 import itertools
-import operator
 from collections.abc import Sequence
 from functools import reduce
+from operator import mul, sub
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import all_of, any_of, cases, logical_not, maximum, minimum, sqrt, total, where
@@ -132,7 +132,7 @@ def collapses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitutio
 def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
     """Coordinates at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
     modes, forces = [c.active_stop for c in contacts], [c.force for c in contacts]
-    free = [-mode * total(map(operator.mul, row, forces)) for mode, row in zip(modes, w, strict=True)]
+    free = [-mode * total(map(mul, row, forces)) for mode, row in zip(modes, w, strict=True)]
     stays = pressed(free, outward_mobilities(w, modes))
     all_rest = all_of(c.resting for c in contacts) & any_of(c.pulled for c in contacts)
     result = []
@@ -171,36 +171,26 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     rests = [calm & s & would_rest(c, a) for c, a, s in zip(contacts, pressing, now, strict=True)]
     if len(contacts) == 1:
         return [rests, released]
-    may_rest = [
-        c.resting | (settled & would_rest(c, maximum(free, a)))
-        for c, free, a, settled in zip(contacts, unheld, pressing, now, strict=True)
-    ]
+    each = list(enumerate(contacts))
+    may_rest = [c.resting | (now[k] & would_rest(c, maximum(unheld[k], pressing[k]))) for k, c in each]
     if len(contacts) > 2:
         unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]
     stay = pressed(unheld, outward_mobilities(w, [c.side for c in contacts]))
     changes = any_of(released) | any_of(rests)
     several = any_of(a & b for a, b in itertools.combinations(may_rest, 2)) & changes
-    new_rests = [c.free & stays for c, stays in zip(contacts, stay, strict=True)]
-    new_released = [logical_not(c.free | stays) for c, stays in zip(contacts, stay, strict=True)]
+    new_rests = [c.free & stay[k] for k, c in each]
+    new_released = [logical_not(c.free | stay[k]) for k, c in each]
     return [
         [where(several & may, a, b) for may, a, b in zip(may_rest, new, alone, strict=True)]
         for new, alone in ((new_rests, rests), (new_released, released))
     ]
 
 
-def velocities_after(
-    contacts: Sequence[Contact], pushes: Sequence[Any], still: Sequence[Any], pushed: Sequence[Any], w: Matrix
-) -> list[Any]:
-    """Velocities of the coordinates after impulses, m/s, of which some stand still or are pushed by stops.
-
-    The velocity of a coordinate that stops or bounces is exact, without the rounding of the impulses.
-    """
-    velocities = []
-    for c, row, stops, push in zip(contacts, w, still, pushed, strict=True):
-        velocity = total([c.velocity, *map(operator.mul, pushes, row)])
-        bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
-        velocities.append(cases((stops, 0.0), (push, bounced), default=velocity))
-    return velocities
+def velocity_after(c: Contact, pushes: Sequence[Any], row: Sequence[Any], still: Any, pushed: Any) -> Any:
+    """Velocity of a coordinate after impulses, m/s, by its mobilities; if it is ``still`` or ``pushed`` by its
+    stop, it is exact, without the rounding of the impulses."""
+    bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
+    return cases((still, 0.0), (pushed, bounced), default=total([c.velocity, *map(mul, pushes, row)]))
 
 
 @branches
@@ -241,35 +231,31 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     rounding = [(c.speed > 0.0) & (c.speed <= NEGLIGIBLE_SPEED) for c in contacts]
     cleaned = [where(r, 0.0, c.velocity) for r, c in zip(rounding, contacts, strict=True)]
     contacts = [c._replace(velocity=v) for c, v in zip(contacts, cleaned, strict=True)]
+    each = list(enumerate(contacts))
     held = [where(c.free, 0.0, c.force) if c.holds else 0.0 for c in contacts]
-    unheld = [
-        c.side * reduce(operator.sub, map(operator.mul, row, held), c.acceleration)
-        for c, row in zip(contacts, w, strict=True)
-    ]
+    unheld = [c.side * reduce(sub, map(mul, w[k], held), c.acceleration) for k, c in each]
     rests, released = support_of(contacts, unheld, w)
     settling = any_of(released) | any_of(rests)
     approach = any_of(c.speed > 0.0 for c in contacts)
     strikes = approach & logical_not(settling)
     struck, by_turns = impulses_of_impacts(contacts, w)
     pushed = [strikes & (p > 0.0) for p in struck]
-    hits = [push & (c.speed > 0.0) for push, c in zip(pushed, contacts, strict=True)]
+    hits = [pushed[k] & (c.speed > 0.0) for k, c in each]
     # One that comes to rest must not set off another that rests, too.
     still = [
-        (strikes & by_turns) | rest | (any_of(rests) & c.resting & logical_not(off))
-        for c, rest, off in zip(contacts, rests, released, strict=True)
+        (strikes & by_turns) | rests[k] | (any_of(rests) & c.resting & logical_not(released[k]))
+        for k, c in each
     ]
     halts = halting([c.velocity for c in contacts], still, w)
     bounces = strikes & logical_not(by_turns)
-    pushes = [where(bounces, -c.side * p, j) for c, p, j in zip(contacts, struck, halts, strict=True)]
-    velocities = velocities_after(contacts, pushes, still, pushed, w)
-    changes = list(zip(contacts, hits, rests, released, velocities, strict=True))
-    active = [stop_after(c, strikes, rest, off, v) for c, _, rest, off, v in changes]
+    pushes = [where(bounces, -c.side * struck[k], halts[k]) for k, c in each]
+    velocities = [velocity_after(c, pushes, w[k], still[k], pushed[k]) for k, c in each]
+    active = [stop_after(c, strikes, rests[k], released[k], velocities[k]) for k, c in each]
     # Contacts are resolved once more if a coordinate at its stop strikes next, or has lost or gained the
     # support of another, or if removing a bounce has changed the motion of the arm.
     moved = any_of(abs(j) > 0.0 for j in halts)
     waits = any_of(
-        (c.side != 0.0) & c.free & logical_not(rest) & logical_not(c.released)
-        for c, rest in zip(contacts, rests, strict=True)
+        (c.side != 0.0) & c.free & logical_not(rests[k]) & logical_not(c.released) for k, c in each
     )
     return Resolved(
         strikes=strikes | any_of(rests) | any_of(rounding),
@@ -278,14 +264,9 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
         velocities=velocities,
         active_stops=active,
         # The solution for speeds also serves accelerations: the holding forces from now on.
-        forces=halting(
-            [c.side * a for c, a in zip(contacts, unheld, strict=True)], [a != 0.0 for a in active], w
-        ),
-        released=[released_after(c, strikes, hit, off, v) for c, hit, _, off, v in changes],
-        happened=[
-            happened_to(c, strikes, hit, rest, off, a)
-            for (c, hit, rest, off, _), a in zip(changes, active, strict=True)
-        ],
-        speeds=[where(hit, c.speed, 0.0) for hit, c in zip(hits, contacts, strict=True)],
+        forces=halting([c.side * unheld[k] for k, c in each], [a != 0.0 for a in active], w),
+        released=[released_after(c, strikes, hits[k], released[k], velocities[k]) for k, c in each],
+        happened=[happened_to(c, strikes, hits[k], rests[k], released[k], active[k]) for k, c in each],
+        speeds=[where(hits[k], c.speed, 0.0) for k, c in each],
         impacts=sum((where(hit, 1.0, 0.0) for hit in hits), impacts),
     )
