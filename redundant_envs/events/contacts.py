@@ -187,8 +187,8 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
 
 
 def velocity_after(c: Contact, pushes: Sequence[Any], row: Sequence[Any], still: Any, pushed: Any) -> Any:
-    """Velocity of a coordinate after impulses, m/s, by its mobilities; if it is ``still`` or ``pushed`` by its
-    stop, it is exact, without the rounding of the impulses."""
+    """Velocity of a coordinate after impulses, m/s, by its mobilities: exact, without the rounding of the
+    impulses, if it is ``still`` or ``pushed`` by its stop."""
     bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
     return cases((still, 0.0), (pushed, bounced), default=total([c.velocity, *map(mul, pushes, row)]))
 
