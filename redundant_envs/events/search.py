@@ -106,8 +106,8 @@ class LastPiece(NamedTuple):
     """The remaining way to a stop, which takes no trial step."""
 
     possible: Any  # whether it is short enough
-    time: Any  # its duration, s; shorter if another coordinate reaches its stop before
-    arrives: list[Any]  # for each boundary, whether its coordinate is the one that reaches its stop
+    time: Any  # its duration, s, until the first coordinate reaches its stop; 0 if it is not possible
+    positions: list[Any]  # of the coordinates behind it
 
 
 # ---- what to seek --------------------------------------------------------------------------------------
@@ -276,7 +276,16 @@ def last_piece(trial: Trial, sought: Sought) -> LastPiece:
         sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time) & logical_not(sought.chosen[k])
         time = where(sooner, own, time)
         arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
-    return LastPiece(possible, time, arrives)
+    time = where(sought.free & possible, time, 0.0)
+    positions = []
+    for e, is_sought, arrived in zip(trial.encounters, sought.chosen, arrives, strict=True):
+        s = e.motion
+        position = moved_on(time, s.position, s.velocity + 0.5 * time * s.watched.last)
+        if s.bounces:
+            stop = where(is_sought, sought.limit, s.limit(s.velocity))
+            position = position_at_event(s, position, arrived, stop, trial.interval)
+        positions.append(position)
+    return LastPiece(possible, time, positions)
 
 
 @branches
@@ -334,19 +343,6 @@ def position_at_event(s: BoundedCoordinate, position: Any, arrives: Any, stop: A
     if position < s.lower or (position <= s.lower + near and -s.velocity > 0.0):
         return s.lower
     return position
-
-
-def positions_after(trial: Trial, sought: Sought, arrives: Sequence[Any], time: Any) -> list[Any]:
-    """Positions at an event: after a trial step and a last piece of ``time``, in which some arrive."""
-    positions = []
-    for e, is_sought, arrived in zip(trial.encounters, sought.chosen, arrives, strict=True):
-        s = e.motion
-        position = moved_on(time, s.position, s.velocity + 0.5 * time * s.watched.last)
-        if s.bounces:
-            stop = where(is_sought, sought.limit, s.limit(s.velocity))
-            position = position_at_event(s, position, arrived, stop, trial.interval)
-        positions.append(position)
-    return positions
 
 
 @branches

@@ -245,18 +245,16 @@ class LaneProgram:
         """End a trial step, and the last piece, at an event: sliders at their stops are there exactly."""
         met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
-        time = where(sought.free & piece.possible, piece.time, 0.0)
-        positions = search.positions_after(trial, sought, piece.arrives, time)
-        at_end = zip(self.dynamics.boundaries, positions, strict=True)
+        at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
         exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
         if self.dynamics.stops:
-            self.move(lane, time)
+            self.move(lane, piece.time)
         lane.set(tuple(exact), list(exact.values()))
-        spent = lane.step + time
+        spent = lane.step + piece.time
         lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
         lane.at_stop = sought.bounces
         for b, side, is_sought, position in zip(
-            self.dynamics.boundaries, crossed, sought.chosen, positions, strict=True
+            self.dynamics.boundaries, crossed, sought.chosen, piece.positions, strict=True
         ):
             if b.bounces:
                 if b.joint is None:

@@ -260,7 +260,8 @@ def test_the_last_piece_to_a_stop_is_short_and_alone(time, acceleration, other, 
     assert piece.possible == possible
     if possible:
         assert piece.time == pytest.approx(min(time, (0.25 - other) / 0.5), rel=1e-6)
-        assert piece.arrives == ([True, False] if time < (0.25 - other) / 0.5 else [False, True])
+        arrived = [True, False] if time < (0.25 - other) / 0.5 else [False, True]
+        assert [position == 0.25 for position in piece.positions] == arrived
 
 
 @pytest.mark.parametrize("how", [{"tolerance": 1e-12}, {"integrator": "dop853"}], ids=str)
