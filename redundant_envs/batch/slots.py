@@ -244,7 +244,9 @@ class Slots:
                 self.last.value = self.last.value + 1
             self.begin(self.entry)
         with p.when(self.next.value < self.last.value):
-            self.move(slot, self.next.value)
+            seat = self.next.value
+            p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
+            self._bring(self.taken, self.slots, slot, self.entry.pointers, seat)
             self.next.value = self.next.value + 1
             self.free.value = self.free.value & ~p.record("<<", 1, slot)
 
@@ -256,20 +258,15 @@ class Slots:
         self.busy.value = self.busy.value + 1
         p.store(seats.homes, seat, lane)
         home, k = self.block(lane >> 3), lane & (LANES - 1)
-        self._copy(self.brought, seats.pointers, seat, home.pointers, k)
-        self._copy_parameters(seats, seat, home.pointers, k)
+        self._bring(self.brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
-    def move(self, slot: Scalar, seat: Scalar) -> None:
-        """Move a lane that has begun its program from the entry to a slot."""
-        self.p.store(self.slots.homes, slot, self.p.load(self.entry.homes, seat))
-        self._copy(self.taken, self.slots.pointers, slot, self.entry.pointers, seat)
-        self._copy_parameters(self.slots, slot, self.entry.pointers, seat)
-
-    def _copy_parameters(self, goal: Seats, goal_lane: Scalar, source: Any, source_lane: Any) -> None:
+    def _bring(self, names: Sequence[str], seats: Seats, seat: Scalar, source: Any, lane: Scalar) -> None:
+        """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
+        numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
+        self._copy(names, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
-            numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
-            self._copy(numbers, goal.pointers, goal_lane, source, source_lane)
+            self._copy(numbers, seats.pointers, seat, source, lane)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
         """Return a lane that has crossed its interval to its block; ``first`` begins the present group."""
@@ -285,13 +282,13 @@ class Slots:
 
     # ---- the log of events -----------------------------------------------------------------------------
 
-    def _append(self, block: Any, lane: Any, counts: Any, slot: Any, event: tuple[Any, ...]) -> None:
+    def _append(self, log: Scalar, lane: Any, counts: Any, slot: Any, event: tuple[Any, ...]) -> None:
         """Append an event, with its time, kind and speed, to the log of a lane, if there is room."""
         p, count = self.p, self.blocks.load(counts, slot, "logged")
         with p.when(count < float(MOST_LOGGED)):
             at = p.whole(count) * (3 * LANES) + lane
             for k, value in enumerate(event):
-                p.store(block[str(LOG)], at + k * LANES, value)
+                p.store(log, at + k * LANES, value)
             self.blocks.store(counts, slot, "logged", count + 1.0)
 
     def log(self) -> None:
@@ -299,7 +296,7 @@ class Slots:
         p, load, slots = self.p, self.blocks.load, self.slots.pointers
         with p.each_set(self.free.value ^ 255) as slot:
             lane = p.load(self.slots.homes, slot)
-            log = {str(LOG): p["log"] + (lane >> 3) * self.blocks.width(LOG)}
+            log = p["log"] + (lane >> 3) * self.blocks.width(LOG)
             for k, s in enumerate(self.dynamics.stops):
                 happened = load(slots, slot, f"happened_{s.name}")
                 with p.when(happened > 0.0):
@@ -315,7 +312,7 @@ class Slots:
             for k, name in enumerate(self.dynamics.active):
                 with p.when(load(pointers, lane, name) != load(pointers, lane, f"{name}_start")):
                     event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0
-                    self._append(pointers, lane, pointers, lane, event)
+                    self._append(pointers[str(LOG)], lane, pointers, lane, event)
 
 
 def advance(blocks: Blocks, ends: Ends) -> None:
