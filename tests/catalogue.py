@@ -210,6 +210,26 @@ def started(scene, count=21, seed=0, varied=False, **kwargs):
     return batch
 
 
+def advanced(scene, q, qd, efforts=None, change=None, intervals=1, **kwargs):
+    """A simulator after some intervals, and the status of the last; ``change`` sets parameters before.
+
+    ``kwargs`` are those of ``BatchSimulator``.
+    """
+    q = np.atleast_2d(q)
+    batch = rde.BatchSimulator(scene, len(q), **kwargs)
+    batch.set_parameters(change or {})
+    batch.set_state(q, qd)
+    for _ in range(intervals):
+        status = batch.advance(efforts)
+    return batch, status
+
+
+def tips_after(scene, *start):
+    """Tips (lanes, 2) [m] after an interval, and its status."""
+    batch, status = advanced(scene, *start)
+    return scene.robot.forward_kinematics(batch.q), status
+
+
 def motion(batch, intervals=5, seed=1):
     """What a simulator tells of some intervals with random efforts: states and status, rows of arrays."""
     _, _, efforts = random_states(batch.scene, batch.num_envs, seed)

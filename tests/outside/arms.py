@@ -83,14 +83,3 @@ STEPS = {
     "1e-6": {"tolerance": 1e-6},
     "dop853": {"integrator": "dop853"},
 }
-
-
-def advanced(scene, q, qd, efforts, change=None, intervals=1, **kwargs):
-    """A simulator after some intervals, and the status of the last; ``change`` sets parameters before."""
-    batch = rde.BatchSimulator(scene, len(q), **kwargs)
-    if change is not None:
-        batch.set_parameters(change)
-    batch.set_state(q, qd)
-    for _ in range(intervals):
-        status = batch.advance(efforts)
-    return batch, status

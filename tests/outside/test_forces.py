@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from actuator_lag import ActuatorLag
 from armature import Armature
-from arms import ARMS, Bumper, advanced, e, states
+from arms import ARMS, Bumper, e, states
+from catalogue import advanced
 from held_command import HeldCommand
 from payload import Payload
 from tether import Tether

@@ -6,8 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from armature import Armature
-from arms import ARMS, LINKS, ROTORS, advanced, e, inertias, states, stops
-from catalogue import COPIES
+from arms import ARMS, LINKS, ROTORS, e, inertias, states, stops
+from catalogue import COPIES, advanced
 from payload import Payload
 from tether import Tether
 
