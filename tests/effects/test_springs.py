@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP
+from catalogue import FOUR_R, RPRP, advanced, assert_same_bits, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -27,19 +27,11 @@ def scene(arm, *effects, **kwargs):
     return rde.Scene(arm, (e.Gravity(), *effects), **kwargs)
 
 
-def advance(made, q, qd, efforts=None):
-    q, qd = np.atleast_2d(q, qd)
-    batch = rde.BatchSimulator(made, len(q))
-    batch.set_state(q, qd)
-    status = batch.advance(efforts)
-    return batch.q, batch.qd, status
-
-
 def tips(made, *states):
     """Where the tips are after an interval, no lane with a flag."""
-    q, _, status = advance(made, *states)
-    assert (status.numerics == 0).all()
-    return made.robot.forward_kinematics(q), status
+    found, status = tips_after(made, *states)
+    assert not status.numerics.any()
+    return found, status
 
 
 def near_limits(arm, count):
@@ -79,8 +71,8 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
     )  # fmt: skip
     q = np.array([0.96212575, -1.90753381, 1.17023602, 1.57205221])
     qd = np.array([-49.85733691, -26.58927628, 14.30634982, -32.90301643])
-    given = q + 1e-2 * np.random.default_rng(0).normal(size=(2048, 4)), np.tile(qd, (2048, 1))
-    given = *given, np.tile((-3.3, -3.3, 3.3, 3.3), (2048, 1))
+    near = 1e-2 * np.random.default_rng(0).normal(size=(2048, 4))[1200:1456]  # one of them is off by 1.9
+    given = q + near, np.tile(qd, (256, 1)), np.tile((-3.3, -3.3, 3.3, 3.3), (256, 1))
     ends = [
         tips(rde.Scene(arm, [kind(*x) for x in numbers], actuation="generalized", **how), *given)[0]
         for kind, how in (
@@ -97,11 +89,11 @@ def test_limits_close_together_are_passed_both(travel):
     """In a step the joint goes through its travel and into the spring behind it."""
     made = scene(RPRP, e.LimitSpring("r1", 0.0, travel, 5e3), tolerance=1e-8)
     given = [0.3, -1e-3, -0.2, 0.1], [0.0, 1.0, 0.0, 0.0]
-    found, _, status = advance(made, *given)
+    found, status = advanced(made, *given)
     fine = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
-    expected, _, _ = advance(dataclasses.replace(made, **fine), *given)
+    expected, _ = advanced(dataclasses.replace(made, **fine), *given)
     assert status.numerics[0] == 0
-    assert np.abs(found - expected).max() <= 1e-8
+    assert np.abs(found.q - expected.q).max() <= 1e-8
     assert status.evaluations[0] <= 12 * 60
 
 
@@ -111,11 +103,9 @@ def test_limits_close_together_are_passed_both(travel):
 def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
     """It settles to rounding; no noise switches it from one law to the other and back."""
     friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
-    batch = rde.BatchSimulator(scene(RPRP, friction, *springs(RPRP, 5e3), tolerance=1e-6), 3)
-    down = -math.pi / 2
-    batch.set_state([[down, 0.2, down, 0.2], [down, 0.3, down, 0.3], [-down, 0.0, -down, 0.0]], np.zeros(4))
-    for _ in range(1000):
-        status = batch.advance()
+    made, down = scene(RPRP, friction, *springs(RPRP, 5e3), tolerance=1e-6), -math.pi / 2
+    q = [[down, 0.2, down, 0.2], [down, 0.3, down, 0.3], [-down, 0.0, -down, 0.0]]
+    batch, status = advanced(made, q, np.zeros(4), intervals=1000)
     assert (status.numerics == 0).all()
     assert (status.evaluations <= 48).all()
     assert batch.q[0, 1] == pytest.approx(0.3 + 3.0 * 9.81 / 5e3, abs=1e-9)
@@ -124,9 +114,9 @@ def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
 def test_at_rest_exactly_at_a_limit_nothing_happens():
     made = rde.Scene(RPRP, springs(RPRP, 5e3), tolerance=1e-9)
     q = np.array([[0.3, 0.3, -0.2, 0.0], [0.3, 0.0, -0.2, 0.3]])
-    found, rates, status = advance(made, q, np.zeros((2, 4)))
-    assert (found == q).all()
-    assert (rates == 0.0).all()
+    found, status = advanced(made, q, np.zeros((2, 4)))
+    assert (found.q == q).all()
+    assert (found.qd == 0.0).all()
     assert (status.evaluations == 24).all()  # two steps are what a spring of 5 kN/m needs
 
 
@@ -161,11 +151,11 @@ def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(damping, h
     places = rng.permutation(2 * count)[:count]
     mixed = np.zeros((3, 2 * count, 4))
     mixed[:, places] = given
-    fast, beside = advance(made, *given), advance(made, *mixed)
-    for one, other in zip(
-        (*fast[:2], fast[2].evaluations), (*beside[:2], beside[2].evaluations), strict=True
-    ):
-        np.testing.assert_array_equal(one, other[places])
+    alone, beside = (
+        (batch.q, batch.qd, status.evaluations)
+        for batch, status in (advanced(made, *states) for states in (given, mixed))
+    )
+    assert_same_bits(alone, [x[places] for x in beside])
 
 
 def test_laws_overlap_by_a_margin_so_that_rounding_changes_none():
