@@ -46,30 +46,7 @@ def scene_with(hooks, value=1.5, fields=None, **body):
     return rde.Scene(RPRP, (dataclass(frozen=True)(own)(*values),))
 
 
-def nested(s):
-    k = s.k
-
-    def outer():
-        return lambda rate: -k * rate
-
-    return force_of(outer())
-
-
-def by_default(s):
-    def helper(rate, k=s.k):
-        return -k * rate
-
-    return force_of(helper)
-
-
 NUMBERS = {}
-
-
-def by_global(s):
-    NUMBERS["k"] = s.k
-    return force_of(lambda rate: -NUMBERS["k"] * rate)
-
-
 decay = physics(lambda z, k: -k * z)
 spring = physics(lambda phi, k: -k * phi)
 energy = physics(lambda phi, k: 0.5 * k * phi * phi)
@@ -93,10 +70,10 @@ def only(allowed):
 
 HELD = {
     "in a closure": lambda s: (e.Force(0, made_of(s.k)),),
-    "in a nested closure": nested,
-    "in a default": by_default,
+    "in a nested closure": lambda s: force_of((lambda k: lambda rate: -k * rate)(s.k)),
+    "in a default": lambda s: force_of(lambda rate, k=s.k: -k * rate),
     "in a partial": lambda s: force_of(functools.partial(lambda k, rate: -k * rate, s.k)),
-    "in a global": by_global,
+    "in a global": lambda s: NUMBERS.update(k=s.k) or force_of(lambda rate: -NUMBERS["k"] * rate),
     "in a method": lambda s: force_of(lambda rate: -s.k * rate),
     "in a branch inside": lambda s: force_of(lambda rate: -rate if s.k > 1.0 else -2.0 * rate),
     "in a branch far away": lambda s: force_of(lambda rate: -rate if abs(s.k) > 3.0 else -2.0 * rate),

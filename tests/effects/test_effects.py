@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, SCENES, StiffeningSpring, every_effect
+from catalogue import FOUR_R, RPRP, SCENES, StiffeningSpring, advanced, every_effect
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -19,13 +19,6 @@ from redundant_envs.model.energy import kinetic_energy, potential_energy
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
-
-
-def started(scene, count=1, qd=QD0, **parameters):
-    batch = rde.BatchSimulator(scene, count)
-    batch.set_parameters({name.replace("__", "."): value for name, value in parameters.items()})
-    batch.set_state(Q0, qd)
-    return batch
 
 
 def test_every_effect_is_tested():
@@ -93,8 +86,7 @@ BEGUN = {
 def test_a_motion_begins_with_the_acceleration_of_an_effect(robot, what):
     effect, qd, efforts, forces, g, potential = BEGUN[what]
     scene = rde.Scene(robot, (effect(robot),), "euler", control_dt=1e-3)
-    batch = started(scene, qd=qd)
-    batch.advance(efforts)
+    batch, _ = advanced(scene, Q0, qd, efforts)
     qdd = robot.forward_dynamics(Q0, qd, forces(robot), g)
     assert np.abs((batch.qd[0] - qd) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
     if potential is not None:
@@ -108,9 +100,8 @@ def test_effort_limits_saturate(robot):
     meant = [[2.0, 1.0, 0.5, 0.0], [-2.0, -1.0, -0.5, 0.0], [1.9, -0.9, 0.4, 0.0], [2.0, 1.0, -0.5, 0.0]]
     limits = np.array([(2.0, 1.0, 0.5, 0.0)] * 4 + [(1e9,) * 4] * 8)
     scene = rde.Scene(robot, (e.EffortLimits(1.0),))
-    batch = started(scene, 12, effort_limits__limits=limits)
-    for _ in range(5):
-        batch.advance(np.array([*commands, *meant, *commands]))
+    efforts, change = np.array([*commands, *meant, *commands]), {"effort_limits.limits": limits}
+    batch, _ = advanced(scene, [Q0] * 12, QD0, efforts, change, intervals=5)
     limited, free, unlimited = batch.qd.reshape(3, 4, 4)
     assert (limited == free).all()
     assert (np.abs(limited - unlimited).max(axis=1)[[0, 1, 3]] > 0.01).all()
@@ -127,12 +118,13 @@ def test_gravity_on_any_plane(robot):
     tilted = [e.Gravity.on_plane(9.81, tilt, roll) for tilt, roll in TILTS]
     plain = [e.Gravity(9.81 * math.cos(tilt)) for tilt, _ in TILTS]
     turned = np.array([roll * angles for _, roll in TILTS])
-    a = started(scene, len(TILTS), gravity__down=[x.down for x in tilted])
-    b = started(scene, len(TILTS), gravity__g=[x.g for x in plain])
-    a.set_state(Q0 + turned, QD0)
-    for _ in range(30):
-        a.advance()
-        b.advance()
+    a, b = (
+        advanced(scene, Q0 + turn, QD0, change=change, intervals=30)[0]
+        for turn, change in (
+            (turned, {"gravity.down": [x.down for x in tilted]}),
+            (0.0 * turned, {"gravity.g": [x.g for x in plain]}),
+        )
+    )
     assert np.abs(a.q - turned - b.q).max() <= 1e-11
     assert np.abs(a.qd - b.qd).max() <= 1e-10
     assert np.abs(b.q[1:] - b.q[0]).max(axis=1)[[0, 2, 3]].min() > 0.01

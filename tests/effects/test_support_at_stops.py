@@ -89,8 +89,9 @@ def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed)
     assert {what: np.flatnonzero(bad).tolist() for what, bad in found.items() if bad.any()} == {}
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize(("types", "count"), [("RPRP", 8), ("PRPRP", 12)])
+@pytest.mark.parametrize(
+    ("types", "count", "restitution"), [("RPRP", 8, 0.0), ("RPRP", 8, 1.0), ("PRPRP", 12, 0.5)]
+)
 def test_an_account_that_shares_no_code_supports_them_too(types, count, restitution):
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
     arm = ARMS[types]
