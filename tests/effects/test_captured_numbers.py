@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from catalogue import RPRP
-from notebooks import with_force
+from one_force import with_force
 from refusals import short
 
 import redundant_envs as rde

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import pytest
 from catalogue import FOUR_R, RPRP, StiffeningSpring
-from notebooks import with_force
+from one_force import with_force
 from refusals import short
 
 import redundant_envs as rde

@@ -8,17 +8,33 @@ from dataclasses import dataclass, make_dataclass
 
 import numpy as np
 import pytest
-from notebooks import ARM, Q0, QD0, acts_as, end_of, notebook
+from catalogue import advanced
+from one_force import ARM, with_force
 
 import redundant_envs as rde
 from redundant_envs.algebra import exp, physics, sincos, where
 from redundant_envs.effects import Effect, Force, Gravity, LimitSpring
-from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.energy import potential_energy
 from redundant_envs.model.programs import batch_simulator
 
+Q0, QD0 = np.array([-1.2, 0.4, -0.4, 0.9]), np.array([0.5, -0.6, 0.9, 0.8])
 PHI2 = Q0[1] - Q0[0]
 K = 3.0
 KS = np.array([3.0, 5.0])
+
+
+def end_of(*effects):
+    """Final state of a motion with some effects."""
+    batch, _ = advanced(rde.Scene(ARM, effects), Q0, QD0, intervals=5)
+    return np.concatenate([batch.q, batch.qd])
+
+
+def acts_as(function, force_on_joint_2, bind=None):
+    """Whether a function, as the force on joint 2, begins a motion with the acceleration of a force."""
+    effects = with_force(function, bind).effects
+    begun, _ = advanced(rde.Scene(ARM, effects, "euler", control_dt=1e-3), Q0, QD0)
+    qdd = ARM.forward_dynamics(Q0, QD0, ARM.motor_map @ (0.0, force_on_joint_2, 0.0, 0.0), 0.0)
+    return np.abs((begun.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
 
 
 def in_other_words(x):
@@ -72,66 +88,42 @@ def test_a_function_does_what_its_code_says(what):
     assert function(PHI2) == pytest.approx(force)
 
 
-def test_a_constant_is_that_of_the_time_when_the_simulator_is_made():
-    names, run = notebook()
-    run(20, "k = 2.0\n@physics\ndef force(x):\n    return -k * x")
-    assert acts_as(names["force"], -2.0 * PHI2)
-    run(21, "k = 3.0")
-    assert acts_as(names["force"], -3.0 * PHI2)
-
-
 # ---- functions that are defined again ------------------------------------------------------------
 
 
-SHAPE = "@physics\ndef shape(x, k):\n    return {factor} * k * x\n"
-SPRING = """
+FORCE_AND_ENERGY = """
 @physics
-def force(position, k):
-    return -shape(position, k)
+def force(x):
+    return -shape(x)
 
 @physics
-def energy(position, k):
-    return 0.5 * shape(position, k) * position
-
-@dataclass(frozen=True)
-class Spring(Effect):
-    k: float = 1.5
-
-    def hooks(self, arm):
-        return (Force(1, force, {"position": "phi2", "k": ".k"}, potential=energy),)
+def energy(x):
+    return 0.5 * x * shape(x)
 """
 
 
-def test_a_helper_that_is_defined_again_is_the_same_for_motion_and_energy():
-    names, run = notebook()
-    run(1, SHAPE.format(factor=1.0))
-    run(2, SPRING)
-    energies = []
-    for number, factor in ((3, 100.0), (4, 1.0), (5, 1.0)):
-        scene = rde.Scene(ARM, (names["Spring"](),), "dop853")
-        motion = rde.simulate(scene, Q0, QD0, times=[0.0, 0.1, 0.2])
-        total = kinetic_energy(scene, motion.q, motion.qd) + potential_energy(scene, motion.q)
-        np.testing.assert_allclose(total, total[0], rtol=1e-9)
-        energies.append(potential_energy(scene, Q0))
-        run(number, SHAPE.format(factor=factor))
-    plain = potential_energy(rde.Scene(ARM), Q0)
-    np.testing.assert_allclose(energies[1] - plain, 100.0 * (energies[0] - plain), rtol=1e-12)
-    assert energies[2] == energies[0]
+def test_a_helper_or_a_constant_that_is_defined_again_is_the_new_one_in_motion_and_energy():
+    names = {"physics": physics}
+    exec(FORCE_AND_ENERGY, names)
+    for k in (2.0, 100.0, 2.0):
+        exec(f"k = {k}\n@physics\ndef shape(x):\n    return k * x", names)
+        assert acts_as(names["force"], -k * PHI2)
+        stored = potential_energy(with_force(names["force"], potential=names["energy"]), Q0)
+        assert stored - potential_energy(rde.Scene(ARM), Q0) == pytest.approx(0.5 * k * PHI2**2)
+    names["k"] = 3.0
+    assert acts_as(names["force"], -3.0 * PHI2)
 
 
 def test_a_function_whose_code_is_replaced_is_the_new_one():
     """Tools that reload modules keep the function and replace its code, and its arguments."""
-    names, run = notebook()
     shape = physics(lambda x: x)
     assert acts_as(shape, PHI2)
-    for number, text, force in (
-        (10, "shape = lambda x: 7.0 * x", 7.0 * PHI2),
-        (11, "shape = lambda rate, x: rate - x", QD0[1] - QD0[0] - PHI2),
+    for replaced, bind, force in (
+        (lambda x: 7.0 * x, {"x": "phi2"}, 7.0 * PHI2),
+        (lambda rate, x: rate - x, {"x": "phi2", "rate": "phid2"}, QD0[1] - QD0[0] - PHI2),
     ):
-        run(number, text)
-        shape.__code__ = names["shape"].__code__
-        bind = {"x": "phi2"} if number == 10 else {"x": "phi2", "rate": "phid2"}
-        assert acts_as(shape, force, **bind)
+        shape.__code__ = replaced.__code__
+        assert acts_as(shape, force, bind)
 
 
 # ---- names that are alike -----------------------------------------------------------------------------
