@@ -211,11 +211,9 @@ def started(scene, count=21, seed=0, varied=False, **kwargs):
 
 
 def advanced(scene, q, qd, efforts=None, change=None, intervals=1, **kwargs):
-    """A simulator after some intervals, and the status of the last; ``change`` sets parameters before.
-
-    ``kwargs`` are those of ``BatchSimulator``.
-    """
-    q = np.atleast_2d(q)
+    """A simulator after some intervals, and the status of the last, if any; ``change`` sets parameters
+    before. ``kwargs`` are those of ``BatchSimulator``."""
+    q, status = np.atleast_2d(q), None
     batch = rde.BatchSimulator(scene, len(q), **kwargs)
     batch.set_parameters(change or {})
     batch.set_state(q, qd)

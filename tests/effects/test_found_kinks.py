@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from catalogue import advanced, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -111,77 +112,44 @@ def test_nothing_is_watched_without_a_tolerance_and_in_the_scenes_of_environment
 
 # ---- the tolerance is kept ----------------------------------------------------------------------------
 
-
-def tips(made, q, qd, efforts, parameters=None, parts=1):
-    """Tips after an interval in so many parts; which lanes have no flag; rates on the way."""
-    batch = rde.BatchSimulator(made, len(q))
-    batch.set_parameters(parameters or {})
-    batch.set_state(q, qd)
-    rates = []
-    for _ in range(parts):
-        rates.append(batch.qd @ np.asarray(RPRP.motor_map))
-        status = batch.advance_partly(efforts, made.control_dt / parts)
-    return RPRP.forward_kinematics(batch.q), status.numerics == 0, np.array(rates)
-
-
-def off(made, *states, **numbers):
-    """Errors of intervals without a flag, in units of the tolerance, where the reference is sure."""
-    own, good, _ = tips(made, *states, **numbers)
-    fine, coarse = (
-        tips(scene(*made.effects, **how), *states, **numbers)[0]
-        for how in ({"integrator": "rk8", "substeps": 1024}, {"integrator": "dop853"})
-    )
-    sure = np.linalg.norm(fine - coarse, axis=1) < 0.1 * made.tolerance
-    assert good.mean() > 0.99
-    assert (good & sure).mean() > 0.95
-    return np.linalg.norm(own - fine, axis=1)[good & sure] / made.tolerance
-
-
-def turning(count, seed):
-    """Joints that move slowly, and turn."""
-    rng = np.random.default_rng(seed)
-    q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.25, 3.0, 0.25), (count, 4))
-    return q, rng.normal(0.0, 0.1, (count, 4)), rng.normal(0.0, 4.0, (count, 4))
-
-
-class Unwatched(QuadraticDrag):
-    """Drag of another name, whose program is made while kinks are not searched."""
-
-
-def test_the_drag_of_the_documentation_keeps_the_tolerance_but_not_without_its_kinks(monkeypatch):
-    states = turning(2048, seed=2)
-    assert off(scene(QuadraticDrag(3.0)), *states).max() < 1.0
-    monkeypatch.setattr(Dynamics, "kinks", {})
-    assert off(scene(Unwatched(3.0)), *states).max() > 1.0
-
-
+EFFECTS_OF_MOTORS, UNLIMITED = (e.Gravity(), VelocityController(2.0, 100.0)), 100.0
 STAGES = ((0.118, 0.25), (0.333, 0.6), (0.651, 0.857))
 """Times in a step between which rk8 has no stage."""
 
 
-def reached_between_stages(count, seed, share):
-    """Motors that hold a rate, with limits a little below the largest effort that they need between two
-    stages."""
-    rng, parts, gain = np.random.default_rng(seed), 200, 2.0
-    q, _, _ = turning(count, seed)
-    qd = rng.normal(0.0, (6.0, 1.0, 6.0, 1.0), (count, 4))
-    efforts = rng.uniform(-1.0, 1.0, (count, 4)) * (4.0, 10.0, 4.0, 10.0)
-    made = scene(e.Gravity(), VelocityController(gain, 100.0))
-    free = scene(*made.effects, integrator="dop853")
-    asked = np.abs(efforts - gain * tips(free, q, qd, efforts, parts=parts)[2])
-    last, limits = asked.argmax(axis=0), np.full((count, 4), 100.0)
+def limits_reached_between_stages(q, qd, efforts, share=0.05, parts=200):
+    """Limits (lanes, 4) of motors that hold a rate: a little below the largest effort that each needs, where
+    it needs it between two stages."""
+    batch, _ = advanced(scene(*EFFECTS_OF_MOTORS, integrator="dop853"), q, qd, intervals=0)
+    asked = []
+    for _ in range(parts):
+        asked.append(np.abs(efforts - 2.0 * batch.qd @ RPRP.motor_map))
+        batch.advance_partly(efforts, batch.scene.control_dt / parts)
+    asked, limits = np.array(asked), np.full(q.shape, UNLIMITED)
+    last = asked.argmax(axis=0)
     for start, end in STAGES:
         for lane, joint in zip(*np.nonzero((last > start * parts) & (last < end * parts)), strict=True):
             one = asked[:, lane, joint]
             edge = max(one[int(np.ceil(start * parts))], one[int(end * parts)])
             limits[lane, joint] = edge + share * (one.max() - edge)
-    lanes = (limits < 100.0).any(axis=1)
-    numbers = {"velocity_controller.limits": limits[lanes]}
-    return made, (q[lanes], qd[lanes], efforts[lanes]), numbers
+    return limits
 
 
 def test_a_limit_that_is_reached_and_left_between_two_stages_is_seen():
     """With twice as many steps it may be between two of their stages, too."""
-    made, states, numbers = reached_between_stages(2048, 23, 0.05)
-    assert len(states[0]) > 200
-    assert off(made, *states, parameters=numbers).max() < 2.0
+    rng, n, tolerance = np.random.default_rng(23), 2048, 1e-9
+    q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.25, 3.0, 0.25), (n, 4))
+    qd = rng.normal(0.0, (6.0, 1.0, 6.0, 1.0), (n, 4))
+    efforts = rng.uniform(-1.0, 1.0, (n, 4)) * (4.0, 10.0, 4.0, 10.0)
+    limits = limits_reached_between_stages(q, qd, efforts)
+    lanes = (limits < UNLIMITED).any(axis=1)
+    assert lanes.sum() > 200
+    start = q[lanes], qd[lanes], efforts[lanes], {"velocity_controller.limits": limits[lanes]}
+    (found, status), (fine, _), (coarse, _) = (
+        tips_after(scene(*EFFECTS_OF_MOTORS, **how), *start)
+        for how in ({"tolerance": tolerance}, {"substeps": 1024}, {"integrator": "dop853"})
+    )
+    good, sure = status.numerics == 0, np.linalg.norm(fine - coarse, axis=1) < 0.1 * tolerance
+    assert good.mean() > 0.99
+    assert (good & sure).mean() > 0.95
+    assert np.linalg.norm(found - fine, axis=1)[good & sure].max() < 2.0 * tolerance
