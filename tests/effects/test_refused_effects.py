@@ -169,7 +169,9 @@ SCENES = {
         RPRP, (e.LimitSpring("r1", 0, 1), e.LimitSpring("r1", 0, 2)), "[1] is a second 'limit_spring.r1'",
     ),
     "a word": (RPRP, ("gravity",), "effects[0] is 'gravity'"),
-    "no hooks": (RPRP, (e.Effect(),), "does not say where it attaches"),
+    "no hooks": (
+        RPRP, (e.Effect(),), "does not say where it attaches; write a method hooks(self, arm)",
+    ),
     "no slider r1": (FOUR_R, (e.LimitSpring("r1", 0.0, 0.3),), "coordinate is 'r1'"),
     "no sliders": (
         FOUR_R, (e.CentringSpring((1, 1), (0, 0), (1, 1)),),

@@ -25,24 +25,7 @@ from redundant_envs.verify import environments, verify
 from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.subjects import subject_of
 
-
-class Cart(rde.Arm):
-    """A pendulum of two links on a cart, from the types of its joints alone."""
-
-    joint_types = "PRR"
-
-
-CART = {
-    "robot": {"type": "Cart", "masses": [1.0, 0.5, 0.5], "lengths": [0.4, 0.3]},
-    "effects": [
-        {"type": "Gravity"},
-        {"type": "EffortLimits", "limits": [40.0, 10.0, 4.0]},
-        {"type": "PrismaticStop", "lower": [-0.3], "upper": [0.3], "restitution": 0.5},
-    ],
-    "tolerance": 1e-6,
-}
-rde.register_arm(Cart, CART)
-IDS = ("RRPTrack-v0", "ThreeRReach-v0", "RRPReach-v0", "FourRTrack-v0", "ThreeRElbowReach-v0", "CartReach-v0")
+IDS = ("RRPTrack-v0", "ThreeRReach-v0", "RRPReach-v0", "FourRTrack-v0", "ThreeRElbowReach-v0")
 
 
 # ---- environments --------------------------------------------------------------------------------------
