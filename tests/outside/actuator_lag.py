@@ -54,28 +54,20 @@ class ActuatorLag(Effect):
 
 
 @dataclass(frozen=True)
-class LagChain(Effect):
-    """``count`` lags of first order, ``time_constant`` [s] each, between a motor's command and its effort."""
+class LagChain(ActuatorLag):
+    """``count`` lags, one behind the other, between the command of each motor and its effort."""
 
-    time_constant: float
     count: int
 
     static = ("count",)
 
-    def hooks(self, arm):
-        return tuple(self._chain(joint) for joint in range(len(arm.joints)))
-
-    def _chain(self, joint):
-        names = [f"effort[{joint * self.count + k}]" for k in range(self.count)]
-        inputs = [f"command{joint + 1}", *(f".{name}" for name in names)]
-        states = [
-            State(
-                name, "N m", approach, rate=fastest_change,
-                bind={"command": before, "effort": f".{name}", "time_constant": ".time_constant"},
-            )
-            for name, before in zip(names, inputs, strict=False)
-        ]  # fmt: skip
-        return Actuation(joint, effort_of, {"effort": f".{names[-1]}"}, Link.LAG, states=tuple(states))
+    def link(self, k, unit):
+        states, before = [], f"command{k + 1}"
+        for name in (f"effort[{k * self.count + n}]" for n in range(self.count)):
+            bind = {"command": before, "effort": f".{name}", "time_constant": ".time_constant"}
+            states.append(State(name, unit, derivative=approach, bind=bind, rate=fastest_change))
+            before = f".{name}"
+        return Actuation(k, effort_of, {"effort": before}, Link.LAG, states=tuple(states))
 
 
 rde.register_effect(ActuatorLag)

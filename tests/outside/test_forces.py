@@ -82,25 +82,6 @@ def test_static_efforts_balance_forces_at_points():
     assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
 
 
-# ---- laws that change ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["3R", "RPRP"])
-def test_the_tolerance_of_a_law_that_changes_is_kept(name):
-    arm = ARMS[name]
-    rng, shape = np.random.default_rng(3), (24, len(arm.joints))
-    inverse = np.linalg.inv(arm.motor_map)
-    joints, rates = rng.uniform(-0.2, 0.2, shape), rng.normal(0.0, 2.0, shape)
-    start = joints @ inverse, rates @ inverse, rng.normal(0.0, 3.0, shape)
-    scene = rde.Scene(arm, (e.Gravity(), TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3)))
-    found, status = advanced(dataclasses.replace(scene, tolerance=1e-8), *start)
-    fine, _ = advanced(dataclasses.replace(scene, integrator="rk4", substeps=20000), *start)
-    off = np.linalg.norm(arm.forward_kinematics(found.q) - arm.forward_kinematics(fine.q), axis=1)
-    assert off.max() <= 1e-8
-    assert (status.numerics == 0).all()
-    assert status.evaluations.mean() <= 400
-
-
 # ---- states --------------------------------------------------------------------------------------------
 
 

@@ -1,6 +1,7 @@
 """Names from outside that mean something else inside are refused, whatever they are."""
 
 import dataclasses
+import functools
 import itertools
 import random
 
@@ -32,6 +33,7 @@ def helper(name, takes):
     return helper
 
 
+@functools.cache
 def scene_of(quantity="odd", coordinate="turn"):
     """An arm with a quantity and a coordinate of some names, and effects that add fields of all kinds."""
     body = {
@@ -108,7 +110,7 @@ def test_a_name_is_given_once_and_the_message_says_whose_it_is(role):
     assert len(fields) > 140
     assert {"actuator_lag.time_constant", "gravity.g", "effort_limits.limits[2]"} <= {*fields}
     own = {*task.parameters(), *task.memory, *(n for n, f in fields.items() if f.owner == "the arm Odd")}
-    names = random.Random(3).sample(sorted(name for name in {*fields} - own if name.isidentifier()), 25)
+    names = random.Random(3).sample(sorted(name for name in {*fields} - own if name.isidentifier()), 12)
     names = {"number": (*TAKEN, *names), "memory": (*TAKEN, *names), "coordinate": names, "quantity": OF_ARM}
     whose = r"the (engine|arm Odd|effect EffortLimits|effect Gravity)|OddTask\.|every arm"
     for name in names.get(role, TAKEN):

@@ -62,7 +62,6 @@ def test_a_biased_sensor_shows_what_an_arm_elsewhere_shows():
 @pytest.mark.parametrize(
     ("effects", "expected"),
     [
-        ((Encoders(0.1),), 0.1),
         ((SensorBias(0.02), Encoders(0.1)), 0.2),
         ((Encoders(0.1), SensorBias(0.02)), 0.12),
     ],
