@@ -176,10 +176,6 @@ def test_a_number_that_is_static_may_be_used_in_any_way(what):
             lambda s, arm: (e.Force(0, made_of(arm.lengths[1])),),
             r"number lengths\[1\] of the arm .* the argument l2 of",
         ),
-        (
-            lambda s, arm: (bound(),) if arm.masses[3] < 0.6 else (),
-            r"number masses\[3\] of the arm .* the argument m4 of",
-        ),
     ],
 )
 def test_the_message_says_where_and_what_to_write(hooks, words):
@@ -250,28 +246,6 @@ def test_a_draw_in_a_function_is_refused(what):
     if not what.startswith("one percent of"):
         with pytest.raises(ValueError, match=rf"effects\[0\] \(Own\).* {DRAWN_ONCE}"):
             scene_of(lambda s: hooks())
-
-
-NOISE = physics(lambda phid1: random.random() * phid1)
-NONE = physics(lambda phid1: -phid1)
-NUMBER = physics(lambda: random.random())
-OF_STATE = {"bind": {"phid1": "phid1"}, "unit": ""}
-
-
-@pytest.mark.parametrize(
-    "hook",
-    [
-        e.Force(0, NOISE), e.Force(0, NONE, damping=NUMBER), e.Force(0, NONE, stiffness=NUMBER),
-        e.Force(0, NONE, kink=NOISE), e.Force(0, NONE, states=(e.State("z", derivative=NOISE, **OF_STATE),)),
-        e.Force(0, physics(lambda phi1: -phi1), potential=physics(lambda phi1: random.random() * phi1)),
-        e.Force(0, NONE, states=(e.State("z", update=NOISE, **OF_STATE),)),
-        e.Actuation(0, physics(lambda command1: command1 + random.random())),
-        e.Sensing(0, physics(lambda phi1: phi1 + np.random.randn())),
-    ],
-)  # fmt: skip
-def test_a_draw_in_any_function_of_a_hook_is_refused(hook):
-    with pytest.raises(ValueError, match=DRAWN_ONCE):
-        scene_of(lambda s: (hook,))
 
 
 def test_a_draw_of_an_arm_or_a_task_is_refused():

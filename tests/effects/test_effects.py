@@ -2,15 +2,13 @@
 
 import math
 import pickle
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, SCENES, StiffeningSpring, advanced, every_effect
+from catalogue import FOUR_R, RPRP, SCENES, SoftJoint, StiffeningSpring, advanced, every_effect
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
 from redundant_envs.effects import limit_spring
 from redundant_envs.effects.attaching import RULES, roots_of
 from redundant_envs.events.boundary import side_beyond
@@ -157,20 +155,9 @@ def test_limit_spring_is_one_sided_and_continuous():
 # ---- what counts as potential energy, and what as work --------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Damped(e.Effect):
-    """A user's spring of 8 N m/rad and a damper in one force."""
-
-    k: float = 8.0
-
-    def hooks(self, arm):
-        force, energy = physics(lambda x, rate, k: -k * (x + rate)), physics(lambda x, k: 0.5 * k * x**2)
-        spring = physics(lambda position, k: -k * position)  # by a quantity that the force does not use
-        bind = {"x": "theta21", "position": "phi2", "rate": "phid2", "k": ".k"}
-        return (e.Force(1, force, bind, energy, spring),)
-
-
-@pytest.mark.parametrize("effects", [(Damped(),), (e.Gravity(9.81), StiffeningSpring(8.0))], ids=str)
+@pytest.mark.parametrize(
+    "effects", [(SoftJoint(8.0, 8.0),), (e.Gravity(9.81), StiffeningSpring(8.0))], ids=str
+)
 def test_a_force_is_booked_as_potential_as_far_as_it_is_conservative(effects):
     """The rest counts as work: a force that is entirely the slope of its potential does no work at all."""
     scene = rde.Scene(FOUR_R, effects, tolerance=1e-9)

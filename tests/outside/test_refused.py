@@ -272,7 +272,6 @@ BELOW = "the first must be below the second"
             r"Mine\).twice is not an argument of its class",
         ),
         (walled("b", "a"), f"'r1' is .b to .a, which are 1.0 and -1.0; {BELOW}"),
-        (walled("a", "a"), f"which are -1.0 and -1.0; {BELOW}"),
         (
             walled("a", "top"),
             "travel gives 'top', which is not a number of this effect; it has a, b",
@@ -292,11 +291,9 @@ BELOW = "the first must be below the second"
         (effect_of(Force(Point(3), of_x4)), "returns 1 values; a Force at a point needs 2"),
         (effect_of(Force(1, of_side, switch=(".a", ".b"))), r"switch: '\.a' is not a number of this effect"),
         (effect_of(Force(1, of_side, switch=".a")), r"switch is '\.a'; give the names of two numbers"),
-        (effect_of(Force(1, of_side, switch=(".a",))), "give the names of two numbers"),
         (effect_of(Force(Point(3), of_side, switch=(".a", ".b"))), "the force acts at a Point"),
         (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
         (TwoStageSpring(1, 0.3, 0.1, 20.0, 2e3), BELOW),
-        (TwoStageSpring(1, 0.1, 0.1, 20.0, 2e3), BELOW),
         # masses and inertias
         (added(e.Inertia(1, ".number")), "joints is 1; give a tuple"),
         (inertia_of(), r"joints is \(\); give a tuple"),
@@ -310,7 +307,6 @@ BELOW = "the first must be below the second"
         (added(LIGHTER, -2.0), "masses with what effects add.*-0.5"),
         # stops and walls
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
-        ((Bumper(), e.PrismaticStop((0, 0), (1, 1))), "several restitutions"),
         (Bumper(0), "'joint1' is not a slider"),
         (Bumper(restitution=1.5), r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
         (Bumper(lower=0.3), f"travel is .lower to .upper, which are 0.3 and 0.2; {BELOW}"),
@@ -493,26 +489,11 @@ def test_numbers_that_the_class_of_a_task_changes():
     refused(r"^rate_scale is 8\.0, and Halved makes 5\.0 of it", _check_task, Halved(), changed)
 
 
-@physics(gives="height_term")
-def height_term(tip_y, weight):
-    """weight times tip y"""
-    return weight * tip_y
-
-
 def test_a_class_without_its_decorator_or_a_default_without_its_type():
     reach = rde.load_scene("rprp_reach")
 
-    class Raise(rde.Task):
-        weight: float = 1.0
-        name: str = "Raise"
-
-        def reward_functions(self, scene):
-            return (height_term,)
-
-        def observation(self, scene):
-            return scene.robot.posture
-
-    refused(r"Raise has weight .* @dataclass\(frozen=True\) above", check_task, Raise(), reach)
+    bare = type("Raise", (rde.ReachTask,), {"__annotations__": {"weight": float}, "weight": 1.0})
+    refused(r"Raise has weight .* @dataclass\(frozen=True\) above", check_task, bare(), reach)
     loose = dataclass(frozen=True)(type("Loose", (rde.ReachTask,), {"hold_speed": 1.0}))
     refused(r"hold_speed = 1\.0.* write hold_speed: float = 1\.0", check_task, loose(), reach)
     body = {"__annotations__": {"hold_speed": float}, "hold_speed": 1.0}
