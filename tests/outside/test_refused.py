@@ -12,6 +12,7 @@ import pytest
 import rrp
 import three_r
 from arms import ARMS, Bumper, e
+from catalogue import advanced
 from two_stage_spring import TwoStageSpring
 
 import redundant_envs as rde
@@ -142,12 +143,8 @@ def bound(self, arm):
 def effect_of(*hooks, decorated=True, numbers=None, **body):
     """An effect with some hooks and numbers, by name."""
     numbers = numbers or {}
-    own = {
-        "hooks": lambda self, arm: hooks,
-        **body,
-        **numbers,
-        "__annotations__": dict.fromkeys(numbers, float),
-    }
+    own = {"hooks": lambda self, arm: hooks, **body, **numbers}
+    own["__annotations__"] = dict.fromkeys(numbers, float)
     kind = type("Mine", (Effect,), own)
     return (dataclass(frozen=True)(kind) if decorated else kind)()
 
@@ -192,25 +189,22 @@ def batch_of(effect):
 
 def test_static_fields_that_are_no_arguments_leave_the_others_to_be_set():
     numbers = {**AB, "table": field(init=False, default=())}
-    batch = batch_of(setting(numbers, lambda self: {"table": (0.0, math.sin(1.0))}, static=("table",)))
-    batch.set_parameters({"mine.a": [1.0, 2.0, 1.0]})
-    batch.set_state([0.3, 0.1, 0.2, 0.1], np.ones(4))
-    batch.advance()
+    effect = setting(numbers, lambda self: {"table": (0.0, math.sin(1.0))}, static=("table",))
+    q, scene = [[0.3, 0.1, 0.2, 0.1]] * 2, rde.Scene(RPRP, (effect,))
+    batch, _ = advanced(scene, q, np.ones(4), change={"mine.a": [1.0, 2.0]})
     assert batch.qd[1, 0] < batch.qd[0, 0]
 
 
-def test_warnings_of_a_class_about_numbers_that_nobody_gave_are_not_shown():
+def test_warnings_of_a_class_about_numbers_that_nobody_gave_are_not_shown(recwarn):
     def warned(self):
         if self.a > 10.0:
             warnings.warn("a is large", stacklevel=2)
         return {}
 
     careful = setting(AB, warned)
-    with warnings.catch_warnings(record=True) as seen:
-        warnings.simplefilter("always")
-        rde.Scene(RPRP, (careful,))
-        check_effect("it", careful, RPRP)
-    assert not seen
+    rde.Scene(RPRP, (careful,))
+    check_effect("it", careful, RPRP)
+    assert not recwarn.list
 
 
 def test_a_state_of_an_effect_that_is_not_finite_is_told():
@@ -253,9 +247,7 @@ BELOW = "the first must be below the second"
     ("effects", "said"),
     [
         # numbers
-        (effect_of(numbers={"a": None}), "a is None"),
         (effect_of(numbers={"a": float("nan")}), "a is nan"),
-        (effect_of(numbers={"a": "1"}), "a is '1'"),
         (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
         (branching(lambda self: self.a / self.b < 0.02), "does not follow its number a"),
         (
@@ -303,7 +295,6 @@ BELOW = "the first must be below the second"
         (added(e.Inertia((0,), "number")), "'number' is not a number of this effect; it has .number"),
         (added(TURNED, -0.5), r"mine.number is -0.5; give 0 to 45000 kg m\^2, a million times"),
         (added(e.PointMass(3, ".number")), "Point is 3"),
-        (added(e.PointMass(Point(0), ".weight")), "'.weight' is not a number of .*; it has .number"),
         (added(LIGHTER, -2.0), "masses with what effects add.*-0.5"),
         # stops and walls
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
@@ -313,14 +304,11 @@ BELOW = "the first must be below the second"
         (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),
         (effect_of(e.Gap(of_place, ".a", {"place": ".b"}), numbers=AB), "a gap must move"),
         # sensors
-        (effect_of(e.Sensing(9, nothing)), r"joint is 9; give 0 to 3"),
         (effect_of(e.Sensing(0, of_command)), r"depends on command1; a sensor may use the motion"),
-        (effect_of(e.Sensing(0, upwards)), r"returns 2 values; a Sensing needs 1"),
         (
             effect_of(e.Sensing(0, nothing, {}, "position")),
             r"reading is 'position'; choose Reading.POSITION, Reading.RATE",
         ),
-        (effect_of(e.Sensing(0, nothing, {"phi1": ".bias"})), r"'.bias' is not a number of this effect"),
     ],
 )
 def test_an_effect_that_contradicts_itself(effects, said):
