@@ -454,14 +454,15 @@ def test_a_number_that_a_function_of_a_task_holds(what):
 
 
 def test_a_static_number_may_be_held_and_is_no_argument_and_others_are_arguments():
-    held = task_of(2.0, static=("width",), **HELD["a closure"][1])
-    assert "width" not in {*held.parameters(), *Core("four_r_reach", 1, held).task.parameters()}
+    scene, held = rde.load_scene("four_r_reach"), task_of(2.0, static=("width",), **HELD["a closure"][1])
+    check_task(held, scene)
+    assert "width" not in held.parameters()
 
     @physics(gives="near_term")
     def term(distance, width, m1, effort_limits_limits_1):
         return width * m1 / (1.0 + distance) / effort_limits_limits_1
 
-    Core("four_r_reach", 1, task_of(reward_functions=lambda self, scene: (term,)))
+    check_task(task_of(reward_functions=lambda self, scene: (term,)), scene)
 
 
 def test_numbers_that_the_class_of_a_task_changes():

@@ -35,8 +35,8 @@ def motion(env, **parameters):
 
 
 def test_motion_reward_and_info_know_the_truth():
-    true = motion(made("RPRPGoalReach-v0"))
-    read = motion(made("RPRPGoalReach-v0", SensorBias(BIAS, SPEEDS), Encoders(0.01)))
+    true = motion(made("FourRGoalReach-v0"))
+    read = motion(made("FourRGoalReach-v0", SensorBias(BIAS, SPEEDS), Encoders(0.01)))
     for k in (0, 1, 3):
         np.testing.assert_array_equal(read[k], true[k])
     # Outputs about a state may be rounded differently if observations need other numbers.
