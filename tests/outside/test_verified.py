@@ -319,7 +319,6 @@ SUBJECTS = {  # the checks that apply, if they are told
     "all effects": (rde.Scene(ARMS["RRP"], FULL, "rk4"), {c.name for c in ALL_EFFECTS} - {"Coriolis matrix"}),
     "inertias of a cart": (rde.Scene(chain("PPR"), (*GRAVITY, *ROTORS)), ("momentum", "angular momentum")),
     "one joint": (chain("R"), ("momentum", "scaling of masses")),
-    "parallel": (Parallel((1.0, 2.0), (0.3, 0.4)), ()),
 }
 
 
@@ -329,9 +328,14 @@ def test_what_is_right_is_verified(name):
     found = verify(thing, 64)
     assert found.misses == ()
     assert {found.of(check).verdict for check in apply} <= {Verdict.KEPT}
-    if name == "parallel":  # a joint that moves masses against each other is no joint of MuJoCo
-        assert "against each other" in found.of("momentum").finding.words
-        assert re.search("mujoco|a moves masses against", found.of("MuJoCo: accelerations").finding.words)
+
+
+def test_an_arm_whose_joints_move_masses_against_each_other_is_no_chain_and_its_equations_are_verified():
+    checks = *EQUATIONS, conservation.momentum, *checks_of(engines)
+    found = verify(Parallel((1.0, 2.0), (0.3, 0.4)), 64, checks=checks)
+    assert found.misses == ()
+    assert "against each other" in found.of("momentum").finding.words
+    assert re.search("mujoco|a moves masses against", found.of("MuJoCo: accelerations").finding.words)
 
 
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-6}, {"integrator": "rk8"}, {"integrator": "dop853"}])
