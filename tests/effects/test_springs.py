@@ -84,7 +84,8 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
 @pytest.mark.parametrize("travel", [1e-3, 1e-9, 1e-12])
 def test_limits_close_together_are_passed_both(travel):
     """In a step the joint goes through its travel and into the spring behind it."""
-    made = scene(RPRP, e.LimitSpring("r1", 0.0, travel, 5e3), tolerance=1e-8)
+    narrow, wide = e.LimitSpring("r1", 0.0, travel, 5e3), e.LimitSpring("r2", -1.0, 1.0, 5e3)
+    made = scene(RPRP, narrow, wide, tolerance=1e-8)
     given = [0.3, -1e-3, -0.2, 0.1], [0.0, 1.0, 0.0, 0.0]
     found, status = advanced(made, *given)
     fine = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
@@ -109,7 +110,7 @@ def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
 
 
 def test_at_rest_exactly_at_a_limit_nothing_happens():
-    made = rde.Scene(RPRP, springs(RPRP, 5e3), tolerance=1e-9)
+    made = rde.Scene(RPRP, (e.Gravity(0.0), *springs(RPRP, 5e3)), tolerance=1e-9)
     q = np.array([[0.3, 0.3, -0.2, 0.0], [0.3, 0.0, -0.2, 0.3]])
     found, status = advanced(made, q, np.zeros((2, 4)))
     assert (found.q == q).all()

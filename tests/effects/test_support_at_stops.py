@@ -21,10 +21,10 @@ ARMS = {
 STANDS, ENTERS, LEAVES, AWAY = range(4)
 
 
-def scene(arm, restitution, **kwargs):
+def scene(arm, restitution, g=9.81, **kwargs):
     count = len(arm.sliders())
     stop = rde.effects.PrismaticStop((LOWER,) * count, (UPPER,) * count, restitution)
-    return rde.Scene(arm, (rde.effects.Gravity(), stop), **{"control_dt": SPAN, "tolerance": 1e-9, **kwargs})
+    return rde.Scene(arm, (rde.effects.Gravity(g), stop), **{"control_dt": SPAN, "tolerance": 1e-9, **kwargs})
 
 
 def starts(arm, lanes, rng):
@@ -122,8 +122,7 @@ def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_i
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_slider_that_nothing_presses_or_pulls_is_supported_known_to_rest_or_not(restitution):
     """A straight arm without weight: r1 has no acceleration at all until r2 is struck."""
-    stop = rde.effects.PrismaticStop((0.0, 0.0), (UPPER, UPPER), restitution)
-    made = rde.Scene(ARMS["RPRP"], (stop,), tolerance=1e-9, control_dt=SPAN)
+    made = scene(ARMS["RPRP"], restitution, g=0.0)
     # The impulse that sends r2 back drives r1 into its stop.
     q, qd = np.array([[0.3, 0.0, 0.3, 0.0]]), np.array([[0.0, 0.0, 0.0, -1.0]])
     later = q + 1e-15 * np.eye(4)[3]

@@ -60,22 +60,8 @@ def with_number(name):
     return dataclasses.make_dataclass("OddTask", [(name, float, 1.0)], bases=(ReachTask,), **body)()
 
 
-def with_memory(name):
-    updates = {**ReachTask.updates, name: "distance"}
-    return task_of(memory=(*ReachTask.memory, name), updates=updates)
-
-
 def with_function(name, **body):
     return task_of(functions=lambda *own: (*ReachTask.functions(*own), helper(name, "distance")), **body)
-
-
-def with_term(name):
-    terms = ReachTask.reward_functions
-    return task_of(reward_functions=lambda *own: (*terms(*own), helper(name, "speed")))
-
-
-def with_angle(name):
-    return task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")})
 
 
 def with_metric(*names, given=False):
@@ -84,9 +70,16 @@ def with_metric(*names, given=False):
 
 
 ROLES = {
-    "number": with_number, "memory": with_memory, "function": with_function, "term": with_term,
-    "angle": with_angle,
-}  # fmt: skip
+    "number": with_number,
+    "memory": lambda name: task_of(
+        memory=(*ReachTask.memory, name), updates={**ReachTask.updates, name: "distance"}
+    ),
+    "function": with_function,
+    "term": lambda name: task_of(
+        reward_functions=lambda *own: (*ReachTask.reward_functions(*own), helper(name, "speed"))
+    ),
+    "angle": lambda name: task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")}),
+}
 TAKEN = (
     "steps", "interval", "ax", "ay", "effort_limits_limits_0", "action1", "ended", "paid", "low3", "draw1",
     "gravity_g", "tip_x", "t1", "held3", "hold3", "Q1", "qdd1", "high3",
