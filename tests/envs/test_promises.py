@@ -226,8 +226,11 @@ def test_whole_numbers_of_any_kind_are_seeds(kind):
 
 
 def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
-    """However many were drawn ahead, and whatever generator took the place of another meanwhile."""
+    """However many were drawn ahead, and whatever generator took the place of another meanwhile; without a
+    seed each lane has words of its own."""
     env, begun = made("disabled", FOUR_R), np.array([True, True, True])
+    env.reset()
+    assert len({tuple(key) for key in env.core.keys.tolist()}) == 3
     env.reset(seed=20)
     generators = [np_random(20 + lane)[0] for lane in range(3)]
 
