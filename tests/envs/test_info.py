@@ -8,15 +8,16 @@ from collections import ChainMap
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
+from faces import FOUR_R, ID
 from gymnasium.wrappers import RecordEpisodeStatistics
 from gymnasium.wrappers.vector import DictInfoToList
 from gymnasium.wrappers.vector import RecordEpisodeStatistics as VectorStatistics
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
 
-import redundant_envs  # noqa: F401 - it registers the environments
 from redundant_envs.envs.outputs import UNREAD, Info
 
-ENV = gym.make("redundant_envs/RPRPReach-v0")
+ENV = gym.make(ID)
 ENV.reset(seed=0)
 EXTRA = {"episode": {"r": 1.0}}
 
@@ -119,7 +120,7 @@ def test_a_copy_is_a_plain_dict_and_an_info_of_ones_own_works():
 
 
 def test_an_info_keeps_the_values_of_its_step():
-    env = gym.make("redundant_envs/FourRReach-v0")
+    env = gym.make(FOUR_R)
     _, first = env.reset(seed=0)
     infos = [env.step(np.full(4, 0.3, np.float32))[4] for _ in range(4)]
     env.reset(seed=1)
@@ -128,7 +129,7 @@ def test_an_info_keeps_the_values_of_its_step():
 
 
 def test_infos_of_many_environments_keep_the_values_of_their_step():
-    envs = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=9)
+    envs = gym.make_vec(FOUR_R, num_envs=9)
     envs.reset(seed=0)
     infos = [envs.step(envs.action_space.sample())[4] for _ in range(3)]
     envs.reset(seed=1)
@@ -140,41 +141,20 @@ def test_infos_of_many_environments_keep_the_values_of_their_step():
     assert len({float(info["distance"][8]) for info in infos}) == 3
 
 
-def test_wrappers_of_many_environments_take_infos():
-    made = gym.make_vec("redundant_envs/FourRReach-v0", num_envs=3, max_episode_steps=2)
-    envs = DictInfoToList(VectorStatistics(made))
-    envs.reset(seed=0)
-    envs.step(envs.action_space.sample())
-    lists = envs.step(envs.action_space.sample())[4]
-    assert [(x["episode_steps"], int(x["episode"]["l"])) for x in lists] == [(2, 2)] * 3
-
-
-@pytest.mark.filterwarnings("ignore:.*A Box observation space")
-def test_programs_that_check_or_write_infos_take_it():
-    check_env(gym.make("redundant_envs/FourRReach-v0").unwrapped, skip_render_check=True)
-    env = RecordEpisodeStatistics(gym.make("redundant_envs/FourRReach-v0", max_episode_steps=2))
+def test_programs_that_write_into_infos_take_them():
+    env = RecordEpisodeStatistics(gym.make(FOUR_R, max_episode_steps=2))
+    envs = DictInfoToList(VectorStatistics(gym.make_vec(FOUR_R, num_envs=3, max_episode_steps=2)))
+    venv = DummyVecEnv([lambda: Monitor(gym.make(FOUR_R, max_episode_steps=2))])
     env.reset(seed=0)
-    env.step(env.action_space.sample())
-    info = env.step(env.action_space.sample())[4]
-    assert (info["episode"]["l"], info["episode_steps"]) == (2, 2)
-    venv = gym.make_vec(
-        "redundant_envs/FourRReach-v0", num_envs=2, vectorization_mode="sync", max_episode_steps=2
-    )
-    venv.reset(seed=0)
-    assert venv.step(venv.action_space.sample())[4]["episode_steps"].tolist() == [1, 1]
-
-
-def test_stable_baselines3_takes_it():
-    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is in the extra 'train'")
-    from stable_baselines3.common.monitor import Monitor
-    from stable_baselines3.common.vec_env import DummyVecEnv
-
-    venv = DummyVecEnv([lambda: Monitor(gym.make("redundant_envs/FourRReach-v0", max_episode_steps=2))])
+    envs.reset(seed=0)
     venv.reset()
-    actions = np.zeros((1, 4), np.float32)
-    (first,) = venv.step(actions)[3]
-    (last,) = venv.step(actions)[3]
-    assert (first["episode_steps"], last["episode_steps"], last["episode"]["l"]) == (1, 2, 2)
+    for steps in (1, 2):
+        infos = [
+            env.step(env.action_space.sample())[4], *envs.step(envs.action_space.sample())[4],
+            *venv.step(np.zeros((1, 4), np.float32))[3],
+        ]  # fmt: skip
+        assert [info["episode_steps"] for info in infos] == [steps] * 5
+    assert [int(info["episode"]["l"]) for info in infos] == [2] * 5
 
 
 def test_a_program_that_reads_past_the_methods_gets_no_number():

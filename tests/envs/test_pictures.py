@@ -13,23 +13,13 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from catalogue import EQUAL
-from faces import FOUR_R, ID, STEPS, actions, begin, made, running
+from faces import FOUR_R, ID, actions, begin, made, running
 from gymnasium.error import DependencyNotInstalled
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.envs.animation import energies_figure, stated_limits, total_figure
-from redundant_envs.envs.rendering import (
-    BARS,
-    GLYPHS,
-    GOAL,
-    TRAIL,
-    TRAIL_LENGTH,
-    Canvas,
-    Window,
-    cover,
-    from_segment,
-)
+from redundant_envs.envs import animation, rendering
+from redundant_envs.envs.rendering import BARS, GLYPHS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window, cover
 from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 
@@ -155,7 +145,7 @@ def test_a_trail_is_drawn_like_its_segments_one_by_one():
         places = 240.0 + 240.0 * points * (1.0, -1.0)
         for k, (a, b) in enumerate(itertools.pairwise(places)):
             strength = 0.2 + 0.7 * (k + 1) / (len(points) - 1)
-            cover = np.clip(2.0 - from_segment(x - a[0], y - a[1], *(b - a)), 0.0, 1.0)
+            cover = np.clip(2.0 - rendering.from_segment(x - a[0], y - a[1], *(b - a)), 0.0, 1.0)
             weight = np.maximum(weight, cover * strength)
         expected = Canvas(1.0).pixels * (1.0 - weight[..., None]) + np.array(TRAIL) * weight[..., None]
         assert np.abs(canvas.pixels - expected).max() <= 2.0
@@ -206,21 +196,6 @@ def test_letters_are_as_high_as_asked_and_differ():
     assert len({(shape.shape, shape.tobytes()) for shape in shapes.values()}) == len(shapes)
     with pytest.raises(ValueError, match="no glyph for '~'"):
         cover("1 ~", 12.0)
-
-
-def test_record_video_of_gymnasium_writes_an_mp4(tmp_path):
-    pytest.importorskip("moviepy", reason="RecordVideo needs the extra 'plot'")
-    env = gym.make(FOUR_R, render_mode="rgb_array", max_episode_steps=STEPS)
-    env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda n: n == 0)
-    env.reset(seed=0)
-    for action in actions(env, STEPS):
-        *_, truncated, _ = env.step(action)
-    assert truncated
-    env.close()
-    (video,) = tmp_path.glob("videos/*.mp4")
-    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(video))
-    assert frames in (STEPS, STEPS + 1)  # moviepy rounds the time of the last one
-    assert seconds == pytest.approx(frames * 0.02, abs=0.03)
 
 
 # ---- moving pictures -----------------------------------------------------------------------------------
@@ -314,12 +289,12 @@ def test_energies_of_a_run_and_their_figures(name):
     assert run.drift < 1e-6
     assert np.abs(run.trajectory.work).max() < 1e-12 * run.scale
     if name == "rprp_limit_springs":  # sliders reach them
-        for joint, (low, high) in stated_limits(run.scene).items():
+        for joint, (low, high) in animation.stated_limits(run.scene).items():
             assert run.trajectory.q[:, joint].min() < low
             assert run.trajectory.q[:, joint].max() > high
     else:  # without its spring the energy is not constant
         assert np.ptp(run.without_springs) > 0.1 * run.scale
-    for figure in (energies_figure(run), total_figure(run)):
+    for figure in (animation.energies_figure(run), animation.total_figure(run)):
         assert all("[" in axes.get_ylabel() for axes in figure.axes)
         assert figure.axes[-1].get_xlabel() == "time [s]"
     assert "relative drift" in figure.axes[0].get_title(loc="left")

@@ -36,7 +36,8 @@ def test_checkers_pass_without_a_warning(env_id):
 
 def test_specs_are_json_and_make_the_same_environment(env_id):
     data = rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
-    env = gym.make(env_id, scene=data)
+    env = gym.make(env_id, scene=data | {"control_dt": 0.01})
+    assert env.metadata["render_fps"] == 100
     assert EnvSpec.from_json(env.spec.to_json()).make().observation_space == env.observation_space
     specs = rde.make_sb3(env_id.split("/")[1], 3, accuracy="exact", max_episode_steps=7).get_attr("spec")
     found = [(spec.id, spec.max_episode_steps, spec.kwargs["accuracy"]) for spec in specs]

@@ -75,10 +75,6 @@ LEAKS = {
 """Faults by the checks that they break."""
 
 
-def test_bits_of_a_scene_are_green():
-    assert red(SCENE, BITS) == set()
-
-
 @pytest.mark.parametrize("names", LEAKS)
 def test_a_leak_is_red_and_named(names, monkeypatch):
     monkeypatch.setattr(*LEAKS[names])
@@ -112,7 +108,6 @@ def falsify_fields(monkeypatch, fields=evaluators.fields_of):
 
 def test_an_evaluator_that_differs_is_red(monkeypatch):
     checks = evaluators.arrays, evaluators.singles
-    assert red(SCENE, checks) == set()
     arrays = algebra._registered[np.ndarray]
     off = arrays._replace(sincos=lambda x: (np.sin(x), np.cos(x) + 1e-7))
     monkeypatch.setitem(algebra._registered, np.ndarray, off)
@@ -216,11 +211,6 @@ BROKEN = {
     "a state without its generators": ("states", Core, "set_state", without_generators),
     "a copy that is the original": ("copies", VECTOR, "__deepcopy__", itself),
 }  # fmt: skip
-
-
-@pytest.mark.parametrize("word", ["FourRReach-v0", "RPRPGoalReach-v0"])
-def test_environments_are_green(word):
-    assert red(subject_of(word), checks_of(environments)) == set()
 
 
 @pytest.mark.parametrize("fault", BROKEN)
