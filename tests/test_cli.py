@@ -107,17 +107,6 @@ def test_list_names_everything(capsys):
     assert {*ids(), *registered, *scene_names(), *METHODS, *studies} <= {*capsys.readouterr().out.split()}
 
 
-def test_throughput_writes_csv(tmp_path, capsys):
-    config = tmp_path / "tiny.yaml"
-    case = {"arm": "FourR", "integrator": "rk4", "bar_ns": 45}
-    data = {"lanes": 16, "repeats": 2, "bar_gflops": 53, "cases": [case]}
-    config.write_text(yaml.safe_dump(data), encoding="utf-8")
-    assert main(["study", "throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
-    assert "ns_per_step_best" in capsys.readouterr().out
-    found = [(r["arm"], r["integrator"], r["lanes"]) for r in rows(tmp_path / "throughput.csv")]
-    assert found == [("FourR", "rk4", "16")]
-
-
 # ---- progress on standard error, and tables ----------------------------------------------------------
 
 PROGRAM = """

@@ -11,19 +11,28 @@ import pytest
 import yaml
 
 from redundant_envs import load_scene
+from redundant_envs.__main__ import main
 from redundant_envs.files import config_folder
-from redundant_envs.studies import environments, throughput
-from redundant_envs.tables import write_rows
+from redundant_envs.studies import environments, stops, throughput
 
 
-def test_throughput_columns_and_numbers():
-    cases = [{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}]
+def written(path, **changes):
+    """A file of a study of speeds, without cases."""
+    data = {"lanes": 32, "repeats": 3, "bar_gflops": 53, "cases": [], **changes}
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    return path
+
+
+def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
+    config = written(tmp_path / "c.yaml", cases=[{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}])
     allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    rows = throughput.run({"lanes": 32, "repeats": 3, "bar_gflops": 53, "cases": cases})
+    assert main(["study", "throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
     if allowed is not None:
         assert os.sched_getaffinity(0) == allowed
-    assert [tuple(row) for row in rows] == [throughput.COLUMNS]
-    row = rows[0]
+    assert "ns_per_step_best" in capsys.readouterr().out
+    (cells,) = csv.DictReader((tmp_path / "throughput.csv").read_text(encoding="utf-8").splitlines())
+    row = {column: yaml.safe_load(cell) for column, cell in cells.items()}
+    assert tuple(row) == throughput.COLUMNS
     assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
     assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
@@ -33,7 +42,7 @@ def test_throughput_columns_and_numbers():
 
 def test_throughput_of_error_control_counts_evaluations_and_true_errors():
     case = {"arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50}
-    (row,) = throughput.run({"lanes": 64, "repeats": 3, "bar_gflops": 53, "cases": [case]})
+    (row,) = throughput.run({"lanes": 64, "repeats": 1, "bar_gflops": 53, "cases": [case]})
     assert 12.0 < row["evaluations_mean"] < 50.0
     assert row["share_below_tolerance"] >= 0.98
     assert row["tolerance"] == 1e-9
@@ -69,11 +78,8 @@ def test_shipped_config_loads():
      ({"cases": [{"arm": "FourR", "integrator": "rk8", "bar_ns": 1, "tolerance": 1e-6}]}, "bar_evaluations")],
 )  # fmt: skip
 def test_config_refuses(tmp_path, change, message):
-    path = tmp_path / "c.yaml"
-    data = {"lanes": 16, "repeats": 1, "bar_gflops": 53, "cases": [], **change}
-    path.write_text(yaml.safe_dump(data), encoding="utf-8")
     with pytest.raises(ValueError, match=message):
-        throughput.load_config(path)
+        throughput.load_config(written(tmp_path / "c.yaml", **change))
 
 
 def test_unknown_arm_lists_the_arms():
@@ -82,35 +88,29 @@ def test_unknown_arm_lists_the_arms():
 
 
 @pytest.mark.long
-def test_environment_columns(monkeypatch, tmp_path):
+def test_environment_columns(monkeypatch):
     # The subprocess that measures the import time takes seconds; it is left to the study.
     monkeypatch.setattr(environments, "first_step_seconds", lambda name: 0.5)
-    rows = environments.run(lanes=4, rounds=1, steps=120)
-    assert [tuple(row) for row in rows] == [environments.COLUMNS] * len(environments.IDS)
-    assert all(row["vector_steps_per_s_best"] > 0 for row in rows)
-    assert all(row["single_us_per_step"] > 0 and row["cartpole_us_per_step"] > 0 for row in rows)
-    path = tmp_path / "rows.csv"
-    write_rows(rows, environments.COLUMNS, path)
-    with path.open(encoding="utf-8") as file:
-        assert [r["env"] for r in csv.DictReader(file)] == list(environments.IDS)
+    found = environments.run(lanes=4, rounds=1, steps=120)
+    assert [row["env"] for row in found] == list(environments.IDS)
+    for row in found:
+        assert tuple(row) == environments.COLUMNS
+        numbers = ("vector_steps_per_s_best", "single_us_per_step", "cartpole_us_per_step")
+        assert all(row[name] > 0 for name in numbers)
 
 
 @pytest.mark.long
 def test_stops_study_times_both_scenes_at_the_shares_asked_for():
-    from redundant_envs.studies import stops
-
-    rows = stops.run({"random": stops.random_policy(0)}, lanes=200, repeats=2)
-    assert [r["touched_share"] for r in rows[:2]] == [0.01, 0.2]
-    assert rows[2]["touched_share"] > 0.05
-    for row in rows:
+    *shares, random = found = stops.run({"random": stops.random_policy(0)}, lanes=200, repeats=2)
+    assert [row["touched_share"] for row in shares] == [0.01, 0.2]
+    assert random["touched_share"] > 0.05
+    for row in found:
         assert set(row) == set(stops.COLUMNS)
         assert row["ratio"] == pytest.approx(row["ns_with"] / row["ns_without"], rel=0.02)
         assert row["evaluations_with"] > row["evaluations_without"]
 
 
 def test_touching_lanes_are_those_that_a_stop_concerns():
-    from redundant_envs.studies import stops
-
     scene = load_scene("rprp_reach")
     q = np.array([[0.0, 0.1, 0.0, 0.1], [0.0, 0.25, 0.0, 0.1], [0.0, 0.249, 0.0, 0.1], [0.0, 0.2, 0.0, 0.0]])
     qd = np.array([[0.0] * 4, [0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0] * 4])

@@ -176,14 +176,10 @@ def late(results, wrong, right, at=40):
     return np.where(steps.reshape(-1, *[1] * (np.ndim(right) - 1)), wrong, right)
 
 
-def with_distance(results, distance):
-    return results[4] | {"distance": distance}
-
-
 def share_of_actions(env, actions, results):
     """NaN without actions: a division that a task may contain."""
     share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1)
-    return with_distance(results, np.where(results[4]["episode_steps"] > 20, share, results[4]["distance"]))
+    return results[4] | {"distance": np.where(results[4]["episode_steps"] > 20, share, 0.0)}
 
 
 def without_generators(self, state, right=Core.set_state):
@@ -199,9 +195,6 @@ BROKEN = {
     "rewards without a number": ("ranges", *stepping(VECTOR, 1, lambda env, a, r: late(r, np.nan, r[1]))),
     "observations outside their space": (
         "ranges", *stepping(VECTOR, 0, lambda env, a, r: late(r, np.float32(1.001), r[0])),
-    ),
-    "metrics without a number": (
-        "ranges", *stepping(VECTOR, 4, lambda env, a, r: with_distance(r, late(r, np.inf, r[4]["distance"]))),
     ),
     "metrics without an action": ("ranges", *stepping(VECTOR, 4, share_of_actions)),
     "threads": (

@@ -242,13 +242,16 @@ def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red
 
 
 @pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize("joint", ["r1", "joint2"])
-def test_springs_at_any_distance_from_each_other_make_no_fault(width, joint):
+@pytest.mark.parametrize(
+    ("arm", "joints"),
+    [(RPRP, ("r1", "joint2")), (rde.FourR((1.0,) * 4, (0.3,) * 4), ("joint2",))],
+    ids=["RPRP", "4R"],
+)
+def test_springs_at_any_distance_from_each_other_make_no_fault(width, arm, joints):
     """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""
-    spring = e.LimitSpring(joint, -0.5 * width, 0.5 * width, 5000.0, 10.0)
-    for arm in (RPRP, rde.FourR((1.0,) * 4, (0.3,) * 4)) if joint == "joint2" else (RPRP,):
-        scene = rde.Scene(arm, (e.Gravity(), spring), tolerance=1e-6)
-        assert misses(scene, (potentials, energy_book, forces_at_switches, order)) == set()
+    springs = (e.LimitSpring(joint, -0.5 * width, 0.5 * width, 5000.0, 10.0) for joint in joints)
+    scene = rde.Scene(arm, (e.Gravity(), *springs), tolerance=1e-6)
+    assert misses(scene, (potentials, energy_book, forces_at_switches, order)) == set()
 
 
 FORGETS = physics(lambda memory: -memory)

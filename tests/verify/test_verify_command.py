@@ -1,6 +1,5 @@
 """verify: the words that name subjects, the table, the files, and the exit status."""
 
-import dataclasses
 import json
 import math
 import re
@@ -13,28 +12,11 @@ from catalogue import IDS
 import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.extras import MissingPackage
-from redundant_envs.verify import (
-    Mode,
-    Subject,
-    Verdict,
-    engines,
-    report,
-    subject_from,
-    subjects_of,
-    verify,
-)
-from redundant_envs.verify.checks import Check, check
+from redundant_envs.verify import Mode, Subject, Verdict, engines, promises, report, subject_from, verify
+from redundant_envs.verify.checks import Check
 from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge
-from redundant_envs.verify.promises import (
-    EQUAL_BITS,
-    Finding,
-    NotApplicable,
-    NotRun,
-    Promise,
-    at_least,
-    at_most,
-)
-from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, at_most
+from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of, subjects_of
 
 e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
@@ -137,7 +119,7 @@ def test_an_effect_that_fits_no_arm_says_why():
 
 
 def test_what_is_no_number_keeps_no_promise():
-    for promise, kept in ((at_most(1.0), 1.0), (at_least(1.0), 2.0), (EQUAL_BITS, 0.0)):
+    for promise, kept in ((at_most(1.0), 1.0), (promises.at_least(1.0), 2.0), (EQUAL_BITS, 0.0)):
         assert promise.holds(kept)
         assert not promise.holds(math.nan)
     assert not EQUAL_BITS.holds(1.0)
@@ -171,8 +153,8 @@ def raising(error):
 FOUND = {
     "kept": lambda trial: Finding(0.5, "state 1"),
     "missed": lambda trial: Finding(2.0, "state 2", "too much"),
-    "not applicable": raising(NotApplicable("there is none")),
-    "not run": raising(NotRun("there is no engine")),
+    "not applicable": raising(promises.NotApplicable("there is none")),
+    "not run": raising(promises.NotRun("there is no engine")),
     "missing package": raising(MissingPackage("mujoco is not installed")),
     "error": raising(ValueError("not to be had")),
     "mistake": raising(TypeError("not callable")),
@@ -203,23 +185,13 @@ def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
 
 
 def test_a_measured_number_is_no_promise():
-    measured = checks(lambda trial: Finding(9.0, "", "look"), promise=Promise(math.nan, "m, all", ""))
+    measured = checks(
+        lambda trial: Finding(9.0, "", "look"), promise=promises.Promise(math.nan, "m, all", "")
+    )
     found = verify(FOUR_R, 4, checks=measured)
     assert found.good
     assert found.outcomes[0].verdict is Verdict.MEASURED
     assert report.notes(found.outcomes) == ["look"]
-
-
-def test_a_check_is_one_function():
-    @check("short links", at_least(0.1))
-    def short_links(trial):
-        shortest = int(np.argmin(trial.arm.lengths))
-        return Finding(trial.arm.lengths[shortest], f"link {shortest + 1}", "a link is too short")
-
-    assert verify(FOUR_R, checks=[short_links]).good
-    light = dataclasses.replace(FOUR_R, lengths=(1.0, 0.05, 1.0, 1.0))
-    (outcome,) = verify(light, checks=[short_links]).outcomes
-    assert (outcome.finding.where, outcome.verdict) == ("link 2", Verdict.MISSED)
 
 
 def test_modes_run_what_those_before_them_run():
