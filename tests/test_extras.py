@@ -87,13 +87,12 @@ MISSING = {
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [
-    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("torch",),
-    ("rl_zoo3", "sympy", "mujoco", "scipy"),
+    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("rl_zoo3", "sympy", "mujoco", "scipy"),
     *(
         pytest.param(packages, marks=pytest.mark.long)
         for packages in (
             ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame"), ("PIL",), ("imageio_ffmpeg",),
-            ("typer",), ("pydantic",), ("rich",), ("onnx",),
+            ("typer",), ("pydantic",), ("rich",), ("onnx",), ("torch",),
         )
     ),
 ]  # fmt: skip

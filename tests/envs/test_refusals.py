@@ -7,7 +7,7 @@ import re
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FACES, FOUR_R, ID, KINDS, MODES, actions, begin, flat, made, plain, refused, running
+from faces import FACES, FOUR_R, ID, MODES, actions, begin, flat, made, refused, running
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
@@ -38,6 +38,15 @@ ARGUMENTS = {
     "render_mode is 'ansi'": {"render_mode": "ansi"},
     "on_bad_action is 'ignore'.*terminate": {"on_bad_action": "ignore"},
     "'goal_tolerence'.*goal_tolerance": {"task": {"goal_tolerence": 1}},
+    "task is 5; give a mapping": {"task": 5},
+    r"task is \[.*\]; give a mapping": {"task": [("inner", 0.1)]},
+    "unknown key 5": {"task": {5: 1}},
+    "ReachTask.hold_steps is 1.5; give a whole number": {"task": {"hold_steps": 1.5}},
+    r"hold_steps is 1.18059.*e\+21; it must lie in 1 to 1e\+09": {"task": {"hold_steps": 2**70}},
+    "ReachTask.inner is 'small'; give a finite number": {"task": {"inner": "small"}},
+    r"ReachTask.goal_tolerance is 1e\+200": {"task": {"goal_tolerance": 1e200}},
+    "ReachTask.rate_scale is 5e-324": {"task": {"rate_scale": 5e-324}},
+    "ReachTask.speed_bound is an integer of": {"task": {"speed_bound": HUGE}},
     "ReachTask.goal_tolerance is -1.0; it must be positive": {"task": {"goal_tolerance": -1}},
     "accuracy is 'fine'.*standard.*exact.*metres": {"accuracy": "fine"},
     "tolerance is 0.0.*1e-13": {"accuracy": 0.0},
@@ -89,15 +98,10 @@ def test_a_limit_of_steps_is_a_whole_number(limit):
 def test_an_id_refuses_a_scene_of_another_arm(arm, other, task):
     name = "four_r_reach" if other == "FourR" else "rprp_reach"
     env_id, fitting = (f"redundant_envs/{kind}{task}-v0" for kind in (arm, other))
-    for scene in (name, rde.load_scene(name).to_dict()):
-        makes = [lambda kind=kind, scene=scene: made(kind, env_id, scene=scene) for kind in FACES]
-        makes.append(lambda scene=scene: rde.make_sb3(f"{arm}{task}-v0", 2, scene=scene))
-        for make in makes:
-            with pytest.raises(
-                ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} "
-            ) as error:
-                make()
-            assert "\n" not in str(error.value)
+    for kind, scene in itertools.product(FACES, (name, rde.load_scene(name).to_dict())):
+        with pytest.raises(ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} ") as error:
+            made(kind, env_id, scene=scene)
+        assert "\n" not in str(error.value)
 
 
 # ---- options, seeds and actions ------------------------------------------------------------------------
@@ -109,17 +113,16 @@ def number(**parameters):
 
 ROUGH = (1, 1, 1, 1e-13)
 OPTIONS = [
-    (5, "options is 5; give a mapping"), ("q", "options is 'q'"),
+    (5, "options is 5; give a mapping"),
     ({5: 1}, "options has the unknown key 5"), ({"pose": 1}, "'pose'; valid: q, qd, goal"),
-    ({"q": "abc"}, r"options\['q'\] is 'abc'; give real numbers"),
- ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
+    ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
     ({"q": (0, NAN, 0, 0)}, "q.* non-finite"), ({"q": (1e30, 0.1, 0, 0.1)}, r"'q'.* 1e\+30.* 1e\+06"),
     ({"q": (0, 0.3, 0, 0)}, r"options\['q'\]: r1 is 0.3 m; its stops are at 0 and 0.25 m"),
     ({"q": (0, 0.1, 0, -1e-9)}, r"options\['q'\]: r2 is -1e-09 m"),
     ({"q": (0, 0.24, 0, 0), "parameters": {"prismatic_stop.upper": (0.05, 0.2)}}, "r1 is 0.24 m.* 0.05 m"),
- ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
+    ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
     ({"qd": (0, 1e200, 0, 0)}, r"'qd'.* 1e\+200.* 1e\+100"),
-    ({"goal": np.array([1j, 0])}, r"options\['goal'\] is"), ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
+    ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
     ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
     ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
     ({"parameters": 5}, "parameters is 5; give a mapping"),
@@ -387,16 +390,6 @@ def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
     assert ended.step(np.full(4, NAN))[2]
     other = running("sb3", count=1, max_episode_steps=-1)
     refused(other, lambda other: other.set_state(ended.get_state()), r"episodes have ended, \[0\]")
-
-
-def test_parameters_of_lanes_are_part_of_a_state():
-    given = {"masses": (1.0, 0.5, 0.4, 0.3), "prismatic_stop.upper": 0.2, "inner": 0.3}
-    for kind in KINDS:
-        env, twin = running(kind), running(kind)
-        begin(env, {"parameters": given})
-        twin.set_state(env.get_state())
-        assert plain(twin.get_state()) == plain(env.get_state())
-        assert twin.core.memory.read(("m2", "inner"))[0].tolist() == [0.5, 0.3]
 
 
 @pytest.mark.parametrize("action", [np.full((3, 4), NAN), np.zeros(2), "left"], ids=["nan", "shape", "text"])
