@@ -52,8 +52,6 @@ KINDS = pytest.mark.parametrize("kind", [float, np.array, torch.tensor], ids=["f
 TABLES = pytest.mark.parametrize("kind", [np.array, torch.tensor], ids=["array", "tensor"])
 
 
-# ---- derivatives ---------------------------------------------------------------------------------------
-
 JUMPING = {
     "equal": lambda x, p: where(x == 0.7, p * x, where(x != 0.7, x, 0.0)),
     "whole": lambda x, p: x * floor(3.0 * x),
@@ -115,9 +113,6 @@ def test_an_arm_whose_points_depend_on_which_length_is_longer_is_compiled():
         batch.advance()
         ends.append(batch.q)
     assert abs(ends[0] - ends[1]).max() < 1e-15
-
-
-# ---- kinks ---------------------------------------------------------------------------------------------
 
 
 def values(function, x, p, kind=float):

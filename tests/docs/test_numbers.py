@@ -135,9 +135,6 @@ def test_the_readme_says_of_the_environments_what_they_are():
         assert "The arm has 4 joints for a 2-D tip position, so it is redundant." in env.unwrapped.__doc__
 
 
-# ---- tables ----------------------------------------------------------------------------------------------
-
-
 def test_what_an_error_costs_is_what_the_study_wrote():
     lines = page("accuracy").splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("| arm | 99 %"))

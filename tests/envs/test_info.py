@@ -8,6 +8,7 @@ from collections import ChainMap
 import gymnasium as gym
 import numpy as np
 import pytest
+from catalogue import COPIES
 from faces import FOUR_R, ID
 from gymnasium.wrappers import RecordEpisodeStatistics
 from gymnasium.wrappers.vector import DictInfoToList
@@ -67,11 +68,9 @@ USES = {
     "json": json.dumps,
     "json of a list": lambda d: json.dumps([d, {"info": d}]),
     "indented json": lambda d: json.dumps(d, indent=1, sort_keys=True),
-    "copy": copy.copy,
+    **COPIES,
     "own copy": lambda d: d.copy(),
-    "deep copy": copy.deepcopy,
     "deep copy of a list": lambda d: copy.deepcopy([d]),
-    "pickle": lambda d: pickle.loads(pickle.dumps(d)),
     "pickle of a list": lambda d: pickle.loads(pickle.dumps([d, d], protocol=2)),
     "repr": repr,
     "str": str,
@@ -113,8 +112,8 @@ def test_every_method_of_dict_reads_first_or_tells_no_value():
 
 
 def test_a_copy_is_a_plain_dict_and_an_info_of_ones_own_works():
-    for made in (copy.copy, copy.deepcopy, lambda d: d.copy(), lambda d: pickle.loads(pickle.dumps(d))):
-        assert type(made(fresh()[0])) is dict
+    for way in (*COPIES.values(), USES["own copy"]):
+        assert type(way(fresh()[0])) is dict
     assert Info(a=1)["a"] == 1
     assert json.dumps(Info({"a": 1})) == '{"a": 1}'
 

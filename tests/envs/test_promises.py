@@ -16,8 +16,6 @@ from redundant_envs.envs.core import AHEAD
 
 ACTION = np.full(4, 0.5, np.float32)
 
-# ---- copies --------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPGoalReach-v0", FOUR_R])
 @pytest.mark.parametrize("steps", [None, 0, 2, STEPS], ids=["unused", "reset", "in an episode", "at its end"])
@@ -118,9 +116,6 @@ def test_copies_and_new_environments_in_spawned_workers_equal_those_here():
         worker.close()
 
 
-# ---- the same bits in every kind -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mode", MODES)
 def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id, mode):
     native = made(mode, env_id, max_episode_steps=7)
@@ -185,9 +180,6 @@ def test_masks_of_infos_are_their_own():
     infos[masks[0]][:] = False
     assert all(infos[name].all() for name in masks[1:])
     assert env.step(actions(env, 1)[0])[4][masks[0]].all()
-
-
-# ---- seeds, options, states ----------------------------------------------------------------------------
 
 
 def test_equal_seed_and_options_give_equal_episodes(face, env_id):

@@ -290,8 +290,6 @@ OTHERS = {
     "control_dt is 0.01 there and 0.02 here": changed(control_dt=0.01),
     "masses": changed(robot={**SCENE["robot"], "masses": [1.0, 0.5, 0.3, 0.1]}),
     "effects": with_effect("Gravity", g=1.6),
-    "restitution is 0.5 there": with_effect("PrismaticStop", restitution=0.5),
-    "tolerance is None there": changed(tolerance=None, substeps=2),
     "task.goal_tolerance is 0.05 there and 0.02 here": {"task": {"goal_tolerance": 0.05}},
     "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
     "of another scene": {"env_id": FOUR_R},

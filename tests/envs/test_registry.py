@@ -62,9 +62,6 @@ def test_the_ids_are_those_promised_and_importing_and_drawing_import_nothing_hea
     assert found == {*IDS}
 
 
-# ---- values --------------------------------------------------------------------------------------------
-
-
 def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     envs = {kind: made(kind, env_id) for kind in KINDS}
     table = actions(envs["sb3"], 7)
@@ -97,9 +94,6 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
         kept[...] = 7.0
         assert (getattr(env, name) != 7.0).all()
     np.testing.assert_equal(env.core.memory.save(), before)
-
-
-# ---- pages ---------------------------------------------------------------------------------------------
 
 
 def page(env_id):

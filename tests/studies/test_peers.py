@@ -81,9 +81,12 @@ def test_elastic_stop():
 
 
 def test_stop_is_given_as_limits():
+    """MuJoCo 4.0.0 has a fault with stops and the sparse Jacobian; these arms are too small to meet it."""
     scene = rde.Scene(ROBOTS["RPRP"], (e.PrismaticStop((0.0, 0.1), (0.4, 0.5)),))
     model = peers.mujoco_model(scene, "RK4", 1e-3, limits={1: (0.0, 0.4), 3: (0.1, 0.5)})
     assert list(model.jnt_limited) == [0, 1, 0, 1]
+    assert model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+    assert not mujoco.mj_isSparse(model)
     with pytest.raises(ValueError, match="PrismaticStop"):
         peers.mujoco_model(scene, "RK4", 1e-3)
 
@@ -138,24 +141,3 @@ def test_refuses_what_a_peer_cannot_express(change, said):
 def test_refuses_bad_input(call, said):
     with pytest.raises(ValueError, match=said):
         call(scene_of("FourR"), *states(ROBOTS["FourR"]))
-
-
-def test_stops_of_mujoco_use_the_dense_jacobian():
-    """MuJoCo 4.0.0 has a fault with the sparse one; these arms are too small to meet it by default."""
-    stop = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 1.0)
-    scene = rde.Scene(rde.RPRP((1.0,) * 4, (0.5, 0.5)), (e.Gravity(), stop))
-    dt = 2e-4
-    generator = np.random.default_rng(5)
-    q = generator.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.3, 3.0, 0.3), (256, 4))
-    qd = generator.normal(0.0, (2.0, 1.0, 2.0, 1.0), (256, 4))
-    ends = {}
-    for jacobian in ("AUTO", "DENSE", "SPARSE"):
-        model = peers.mujoco_model(scene, "Euler", dt, {1: (0.0, 0.3), 3: (0.0, 0.3)}, (-0.3 / dt**2, 0.0))
-        model.opt.jacobian = getattr(mujoco.mjtJacobian, f"mjJAC_{jacobian}")
-        assert model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
-        assert mujoco.mj_isSparse(model) == (jacobian == "SPARSE")
-        start = np.array([q, qd, np.zeros_like(q)])
-        ends[jacobian] = np.array(peers._mujoco(scene, model, start, DURATION)[:2])
-    np.testing.assert_array_equal(ends["AUTO"], ends["DENSE"])
-    assert np.abs(ends["SPARSE"] - ends["DENSE"]).max() < 1e-11
-    assert not np.array_equal(ends["SPARSE"], ends["DENSE"])

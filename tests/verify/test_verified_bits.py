@@ -96,9 +96,6 @@ def test_another_record_is_red(monkeypatch):
     assert "4R all rk8" in outcome.finding.words
 
 
-# ---- evaluators ----------------------------------------------------------------------------------------
-
-
 def falsify_fields(monkeypatch, fields=evaluators.fields_of):
     def wrong(dynamics):
         return {name: 1.001 * x for name, x in fields(dynamics).items()}
@@ -128,9 +125,6 @@ def test_torch_that_differs_is_red(monkeypatch):
     assert red(SCENE, (evaluators.tensors,)) == {"evaluators: torch"}
 
 
-# ---- impacts -------------------------------------------------------------------------------------------
-
-
 def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
     class Stop(e.PrismaticStop):
         """Traced again each time."""
@@ -151,9 +145,6 @@ def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
 def test_a_slider_beyond_its_stop_is_red(monkeypatch):
     monkeypatch.setattr(BatchSimulator, *shown(lambda batch, q: q + np.array([0.0, 1e-15, 0.0, 0.0])))
     assert red(rde.load_scene("rprp_stops"), (impacts.inside,)) == {"impacts: no slider beyond its stop"}
-
-
-# ---- environments --------------------------------------------------------------------------------------
 
 
 def stepping(kind, place, change):

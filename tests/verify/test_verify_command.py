@@ -51,9 +51,6 @@ def mine(tmp_path, monkeypatch):
     sys.modules.pop("verify_me", None)
 
 
-# ---- subjects ------------------------------------------------------------------------------------------
-
-
 def effects_of(subject):
     return [type(x).__name__ for x in subject.scene.effects]
 
@@ -113,9 +110,6 @@ def test_an_effect_that_fits_no_arm_says_why():
 
     with pytest.raises(ValueError, match="Never fits no arm; RPRP: never"):
         subject_from("Never", Never())
-
-
-# ---- promises and outcomes -----------------------------------------------------------------------------
 
 
 def test_what_is_no_number_keeps_no_promise():
@@ -198,9 +192,6 @@ def test_modes_run_what_those_before_them_run():
     quick, standard, full = (report.checks_in(mode) for mode in Mode)
     assert set(quick) < set(standard) < set(full)
     assert len({c.name for c in full}) == len(full)
-
-
-# ---- the command ---------------------------------------------------------------------------------------
 
 
 @pytest.fixture
