@@ -112,12 +112,13 @@ class PatientTask(rde.ReachTask):
 
 
 def test_numbers_from_outside_have_the_units_that_are_given_or_that_hooks_show():
-    scene = rde.Scene(SCENE.robot, (*SCENE.effects, Wind()), tolerance=1e-6)
+    scene = rde.load_scene("four_r_reach")
+    scene = rde.Scene(scene.robot, (*scene.effects, Wind()), "rk4")
     found = parameters_of(Core(scene, 2, PatientTask()))
     assert found["wind.strength"].unit == found["patience"].unit == ""
     assert found["wind.carried"].unit == "kg"
     np.testing.assert_array_equal(found["patience"].value, [8.0, 8.0])
-    assert (found["masses"].value == SCENE.robot.masses).all()  # the arm's own, without what it carries
+    assert (found["masses"].value == scene.robot.masses).all()  # the arm's own, without what it carries
     misspelt = type("Draught", (Wind,), {"units": lambda self, arm: {"strenght": "N"}})
     with pytest.raises(ValueError, match=r"\(Draught\).units has 'strenght'.*strength, carried"):
         rde.Scene(SCENE.robot, (misspelt(),))

@@ -34,15 +34,15 @@ def assert_inside(positions, lower, upper):
 
 
 def test_starts_of_every_episode_follow_limits_that_a_lane_moved():
-    scene = limited(FOUR_R, ("joint2", -1.0, 1.0))
+    scene = limited(FOUR_R, ("joint1", -6.0, 6.0), ("joint3", -1.0, 1.0))
     env = made("same_step", FOUR_R, LANES, max_episode_steps=2, scene=scene)
     lower = np.linspace(-2.2, 1.8, LANES)
-    moved = {"limit_spring.joint2.lower": lower, "limit_spring.joint2.upper": lower + 0.3}
+    moved = {"limit_spring.joint3.lower": lower, "limit_spring.joint3.upper": lower + 0.3}
     _, infos = env.reset(seed=0, options={"parameters": moved})
     assert (infos["beyond_limit"] <= 1e-14).all()
     for _ in range(2):
-        assert_inside(joints(env)[:, 1], np.clip(lower, -2.0, None), np.clip(lower + 0.3, None, 2.0))
-        for k in (0, 2, 3):
+        assert_inside(joints(env)[:, 2], np.clip(lower, -2.0, None), np.clip(lower + 0.3, None, 2.0))
+        for k in (0, 1, 3):
             assert_inside(joints(env)[:, k], *ALL[0])
         for _ in range(2):  # a start releases no energy of limit springs
             assert np.abs(env.qd).max() < 5.0
@@ -72,12 +72,12 @@ def test_starts_lie_in_springs_and_stops_even_where_the_usual_range_does_not(env
 
 
 def test_a_start_beyond_a_spring_is_allowed_and_shown():
-    env = made("single", FOUR_R, scene=limited(FOUR_R, ("joint1", -1.0, 1.0), ("joint2", -0.5, 2.0)))
+    env = made("single", FOUR_R, scene=limited(FOUR_R, ("joint1", -1.0, 1.0), ("joint3", -0.5, 2.0)))
     q = (1.25, 1.5, 1.5, 1.5)
     _, info = env.reset(seed=0, options={"q": q})
     assert info["beyond_limit"] == pytest.approx(0.25, abs=1e-12)
     *_, info = env.step(np.zeros(4, np.float32))
-    depth = max(*(joints(env)[0, :2] - (1.0, 2.0)), 0.0)
+    depth = max(*(joints(env)[0, [0, 2]] - (1.0, 2.0)), 0.0)
     assert info["beyond_limit"] == pytest.approx(depth, abs=1e-12)
     # limits that leave the given start behind
     _, info = env.reset(options={"q": q, "parameters": {"limit_spring.joint1.upper": 0.5}})

@@ -59,8 +59,9 @@ def of_one_kind(make_actions, *values):
 
 
 FOUR_R = rde.load_scene("four_r_reach").to_dict()
-SPRING = {"type": "LimitSpring", "coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 1.0}
-SPRUNG = {**FOUR_R, "effects": [*FOUR_R["effects"], {**SPRING, "damping": 0.1}]}
+SPRING = {"type": "LimitSpring", "lower": -1.0, "upper": 1.0, "stiffness": 1.0, "damping": 0.1}
+SPRINGS = [{**SPRING, "coordinate": joint} for joint in ("joint1", "joint3")]
+SPRUNG = {**FOUR_R, "effects": [*FOUR_R["effects"], *SPRINGS]}
 ADAPTIVE = {**FOUR_R, "integrator": "dop853", "tolerance": None}
 COARSE = {**FOUR_R, "integrator": "euler", "substeps": 1, "tolerance": None}
 UPPER = {"prismatic_stop.upper": (0.05, 0.2)}
@@ -89,7 +90,7 @@ TROUBLES = {
     ),
     "a start beyond a hard stop": each("q", (0, 0.3, 0, 0), (0, 0, 0, -1e-9), arms=("RPRP",)),
     "a start beyond a limit spring": [
-        trouble({"scene": SPRUNG}, {"q": (0.0, 1.5, 0.0, 0.0)}, arms=("FourR",), harmless=True)
+        trouble({"scene": SPRUNG}, {"q": (0.0, 0.0, 1.5, 0.0)}, arms=("FourR",), harmless=True)
     ],
     "stops that leave the start outside": [
         trouble(options={"q": (0, 0.24, 0, 0), "parameters": UPPER}, arms=("RPRP",))

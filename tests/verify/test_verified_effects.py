@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
+from catalogue import SCENES
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
@@ -172,8 +173,7 @@ def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
 
 @pytest.mark.parametrize(("control_dt", "substeps"), [(SHORTEST_INTERVAL, 8), (LONGEST_INTERVAL, 1)])
 def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps):
-    effects = (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.25, 0.25), 0.3))
-    scene = rde.Scene(RPRP, effects, "rk4", control_dt, substeps=substeps)
+    scene = dataclasses.replace(SCENES["stops rk4, inelastic"], control_dt=control_dt, substeps=substeps)
     result = verify(scene, 8, checks=checks_of(conservation, evaluators, symmetries))
     assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
 
