@@ -11,7 +11,7 @@ from catalogue import SCENES
 import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.algebra import maximum, minimum, physics, where
-from redundant_envs.effects import REGISTRY, centring_spring, limit_spring
+from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.studies.kinked_effects import SmoothFriction
@@ -188,54 +188,42 @@ def test_a_book_that_does_not_close_is_red(monkeypatch):
     assert miss.startswith("energy book: energy: kinetic + potential - work changes by up to")
 
 
-LIMIT, CENTRING = e.LimitSpring("r1", 0.0, 0.3), e.CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3))
 RAISED = physics(lambda position, lower, upper, stiffness: 0.0 * position)
 HALF = physics(
     lambda position, lower, upper, stiffness: (
         0.25 * stiffness * ((upper - position) ** 2 + (lower - position) ** 2)
     )
 )
-
-
-@pytest.mark.parametrize(
-    ("module", "effect", "field", "wrong"),
-    [
-        (limit_spring, LIMIT, "spring_energy", RAISED),
-        (limit_spring, LIMIT, "spring", RAISED),
-        (centring_spring, CENTRING, "energy", HALF),
-        (centring_spring, CENTRING, "force", RAISED),
-    ],
-)
-def test_a_mutation_of_an_effect_of_the_package_is_red(module, effect, field, wrong, monkeypatch):
-    """Springs at the ends of the travel act only beyond it: potentials are checked there, too."""
-    assert not misses(rde.Scene(RPRP, (e.Gravity(), effect)), ENERGIES)
-    monkeypatch.setattr(module, field, wrong)
-    found = verify(rde.Scene(RPRP, (e.Gravity(), effect)), STATES, checks=ENERGIES).misses
-    assert found[0].startswith(f"potentials against forces: {effect.key}: at r")
-
-
 WEAK = physics(lambda stiffness: 1e-9 * stiffness)
 CALM = physics(lambda position, lower, upper, damping: 1e-9 * damping * abs(position - upper))
 SPRING = e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0)
+CENTRING = e.CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3))
 
 
 @pytest.mark.parametrize(
     ("effect", "change", "red"),
     [
         (SPRING, {}, set()),
+        (SPRING, {"potential": RAISED}, {"potentials against forces"}),
+        (SPRING, {"conservative": RAISED}, {"potentials against forces"}),
         (SPRING, {"stiffness": WEAK}, {"declared stiffness"}),
         (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, {"declared stiffness"}),
         (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, {"declared damping"}),
         (CENTRING, {}, set()),
+        (CENTRING, {"potential": HALF}, {"potentials against forces"}),
+        (CENTRING, {"function": RAISED, "conservative": RAISED}, {"potentials against forces"}),
         (CENTRING, {"stiffness": WEAK}, {"declared stiffness"}),
     ],
 )
 def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red):
+    """Those at the ends of the travel act only beyond it."""
+
     class Changed(type(effect)):
         def hooks(self, arm):
             return tuple(dataclasses.replace(hook, **change) for hook in super().hooks(arm))
 
-    assert misses(rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))) == red
+    scene = rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))
+    assert misses(scene, (potentials, *DECLARED)) == red
 
 
 @pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
