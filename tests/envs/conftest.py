@@ -5,8 +5,8 @@ from catalogue import COPIES, IDS
 from faces import FACES, GOAL_IDS, KINDS, PLAIN_IDS
 
 
-def fixture(name, values):
-    @pytest.fixture(params=values, name=name)
+def fixture(name, values, ids=None):
+    @pytest.fixture(params=values, name=name, ids=ids)
     def one(request):
         return request.param
 
@@ -16,9 +16,5 @@ def fixture(name, values):
 env_id, plain_id = fixture("env_id", IDS), fixture("plain_id", PLAIN_IDS)
 goal_id = fixture("goal_id", GOAL_IDS)
 kind, face = fixture("kind", KINDS), fixture("face", FACES)
-
-
-@pytest.fixture(params=["deepcopy", "pickle", "cloudpickle"])
-def way(request):
-    """A function that copies."""
-    return COPIES[request.param]
+WAYS = ("deepcopy", "pickle", "cloudpickle")
+way = fixture("way", [COPIES[name] for name in WAYS], WAYS)

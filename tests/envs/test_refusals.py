@@ -22,10 +22,6 @@ def changed(**changes):
     return {"scene": {**SCENE, **changes}}
 
 
-def with_effect(kind, **numbers):
-    return changed(effects=[{**x, **numbers} if x["type"] == kind else x for x in SCENE["effects"]])
-
-
 # ---- arguments of make ---------------------------------------------------------------------------------
 
 BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "tolerance")}
@@ -289,7 +285,7 @@ OTHERS = {
     "tolerance is 1e-12 there and 1e-06 here": {"accuracy": "exact"},
     "control_dt is 0.01 there and 0.02 here": changed(control_dt=0.01),
     "masses": changed(robot={**SCENE["robot"], "masses": [1.0, 0.5, 0.3, 0.1]}),
-    "effects": with_effect("Gravity", g=1.6),
+    "effects": changed(effects=[{"type": "Gravity", "g": 1.6}, *SCENE["effects"][1:]]),
     "task.goal_tolerance is 0.05 there and 0.02 here": {"task": {"goal_tolerance": 0.05}},
     "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
     "of another scene": {"env_id": FOUR_R},

@@ -212,12 +212,11 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     data = json.loads(found.read_text(encoding="utf-8"))
     assert data["good"] is False
     assert data["machine"]
-    outcomes = data["subjects"][0]["outcomes"]
-    assert {bool(o["words"]) for o in outcomes if o["verdict"] == "kept"} == {False}
-    first = data["subjects"][0]["outcomes"][1]
-    assert {k: first[k] for k in ("check", "verdict", "found", "bound", "relation", "unit", "where")} == {
-        "check": "check 1", "verdict": "MISSED", "found": 2.0, "bound": 1.0, "relation": "at most",
-        "unit": "m", "where": "state 2",
+    kept, missed = data["subjects"][0]["outcomes"]
+    assert (kept["verdict"], kept["words"]) == ("kept", "")
+    assert missed == {
+        "check": "check 1", "family": "tests", "verdict": "MISSED", "found": 2.0, "bound": 1.0,
+        "relation": "at most", "unit": "m", "where": "state 2", "words": "too much",
     }  # fmt: skip
     text = page.read_text(encoding="utf-8")
     assert "| check 1 | 2 | at most 1 m | MISSED | state 2 |" in text
