@@ -7,6 +7,7 @@ import numpy as np
 import redundant_envs as rde
 from redundant_envs.studies.peers import mujoco_model
 
+from .naive import stops_of
 from .subject import Subject, commands, started, unfilled
 
 STEP = 1e-3
@@ -19,12 +20,7 @@ def model_of(scene):
     import mujoco
 
     mujoco.set_mju_user_warning(lambda message: None)
-    limits = {
-        k: (stop.lower[i], stop.upper[i])
-        for stop in scene.effects
-        if isinstance(stop, rde.effects.PrismaticStop)
-        for i, k in enumerate(scene.robot.sliders())
-    }
+    limits = {k: (lower, upper) for k, lower, upper, _ in stops_of(scene)}
     model = mujoco_model(scene, "RK4", STEP, limits)
     model.body_inertia[:] = 0.0
     return model

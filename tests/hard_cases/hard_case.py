@@ -17,7 +17,7 @@ from .subject import Subject
 
 THEMES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 """Heading of the page -> its cases by their numbers, in the order of the page."""
-ROWS = {str(number): row for rows in THEMES.values() for number, row in rows.items()}
+ROWS = {number: {"theme": theme, **row} for theme, rows in THEMES.items() for number, row in rows.items()}
 CASES = {}
 """All cases by their numbers, once their modules are imported."""
 
@@ -56,6 +56,7 @@ class Case:
 
     number: str
     measure: object  # None while it waits for an effect
+    theme: str
     title: str
     hard: str
     naive: str
@@ -78,12 +79,6 @@ class Case:
             return list(self.measure(subject))
 
 
-def check(case, figures):
-    """AssertionError that names the case, the missed promise, and by how much it is missed."""
-    missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
-    assert not missed, "\n".join(missed)
-
-
 def hard_case(number):
     """Register a function of a subject as a case, and make it a test of this package."""
 
@@ -94,7 +89,8 @@ def hard_case(number):
         def test():
             figures = case.figures(Subject())
             assert figures, f"{case.name} measures nothing"
-            check(case, figures)
+            missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
+            assert not missed, "\n".join(missed)
 
         test.__name__ = test.__qualname__ = measure.__name__
         test.__module__, test.__doc__ = measure.__module__, measure.__doc__
@@ -103,19 +99,11 @@ def hard_case(number):
     return register
 
 
-def cases_by_theme():
-    """Heading -> its cases."""
+def all_cases():
+    """Every case, in the order of the page."""
     for module in ("test_motions", "test_stops", "test_numbers"):
         importlib.import_module(f".{module}", __package__)
-    return {
-        heading: [CASES.get(str(n)) or Case(str(n), None, **row) for n, row in rows.items()]
-        for heading, rows in THEMES.items()
-    }
-
-
-def all_cases():
-    """Every case of every theme."""
-    return [case for cases in cases_by_theme().values() for case in cases]
+    return [CASES.get(number) or Case(number, None, **row) for number, row in ROWS.items()]
 
 
 def shown(x):

@@ -11,6 +11,8 @@ import redundant_envs as rde
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.quantities import Quantities
 
+from .hard_case import at_most
+
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
 SLIDING = rde.RPRP((1.0,) * 4, (0.5, 0.5))
@@ -46,6 +48,12 @@ def acceleration_error(subject, arm, q, qd, Q, g=0.0):
     with mpmath.workdps(60):
         worst = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(found, exact, strict=True))
         return float(worst / max(abs(b) for b in exact))
+
+
+def accelerations(subject, *state, prefix="", most=1e-14):
+    """The figure of the same error."""
+    error = acceleration_error(subject, *state)
+    return at_most(f"{prefix}the error of qdd", error, most, "of the largest acceleration")
 
 
 def energy(scene, q, qd):

@@ -5,8 +5,10 @@ import math
 import numpy as np
 from actuator_lag import ActuatorLag
 
-from redundant_envs.effects import CentringSpring, Gravity, LimitSpring, PrismaticStop, ViscousFriction
+from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
+from redundant_envs.model.energy import at_joints, scene_quantities
+from tests.oracles.misprints import misprints
 
 from .subject import Subject, commands, started, unfilled
 
@@ -147,28 +149,11 @@ class EqualSteps(Subject):
         return motion
 
     def scene_accelerations(self, scene, q, qd, efforts):
-        """Gravity, springs and friction of a scene; nothing else is known here."""
-        arm, g = scene.robot, 0.0
-        B = arm.motor_map
-        phi, rates, t = q @ B, qd @ B, np.array(efforts)
-        for effect in scene.effects:
-            if isinstance(effect, Gravity):
-                g = effect.g
-            elif isinstance(effect, ViscousFriction):
-                t = t - np.asarray(effect.coefficients) * rates
-            elif isinstance(effect, LimitSpring):
-                k = arm.joint_index(effect.coordinate)
-                depth = phi[:, k] - np.clip(phi[:, k], effect.lower, effect.upper)
-                inwards = np.sign(depth) * rates[:, k]
-                t[:, k] -= depth * np.maximum(effect.stiffness + effect.damping * inwards, 0.0)
-            elif isinstance(effect, CentringSpring):
-                for i, k in enumerate(arm.sliders()):
-                    middle = 0.5 * (effect.lower[i] + effect.upper[i])
-                    t[:, k] -= 2.0 * effect.stiffness[i] * (phi[:, k] - middle)
-            else:
-                assert isinstance(effect, PrismaticStop | ActuatorLag), f"no naive variant knows {effect}"
-        Q = t if scene.actuation == "generalized" else t @ B.T
-        return self.accelerations(arm, q, qd, Q, g)
+        """With gravity and the forces of effects; of actuators and stops nothing is known here."""
+        arm, x = scene.robot, scene_quantities(scene, q, qd)
+        t = sum((at_joints(scene, a, "function", x) for a in scene.attached.of(Force)), efforts)
+        Q = t if scene.actuation == "generalized" else t @ arm.motor_map.T
+        return self.accelerations(arm, q, qd, Q, x["ay"])
 
     def step(self, acceleration, q, qd, h):
         a1 = acceleration(q, qd)
@@ -230,19 +215,10 @@ class PrintedReport(EqualSteps):
     longest = 2e-3
 
     def accelerations(self, arm, q, qd, Q, g=0.0):
-        M, h = arm.mass_matrix(q), arm.bias_forces(q, qd)
-        _, _, m3, m4 = arm.masses
-        if arm.kind == "FourR":
-            _, l2, l3, l4 = arm.lengths
-            M[..., 2, 2] = (m3 + m4) * l2 * l3 * np.cos(q[..., 2] - q[..., 1])
-            h[..., 3] += (m4 - 1.0) * m4 * l3 * l4 * np.sin(q[..., 3] - q[..., 2]) * qd[..., 2] ** 2
-        else:
-            l1, l2 = arm.lengths
-            r1, w1, v1, r2, w2, v2 = (x[..., k] for k in (0, 2) for x in (q[..., 1:], qd, qd[..., 1:]))
-            s, c = np.sin(q[..., 0] - q[..., 2]), np.cos(q[..., 0] - q[..., 2])
-            h[..., 0] += m4 * s * (v2 - r2) * w2**2 * (l1 + r1)
-            h[..., 2] -= m4 * l1 * l2 * s * w1**2 + m4 * l2 * v1 * w1 * c
-        return solved(M, Q - h - arm.gravity_forces(q, g))
+        right = {"M": arm.mass_matrix(q), "h": arm.bias_forces(q, qd)}
+        for name, entry, misprint in misprints(arm.kind, arm.masses, arm.lengths, q.T, qd.T):
+            right[name][..., *entry] += misprint
+        return solved(right["M"], Q - right["h"] - arm.gravity_forces(q, g))
 
 
 # ---- stops ----------------------------------------------------------------------------------------------
@@ -250,19 +226,15 @@ class PrintedReport(EqualSteps):
 
 def stops_of(scene):
     """Of each slider its coordinate, its ends, which may be infinite, and the restitution."""
-    found = []
-    for stop in (x for x in scene.effects if isinstance(x, PrismaticStop)):
-        for i, k in enumerate(scene.robot.sliders()):
-            lower = -np.inf if stop.lower[i] is None else stop.lower[i]
-            upper = np.inf if stop.upper[i] is None else stop.upper[i]
-            found.append((k, lower, upper, stop.restitution))
-    return found
+    values, stops = scene.parameters(), scene.attached.of(Impact)
+    names = ((x, x.hook.lower, x.hook.upper, x.hook.restitution) for x in stops)
+    return [(x.hook.joint, *(values[x.parameter(name)] for name in own)) for x, *own in names]
 
 
-def tell(motion, scene, k, time, speed, lanes):
-    """Add impacts to the events of a motion."""
+def tell(motion, scene, k, time, speed, lane):
+    """Add an impact to the events of a motion."""
     kind = "upper impact" if speed > 0.0 else "lower impact"
-    motion.events += [Event(time, kind, scene.robot.joints[k], abs(speed), int(i)) for i in lanes]
+    motion.events.append(Event(time, kind, scene.robot.joints[k], abs(speed), int(lane)))
 
 
 def impulse(arm, q, qd, k, restitution):
@@ -271,8 +243,10 @@ def impulse(arm, q, qd, k, restitution):
     return qd - (1.0 + restitution) * qd[..., [k]] / along[..., [k]] * along
 
 
-class _ImpactAtStepEnd(EqualSteps):
-    """Checks at the end of each step which sliders are outside and still move outwards."""
+class ImpulseAtStepEnd(EqualSteps):
+    """The right impulse at the wrong time: at the end of the step in which a slider is found outside."""
+
+    name = "impulse at the end of a step"
 
     def at_stops(self, scene, acceleration, start, end, h, time, motion):
         q, qd = (x.copy() for x in end)
@@ -280,16 +254,17 @@ class _ImpactAtStepEnd(EqualSteps):
             k, lower, upper, _ = stop
             outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
             for i in np.flatnonzero(outside):
-                tell(motion, scene, k, time + h, qd[i, k], [i])
+                tell(motion, scene, k, time + h, qd[i, k], i)
             self.strike(scene.robot, q, qd, stop, outside)
         return q, qd
 
     def strike(self, arm, q, qd, stop, outside):
         """Modify the given states."""
-        raise NotImplementedError
+        k, *_, restitution = stop
+        qd[outside] = impulse(arm, q[outside], qd[outside], k, restitution)
 
 
-class FlippedVelocity(_ImpactAtStepEnd):
+class FlippedVelocity(ImpulseAtStepEnd):
     """At a stop the slider's own velocity changes its sign; nothing else is affected."""
 
     name = "flipped velocity"
@@ -298,16 +273,6 @@ class FlippedVelocity(_ImpactAtStepEnd):
         k, lower, upper, restitution = stop
         q[:, k] = np.clip(q[:, k], lower, upper)
         qd[outside, k] *= -restitution
-
-
-class ImpulseAtStepEnd(_ImpactAtStepEnd):
-    """The right impulse at the wrong time: at the end of the step in which the slider is found outside."""
-
-    name = "impulse at the end of a step"
-
-    def strike(self, arm, q, qd, stop, outside):
-        k, *_, restitution = stop
-        qd[outside] = impulse(arm, q[outside], qd[outside], k, restitution)
 
 
 class CubicGuess(EqualSteps):
@@ -338,7 +303,7 @@ class CubicGuess(EqualSteps):
             tau, k, stop, restitution = min(guesses)
             q0, v0 = self.step(acceleration, q0, v0, tau)
             q0[0, k] = stop
-            tell(motion, scene, k, time + h - left + tau, v0[0, k], [i])
+            tell(motion, scene, k, time + h - left + tau, v0[0, k], i)
             v0 = impulse(scene.robot, q0, v0, k, restitution)
             left -= tau
             q1, v1 = self.step(acceleration, q0, v0, left)
@@ -354,10 +319,3 @@ class CubicGuess(EqualSteps):
         times = h * found.real[np.abs(found.imag) < 1e-9]
         slope = side * np.polyval(np.polyder(cubic), times / h)
         return [t for t, s in zip(times, slope, strict=True) if 1e-9 * h < t <= h and s > 0.0]
-
-
-VARIANTS = (
-    DenseSolve, RegularisedMass, InvertedJacobian, ExplicitEuler, FixedSteps, EstimateWithoutFloor,
-    FlippedVelocity, ImpulseAtStepEnd, CubicGuess, WrappedAngles, SinglePrecision, SummedClock,
-    SavedPositions, PrintedReport,
-)  # fmt: skip

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
+from tests.oracles.misprints import misprints
 
 FOLDER = Path(__file__).parents[1] / "oracles"
 ARMS = {"rprp": rde.RPRP, "four_r": rde.FourR}
@@ -67,47 +68,28 @@ def test_an_arm_has_the_numbers_of_the_oracle(arm, case):
 
 # ---- the report's five wrong terms: how far each moves its entry ---------------------------------------
 
-
-def rprp_misprints(m, l, q, qd):
-    """Printed minus right of h1, h3 and h3 (report 1.3)."""
-    (_, _, _, m4), (l1, l2), (t1, r1, t2, r2), (t1d, r1d, t2d, r2d) = m, l, q, qd
-    s, c = np.sin(t1 - t2), np.cos(t1 - t2)
-    yield (l1 + r1) * m4 * s * (r2d - r2) * t2d**2
-    yield -m4 * l1 * l2 * s * t1d**2
-    yield -m4 * l2 * r1d * t1d * c
-
-
-def four_r_misprints(m, l, q, qd):
-    """Printed minus right of M33 and h4 (report 2.3)."""
-    (_, _, m3, m4), (_, l2, l3, l4), (_, t2, t3, t4) = m, l, q
-    yield (m3 + m4) * (l2 * l3 * np.cos(t3 - t2) - l3**2)
-    yield m4 * l3 * l4 * (m4 - 1.0) * np.sin(t4 - t3) * qd[2] ** 2
-
-
 NOMINAL = {
     "rprp": ((2, 1.5, 1, 0.5), (1, 0.8), (0.6, 0.2, -0.4, 0.3), (1, 0.5, -1.5, 0.8)),
     "four_r": ((2, 1.5, 1, 0.5), (1, 0.8, 0.6, 0.4), (0.6, 0.2, -0.4, -1.0), (1, 0.5, -1.5, 0.8)),
 }
-WRONG = {  # by arm: each misprint, its entry, and its relative error at the nominal state
-    "rprp": (rprp_misprints, [("h", 0, 0.096), ("h", 2, 0.17), ("h", 2, 0.055)]),
-    "four_r": (four_r_misprints, [("M", (2, 2), 0.10), ("h", 3, 0.20)]),
-}
+SIZES = {"rprp": [0.096, 0.17, 0.055], "four_r": [0.10, 0.20]}
+"""Of misprints at the nominal state, relative to their entries."""
 
 
-@pytest.mark.parametrize("arm", WRONG)
+@pytest.mark.parametrize("arm", SIZES)
 def test_the_states_see_each_printed_misprint_whose_size_is_that_of_the_errata(arm):
     """One in 64 may be blind to it."""
-    misprints, entries = WRONG[arm]
     m, l, q, qd = NOMINAL[arm]
-    right = {"M": ARMS[arm](m, l).mass_matrix(q), "h": ARMS[arm](m, l).bias_forces(q, qd)}
-    sizes = [abs(x / right[name][k]) for x, (name, k, _) in zip(misprints(m, l, q, qd), entries, strict=True)]
-    assert sizes == pytest.approx([size for *_, size in entries], rel=0.06)
-    seen, indefinite = np.zeros(len(entries)), 0
+    robot = ARMS[arm](m, l)
+    right = {"M": robot.mass_matrix(q), "h": robot.bias_forces(q, qd)}
+    sizes = [abs(x / right[name][k]) for name, k, x in misprints(robot.kind, m, l, q, qd)]
+    assert sizes == pytest.approx(SIZES[arm], rel=0.06)
+    seen, indefinite = np.zeros(len(sizes)), 0
     for case in CASES[arm]:
-        found = [*misprints(*(case[n] for n in ("m", "l", "q", "qd")))]
-        seen += np.abs(found) > [1e-6 * np.abs(case[name]).max() for name, *_ in entries]
+        found = [*misprints(robot.kind, *(case[n] for n in ("m", "l", "q", "qd")))]
+        seen += [abs(x) > 1e-6 * np.abs(case[name]).max() for name, _, x in found]
         if arm == "four_r":  # the printed M33 makes M indefinite in most states
-            printed = case["M"] + np.diag([0.0, 0.0, found[0], 0.0])
+            printed = case["M"] + np.diag([0.0, 0.0, found[0][2], 0.0])
             indefinite += np.linalg.eigvalsh(printed).min() < 0.0
     assert (seen >= 63).all()
     assert (indefinite > 32) == (arm == "four_r")
