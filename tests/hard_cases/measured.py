@@ -12,6 +12,7 @@ from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.quantities import Quantities
 
 from .hard_case import at_most
+from .subject import has_stops
 
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
@@ -79,17 +80,16 @@ def orders(errors, ratios):
     return [math.log(a / b) / math.log(r) for a, b, r in zip(errors, errors[1:], ratios, strict=False)]
 
 
-def stopped(arm=SLIDING, restitution=1.0, gravity=9.81, **kwargs):
-    """A scene of sliders between hard stops at 0 and 0.3 m."""
-    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), restitution)
-    field = (rde.effects.Gravity(gravity),) if gravity else ()
-    return rde.Scene(arm, (*field, stop), **{"control_dt": 0.02, **kwargs})
+def stopped(arm=SLIDING, restitution=1.0, gravity=9.81, upper=(0.3, 0.3), **kwargs):
+    """A scene of sliders between hard stops at 0 and ``upper``, m."""
+    stop = rde.effects.PrismaticStop((0.0, 0.0), upper, restitution)
+    return rde.Scene(arm, (rde.effects.Gravity(gravity), stop), **{"control_dt": 0.02, **kwargs})
 
 
 def fine_end(scene, q, qd, substeps, intervals=1, efforts=None):
     """A simulator at the end of a motion in many equal steps."""
     fine = dataclasses.replace(scene, tolerance=None, substeps=substeps)
-    batch = rde.BatchSimulator(fine, len(np.atleast_2d(q)))
+    batch = rde.BatchSimulator(fine, len(np.atleast_2d(q)), track_work=has_stops(scene))
     batch.set_state(q, qd)
     for _ in range(intervals):
         batch.advance(efforts)

@@ -51,6 +51,11 @@ def unfilled(q, qd, intervals):
     return motion
 
 
+def has_stops(scene):
+    """Whether there are impacts, which only a simulator that tracks work tells."""
+    return any(type(x) is rde.effects.PrismaticStop for x in scene.effects)
+
+
 class Subject:
     """This package."""
 
@@ -75,7 +80,7 @@ class Subject:
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""
         q, qd = started(q, qd)
-        stops = any(type(x) is rde.effects.PrismaticStop for x in scene.effects)
+        stops = has_stops(scene)
         batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=stops)
         batch.set_state(q, qd)
         self.keep(batch)
