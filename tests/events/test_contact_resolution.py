@@ -42,7 +42,7 @@ def test_impulses_solve_the_complementarity_problem(count):
     impulse."""
     rng = np.random.default_rng(2)
     struck = set()
-    for _ in range(2000):
+    for _ in range(500):
         w = mobility(rng, count)
         sides = rng.choice([-1.0, 0.0, 1.0], count)
         u, restitution = np.abs(sides) * rng.normal(size=count), rng.uniform(0, 1)
@@ -64,7 +64,7 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
     """Those that rest or move onto their stops are struck; one that moves away has no support."""
     rng = np.random.default_rng(6)
     tried = 0
-    for _ in range(1000):
+    for _ in range(400):
         w, e = mobility(rng, count), rng.uniform(0, 1)
         sides, v = rng.choice([-1.0, 1.0], count), rng.normal(size=count)
         resting = rng.random(count) < 0.3
@@ -95,7 +95,7 @@ def test_struck_sliders_have_the_speeds_of_the_impulses(count):
         assert got.happened == np.where(left, Happening.RELEASE, kinds).tolist()
         assert (np.array(got.active_stops) != 0.0).tolist() == (resting & ~left).tolist()
         tried += 1
-    assert tried > 300
+    assert tried > 100
 
 
 @SLIDERS
@@ -103,7 +103,7 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
     """Each decision changes the forces on the others: all are decided together, as before a common step."""
     rng = np.random.default_rng(7)
     seen = set()
-    for _ in range(1000):
+    for _ in range(300):
         w, sides, force = mobility(rng, count), rng.choice([-1.0, 1.0], count), rng.normal(size=count)
         at = [contact(0.0, s, resting=True, force=f) for s, f in zip(*as_lists(sides, force), strict=True)]
         got = resolved(at, w)
@@ -126,7 +126,7 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     released."""
     rng = np.random.default_rng(8)
     seen = set()
-    for _ in range(1500):
+    for _ in range(400):
         w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
         force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
         pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)
@@ -207,7 +207,7 @@ def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
     never ends stops both."""
     rng = np.random.default_rng(5)
     chains = ended = 0
-    for _ in range(400):
+    for _ in range(150):
         angle = rng.uniform(0.05, np.pi - 0.05)
         scale = 10.0 ** rng.uniform(-2.0, 2.0, 2)
         W = np.outer(scale, scale) * [[1.0, np.cos(angle)], [np.cos(angle), 1.0]]
@@ -228,8 +228,8 @@ def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
             continue
         ended += 1
         np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
-    assert chains >= 400
-    assert ended > 300
+    assert chains >= 150
+    assert ended > 100
 
 
 def test_one_slider_alone_leaves_before_a_step_if_the_other_is_on_its_way():

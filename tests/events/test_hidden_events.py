@@ -99,10 +99,10 @@ def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
 def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
     overshoot = crossings.Overshoot(between=0.1, at_ends=0.01)
-    q0, q1 = rng.uniform(-0.2, 0.2, (2, 20_000))
-    v0, v1 = rng.normal(0.0, 3.0, (2, 20_000))
-    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 20_000)), axis=0)
-    first, last = rng.uniform(least, most, (2, 20_000))
+    q0, q1 = rng.uniform(-0.2, 0.2, (2, 3000))
+    v0, v1 = rng.normal(0.0, 3.0, (2, 3000))
+    least, most = np.sort(rng.normal(0.0, 2000.0, (2, 3000)), axis=0)
+    first, last = rng.uniform(least, most, (2, 3000))
     met, far = 0, 0
     for q, v, q_start, v_start, *seen in zip(q1, v1, q0, v0, first, last, least, most, strict=True):
         slider = BoundedCoordinate(q, v, q_start, v_start, Watched(*seen), 0.0, -0.2, 0.2)
@@ -110,7 +110,7 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
         near = crossings.may_meet(slider, 0.02, overshoot)
         assert near or not meets
         met, far = met + meets, far + (not near)
-    assert min(met, far) > 200
+    assert min(met, far) > 100
 
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():

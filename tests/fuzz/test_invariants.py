@@ -11,11 +11,10 @@ import redundant_envs as rde
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.vector_env import ArmVectorEnv
 
-from . import invariants, motions
+from . import motions
 from .cases import plain, with_lanes
 from .drawing_calls import step
-from .invariants import Played, violations
-from .playing import Step, lanes_now
+from .invariants import GIVEN_UP, violations
 
 LANES = 10
 RNG = np.random.default_rng(0)
@@ -41,6 +40,7 @@ CASE = plain({"face": "simulator", "scene": SCENE, "num_envs": LANES, "threads":
     {"call": "save"},
     advance(),
     {"call": "restore"},
+    {"call": "copy"},
     advance(),
 ]})  # fmt: skip
 ONE_INTERVAL = {**with_lanes(CASE, [0, 1]), "calls": with_lanes(CASE, [0, 1])["calls"][:2]}
@@ -73,8 +73,7 @@ def test_the_simulator_breaks_no_promise():
     assert tally["refused"] == 1
 
 
-@pytest.mark.parametrize("face", ["env", "vector", "sb3"])
-@pytest.mark.parametrize("goal", [False, True])
+@pytest.mark.parametrize(("face", "goal"), [("env", False), ("vector", False), ("sb3", True)])
 def test_the_environments_break_no_promise(face, goal):
     case = {**(with_lanes(EPISODES, [0]) if face == "env" else EPISODES), "face": face, "goal": goal}
     tally = Counter()
@@ -106,6 +105,11 @@ def then(change):
 def field(name, value, lane):
     """A number of a lane becomes another."""
     return then(lambda batch, _: batch._memory.write((name,), value, np.array([lane])))
+
+
+def result(name, value):
+    """So does one of the results of a lane."""
+    return then(lambda _, status: operator.setitem(getattr(status, name), 4, value))
 
 
 def part(k, at, value):
@@ -157,7 +161,10 @@ def forgets_a_digit(batch, told=None):
         ("advance", field("r1", np.nextafter(0.25, 1.0), 3), "no_slider_is_beyond_its_stop"),
         ("advance", then(is_off), "tolerance_is_kept_or_flagged"),
         ("advance", then(leaks), "no_lane_depends_on_others"),
+        ("advance", result("evaluations", 840_000), "the_work_of_an_interval_is_bounded"),
+        ("advance", result("numerics", GIVEN_UP), "a_given_up_interval_leaves_its_lane"),
         ("restore", then(forgets_a_digit), "what_is_saved_continues"),
+        ("_take", then(forgets_a_digit), "what_is_saved_continues"),
         ("advance", books_work_twice, "the_energy_book_closes"),
     ],
 )
@@ -168,37 +175,11 @@ def test_a_fault_of_a_simulator_is_seen(method, change, name):
     assert name in broken(type("Tampered", (rde.BatchSimulator,), faulty), case)
 
 
-@pytest.mark.parametrize("call", ["copy", "pickle"])
-def test_a_copy_that_forgets_a_digit_is_seen(monkeypatch, call):
-    other = tampered(rde.BatchSimulator, "_take", then(forgets_a_digit))
-    monkeypatch.setattr(rde.BatchSimulator, "_take", other)
-    case = {**CASE, "calls": [*CASE["calls"][:2], {"call": call}, CASE["calls"][-1]]}
-    assert "what_is_saved_continues" in broken(case=case)
-
-
 def test_a_potential_that_is_not_its_forces_is_seen(monkeypatch):
     """In the references, too: they share the wrong balance."""
     energies = motions.energies
     monkeypatch.setattr(motions, "energies", lambda *args: energies(*args) * np.array([[1.0], [1.01]]))
     assert "the_energy_book_closes" in broken(case=ONE_INTERVAL)
-
-
-FIFTH, GIVEN_UP = np.arange(LANES) == 4, np.full(LANES, invariants.GIVEN_UP)
-
-
-@pytest.mark.parametrize(
-    ("invariant", "told", "moved"),
-    [
-        (invariants.the_work_of_an_interval_is_bounded, {"evaluations": 12 + 840_000 * FIFTH}, 0.0),
-        (invariants.a_given_up_interval_leaves_its_lane, {"numerics": GIVEN_UP}, 5e-324),
-    ],
-)
-def test_an_interval_of_a_lane_is_seen_that(invariant, told, moved):
-    """Takes too many evaluations; moved, although it was given up."""
-    lanes = lanes_now(rde.BatchSimulator(rde.Scene.from_dict(SCENE), LANES, track_work=True))
-    after = lanes | {"qd": lanes["qd"] + moved * FIFTH[:, None]}
-    steps = [Step(CASE["calls"][1], lanes, False, None, after, told)]
-    assert [lane for _, lane, _ in invariant(Played(CASE, steps, None, Counter()))] == [4]
 
 
 def pays_at_an_end(env, found):
