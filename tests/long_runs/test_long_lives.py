@@ -17,9 +17,6 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.effects import Gravity, PrismaticStop
 
-LINUX = pytest.mark.skipif(
-    not Path("/proc/self/statm").exists(), reason="resident memory is read from Linux's /proc"
-)
 MEGABYTE = 1e6
 STARTING = 90.0
 """Time for imports and a first compilation, s; a process that takes longer than this and its run hangs."""
@@ -43,29 +40,17 @@ def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def episodes(face, lanes, warm_up, measured):
+def episodes(env, lanes, warm_up, measured):
     """Growth over ``measured`` episodes in all, after ``warm_up``, bytes; actions are random."""
     rng = np.random.default_rng(0)
-    env = rde.make_sb3(ID, lanes) if face == "sb3" else gym.make_vec(ID, num_envs=lanes)
     env.reset()
     ended, before = 0, None
     while ended < warm_up + measured:
         if before is None and ended >= warm_up:
             before = resident()
-        out = env.step(rng.uniform(-1.0, 1.0, (lanes, 4)).astype(np.float32))
-        ended += int(out[2].sum() if face == "sb3" else (out[2] | out[3]).sum())
+        _, _, over, *others = env.step(rng.uniform(-1.0, 1.0, (lanes, 4)).astype(np.float32))
+        ended += int((over | others[0] if len(others) == 2 else over).sum())
     return resident() - before
-
-
-@LINUX
-@pytest.mark.parametrize("face", ["vector", "sb3"])
-@pytest.mark.parametrize(
-    ("lanes", "warm_up", "measured", "most"),
-    [(128, 300, 1000, 1.0), pytest.param(1024, 1000, 10_000, 2.0, marks=pytest.mark.long)],
-)
-def test_memory_does_not_grow_with_episodes(face, lanes, warm_up, measured, most):
-    """``measured`` episodes of all environments in all, after ``warm_up``; at most so many megabytes."""
-    assert alone(episodes, face, lanes, warm_up, measured, seconds=30.0) < most * MEGABYTE
 
 
 def makes(warm_up, measured, windows):
@@ -84,14 +69,28 @@ def makes(warm_up, measured, windows):
     return min(b - a for a, b in pairwise(found))
 
 
-@LINUX
-@pytest.mark.parametrize(
-    ("warm_up", "measured", "windows", "most"),
-    [(300, 50, 3, 0.3), pytest.param(1000, 1000, 1, 2.0, marks=pytest.mark.long)],
+def growths(of_episodes, of_makes):
+    vectors = gym.make_vec(ID, num_envs=of_episodes[0]), rde.make_sb3(ID, of_episodes[0])
+    return [*(episodes(env, *of_episodes) for env in vectors), makes(*of_makes)]
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/statm").exists(), reason="resident memory is read from Linux's /proc"
 )
-def test_memory_does_not_grow_with_makes(warm_up, measured, windows, most):
-    """A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB."""
-    assert alone(makes, warm_up, measured, windows, seconds=60.0) < most * MEGABYTE
+@pytest.mark.parametrize(
+    ("of_episodes", "of_makes", "most"),
+    [
+        ((128, 300, 1000), (300, 50, 3), (1.0, 1.0, 0.3)),
+        pytest.param((1024, 1000, 10_000), (1000, 1000, 1), (2.0,) * 3, marks=pytest.mark.long),
+    ],
+)
+def test_memory_grows_neither_with_episodes_nor_with_makes(of_episodes, of_makes, most):
+    """By so many megabytes at most, with those of both kinds of vectors and with makes.
+
+    A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB.
+    """
+    found = alone(growths, of_episodes, of_makes, seconds=120.0)
+    assert (np.array(found) < np.array(most) * MEGABYTE).all(), found
 
 
 def simulator(threads):
