@@ -162,14 +162,12 @@ def tolerance_of(scene):
 
 def quantities(scene, lanes):
     """Quantities of the scene, with each lane's own numbers."""
-    with np.errstate(all="ignore"):
-        return scene_quantities(scene, lanes["q"], lanes["qd"], values_of(scene, lanes))
+    return scene_quantities(scene, lanes["q"], lanes["qd"], values_of(scene, lanes))
 
 
 def tips(scene, lanes):
     """(num_envs, 2), m."""
-    with np.errstate(all="ignore"):
-        return np.stack(quantities(scene, lanes).each(("tip_x", "tip_y")), axis=1)
+    return np.stack(quantities(scene, lanes).each(("tip_x", "tip_y")), axis=1)
 
 
 def rounding_of(scene, lanes, steps):
@@ -183,22 +181,20 @@ def rounding_of(scene, lanes, steps):
 
 def energies(scene, lanes):
     """Kinetic and potential energy of each lane, J."""
-    with np.errstate(all="ignore"):
-        x = quantities(scene, lanes)
-        springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
-        return x["T"], x["U"] + sum(springs)
+    x = quantities(scene, lanes)
+    springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
+    return x["T"], x["U"] + sum(springs)
 
 
 def drifts(scene, before, after):
     """Drift of kinetic + potential - work, in units of the exchanged energies."""
     (kinetic, potential), (kinetic_after, potential_after) = (energies(scene, x) for x in (before, after))
-    with np.errstate(all="ignore"):
-        work, gained = after["work"] - before["work"], potential_after - potential
-        rounding = ROUNDING * (np.abs(potential) + np.abs(after["work"]))
-        for k in range(before["q"].shape[1]):  # each coordinate is off by a share of itself
-            q = before["q"].copy()
-            q[:, k] *= 1.0 + ROUNDING
-            rounding += np.abs(energies(scene, before | {"q": q})[1] - potential)
-        scale = np.maximum(kinetic, kinetic_after) + np.abs(gained) + np.abs(work) + rounding
-        drift = np.abs(kinetic_after - kinetic + gained - work)
-        return np.where(drift == 0.0, 0.0, drift / scale)
+    work, gained = after["work"] - before["work"], potential_after - potential
+    rounding = ROUNDING * (np.abs(potential) + np.abs(after["work"]))
+    for k in range(before["q"].shape[1]):  # each coordinate is off by a share of itself
+        q = before["q"].copy()
+        q[:, k] *= 1.0 + ROUNDING
+        rounding += np.abs(energies(scene, before | {"q": q})[1] - potential)
+    scale = np.maximum(kinetic, kinetic_after) + np.abs(gained) + np.abs(work) + rounding
+    drift = np.abs(kinetic_after - kinetic + gained - work)
+    return np.where(drift == 0.0, 0.0, drift / scale)

@@ -41,14 +41,14 @@ def fuzzed(seed, numbers, seconds):
 
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    assert fuzzed(0, iter(range(6)), 600.0)["intervals"] > 100
+    assert fuzzed(0, range(4), 600.0)["intervals"] > 100
 
 
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fresh_seed():
     seed = secrets.randbelow(2**31)
     print(f"fuzz: seed {seed}")
-    fuzzed(seed, count(), 10.0)
+    fuzzed(seed, count(), 5.0)
 
 
 def test_the_command_counts_what_it_did(tmp_path):
@@ -77,7 +77,7 @@ FACES = {
 }
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("face", FACES)
 def test_no_order_of_calls_breaks_a_promise(face, seed):
     """Of a scene of the package, which is compiled once."""

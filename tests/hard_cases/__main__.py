@@ -178,18 +178,11 @@ def chaos(axes, with_mujoco):
 
 
 def five_impacts(axes, with_mujoco):
-    reference = rde.simulate(m.stopped(integrator="dop853"), *m.FIVE_IMPACTS, [0.5]).q[-1]
     steps = np.array([1e-2, 5e-3, 2.5e-3, 1e-3, 5e-4])
     for subject in (FlippedVelocity(), ImpulseAtStepEnd(), CubicGuess(), Subject()):
-        errors = []
-        for h in steps:
-            subject.longest = h
-            motion = subject.motion(
-                m.stopped(integrator="rk4", control_dt=h), *m.FIVE_IMPACTS, round(0.5 / h)
-            )
-            errors.append(1e3 * m.tip_error(m.SLIDING, motion.q[-1, 0], reference))
+        errors, _ = m.five_impacts(subject, steps)
         label = "this package, RK4" if type(subject) is Subject else subject.name
-        axes.loglog(1e3 * steps, errors, marker="o", label=label)
+        axes.loglog(1e3 * steps, 1e3 * np.array(errors), marker="o", label=label)
     axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")
 
 

@@ -86,6 +86,16 @@ def stopped(arm=SLIDING, restitution=1.0, gravity=9.81, upper=(0.3, 0.3), **kwar
     return rde.Scene(arm, (rde.effects.Gravity(gravity), stop), **{"control_dt": 0.02, **kwargs})
 
 
+def five_impacts(subject, steps):
+    """Errors of the tip after half a second in steps of RK4, m, and the motion in the last of them."""
+    reference, errors = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1], []
+    for h in steps:
+        subject.longest = h
+        motion = subject.motion(stopped(integrator="rk4", control_dt=h), *FIVE_IMPACTS, round(0.5 / h))
+        errors.append(tip_error(SLIDING, motion.q[-1, 0], reference))
+    return errors, motion
+
+
 def fine_end(scene, q, qd, substeps, intervals=1, efforts=None):
     """A simulator at the end of a motion in many equal steps."""
     fine = dataclasses.replace(scene, tolerance=None, substeps=substeps)

@@ -5,7 +5,6 @@
 
 import math
 from functools import cache
-from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
@@ -19,30 +18,14 @@ NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
 @cache
 def trees(order):
     """Rooted trees with ``order`` nodes; a tree is the sorted tuple of its subtrees."""
-    if order == 1:
-        return ((),)
-    return tuple(sorted({t for parts in partitions(order - 1) for t in forests(parts)}))
+    return ((),) if order == 1 else tuple(sorted({t for small in trees(order - 1) for t in grown(small)}))
 
 
-def partitions(n, largest=None):
-    """Ways to write n as a sum, parts falling."""
-    if n == 0:
-        yield ()
-        return
-    for k in range(min(n, largest or n), 0, -1):
-        for rest in partitions(n - k, k):
-            yield (k, *rest)
-
-
-def forests(parts):
-    """Sets of trees with the given numbers of nodes."""
-    if not parts:
-        yield ()
-        return
-    count = parts.count(parts[0])
-    for some in combinations_with_replacement(trees(parts[0]), count):
-        for rest in forests(parts[count:]):
-            yield tuple(sorted((*some, *rest)))
+def grown(tree):
+    """Trees with one leaf more."""
+    yield tuple(sorted((*tree, ())))
+    for k, sub in enumerate(tree):
+        yield from (tuple(sorted((*tree[:k], t, *tree[k + 1 :]))) for t in grown(sub))
 
 
 def size(tree):

@@ -13,6 +13,7 @@ mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
 
 from exact_numbers import exactly  # noqa: E402
 
+KINDS = {"FourR": "RRRR", "RPRP": "RPRP"}
 ACCELERATIONS = ("qdd1", "qdd2", "qdd3", "qdd4")
 
 
@@ -51,45 +52,30 @@ def drawn(kind, masses, rng, forces):
     return arm, known | dict(zip(names, map(float, given), strict=True))
 
 
-@pytest.mark.parametrize("forces", [0.0, 1.0], ids=["no forces", "forces"])
-@pytest.mark.parametrize("kind", ["FourR", "RPRP"])
-@pytest.mark.parametrize("shape", ["heavy tip", "any"])
-def test_forward_dynamics_err_by_no_more_than_ten_times_their_inputs(shape, kind, forces):
+SINGLE = {name: (name,) for name in ("T", "U", "Lz", "manipulability")}
+OF_ARMS = {"accelerations": ACCELERATIONS, **SINGLE}
+R1, R2 = {"held2": 1.0, "held4": 0.0, "v1": 0.0}, {"held2": 0.0, "held4": 1.0, "v2": 0.0}
+HELD = {"r1": R1, "r2": R2, "both": {**R1, **R2, "held2": 1.0}}
+QUANTITIES = {
+    **{f"{kind} {name}": (kind, wanted, (), {}) for kind in KINDS for name, wanted in OF_ARMS.items()},
+    "RPRP mobilities": ("RPRP", [f"W{i}{k}" for k in (2, 4) for i in range(1, 5)], ("slider_mobility",), {}),
+    **{f"RPRP {name} held": ("RPRP", ACCELERATIONS, ("held_dynamics",), held) for name, held in HELD.items()},
+}
+"""Kind of an arm, names, functions that it has beside its own, and what of a state is known."""
+
+
+@pytest.mark.parametrize(("kind", "wanted", "more", "known"), QUANTITIES.values(), ids=QUANTITIES)
+def test_quantities_err_by_no_more_than_ten_times_their_inputs(kind, wanted, more, known):
+    """With forces and without, of heavy tips and of any masses."""
     rng = np.random.default_rng(7)
-    for _ in range(25):
+    for k in range(40):
         light = 10.0 ** rng.uniform(-12, 0)
-        masses = (light, light, light, 1.0) if shape == "heavy tip" else 10.0 ** rng.uniform(-6, 6, 4)
-        arm, values = drawn(kind, masses, rng, forces)
-        error, sensitivity = error_and_sensitivity(arm, ACCELERATIONS, values, arm.functions)
+        masses = (light, light, light, 1.0) if k % 4 < 2 else 10.0 ** rng.uniform(-6, 6, 4)
+        arm, values = drawn(kind, masses, rng, k % 2)
+        own = (f for f in arm.functions if not known or f.__name__ != "forward_dynamics")
+        functions = (*own, *(getattr(arm, name) for name in more))
+        error, sensitivity = error_and_sensitivity(arm, wanted, values | known, functions)
         assert error <= 10.0 * sensitivity + 1e-16
-
-
-@pytest.mark.parametrize("held", [(0.0, 1.0), (1.0, 0.0), (1.0, 1.0)], ids=["r2", "r1", "both"])
-def test_accelerations_with_held_sliders_keep_their_digits(held):
-    rng = np.random.default_rng(13)
-    for _ in range(15):
-        arm, values = drawn("RPRP", 10.0 ** rng.uniform(-6, 6, 4), rng, 1.0)
-        values |= {"held2": held[0], "held4": held[1]}
-        values |= {rate: 0.0 for rate, still in zip(("v1", "v2"), held, strict=True) if still}
-        functions = (*(f for f in arm.functions if f.__name__ != "forward_dynamics"), arm.held_dynamics)
-        error, sensitivity = error_and_sensitivity(arm, ACCELERATIONS, values, functions)
-        assert error <= 10.0 * sensitivity + 1e-16
-
-
-def test_mobilities_and_energies_keep_their_digits():
-    rng = np.random.default_rng(17)
-    mobilities = tuple(f"W{i}{k}" for k in (2, 4) for i in range(1, 5))
-    for _ in range(10):
-        for kind in ("FourR", "RPRP"):
-            arm, values = drawn(kind, 10.0 ** rng.uniform(-6, 6, 4), rng, 0.0)
-            wanted = [("T",), ("U",), ("Lz",), ("manipulability",)]
-            functions = arm.functions
-            if kind == "RPRP":
-                wanted.append(mobilities)
-                functions = (*functions, arm.slider_mobility)
-            for names in wanted:
-                error, sensitivity = error_and_sensitivity(arm, names, values, functions)
-                assert error <= 10.0 * sensitivity + 1e-16
 
 
 # ---- arms from points alone: L D L^T of the mass matrix ------------------------------------------------
@@ -99,7 +85,6 @@ def test_mobilities_and_energies_keep_their_digits():
 # heavier, and an elimination written by hand does without.
 
 EPS = np.finfo(float).eps
-KINDS = {"FourR": "RRRR", "RPRP": "RPRP"}
 
 
 def condition(arm, values):
