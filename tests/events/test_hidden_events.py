@@ -1,6 +1,8 @@
 """Events of sliders at their stops: reversed within one step, released, and found by few trial steps."""
 
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,35 +19,13 @@ from redundant_envs.studies.stop_families import NAMED, StopFamily
 
 REACH = rde.load_scene("rprp_reach")
 
-# Of random actions in the reach task: q, qd and efforts of intervals in which a slider meets its stop
-# and leaves it, or leaves it and is back, or the other slider's release decides, all within 20 ms.
-CAUGHT = [
-    # it meets its stop and turns back while the other one lets go
-    ((-1.2364645, 0.2499873, -2.4250123, 0.25), (-7.352803, 0.029857, -7.971511, 0.0),
-     (-16.372, -13.148, 5.365, 5.431)),
-    # it leaves and comes back
-    ((-0.5218603, 0.25, -0.1298619, 0.0228464), (-4.645522, 0.0, 2.819397, 0.583052),
-     (19.732, 16.365, -6.814, -5.524)),
-    ((-2.6860346, 0.2462051, -2.5699785, 0.0555363), (1.166214, 2.192265, -4.491444, -3.359874),
-     (-16.324, -3.156, 7.91, 13.973)),
-    # both rest: only one lets go, though both stops would have to pull
-    ((-2.3545867, 0.25, -2.239136, 0.25), (-4.176516, 0.0, -0.030942, 0.0),
-     (17.582, 10.158, -4.776, -2.638)),
-    ((-1.6278209, 0.25, -1.7529868, 0.25), (-1.880525, 0.0, -7.751988, 0.0),
-     (-15.794, -23.825, 7.618, -4.32)),
-    # its stop would have to pull within the interval, and pushes again at the end
-    ((-1.0224088, 0.25, -1.0772343, 0.25), (-3.407263, 0.0, -6.062711, 0.0),
-     (-14.191, 8.495, 3.026, -13.389)),
-    # it comes to its stop, rests and leaves
-    ((0.0036055, 4.6e-06, -1.5152495, 0.249904), (-9.811306, 0.006935, -4.038644, -0.062324),
-     (-10.427, -28.042, -2.813, -12.636)),
-    ((4.8652934, 0.25, -0.2645235, 6.9e-06), (5.482354, 0.0, -12.468089, 0.006165),
-     (9.142, 8.625, -6.96, -4.585)),
-    ((-2.0036784, 0.25, -1.5958356, 0.2499956), (-2.457343, 0.0, -6.615981, 0.016259),
-     (15.257, -24.209, -6.071, -13.69)),
-    ((4.250482, 0.2499261, 0.7357708, 0.0), (6.311594, -0.035897, -4.904214, 0.0),
-     (-15.65, -3.337, -1.807, -10.666)),
-]  # fmt: skip
+FOUND = json.loads(Path(__file__).with_name("found_intervals.json").read_text(encoding="utf-8"))
+CAUGHT = [(x["q"], x["qd"], x["efforts"]) for x in FOUND["undone within the interval"]]
+"""Of random actions in the reach task: a slider meets its stop and leaves it, or leaves it and is back, or
+the other slider's release decides, all within 20 ms."""
+CASCADES = [(x["joints"], x["rates"], x["efforts"]) for x in FOUND["cascades"]]
+"""Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times; these
+intervals were off by 2 to 200 tolerances."""
 
 
 def after(scene, states, **kwargs):
@@ -170,30 +150,6 @@ def test_the_common_step_is_the_first_trial_step_where_a_slider_rests_too():
     assert len(pieces) > 200
     assert min(pieces) >= 1.0
     assert np.mean(pieces) < 1.15  # when it was thrown away there it was 2.0
-
-
-# Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times. The joint
-# angles and travels, their rates, and joint efforts of intervals that were off by 2 to 200 tolerances.
-CASCADES = [
-    ((1.3782811467449934, 0.0, -4.430101894472681, 0.08798956867621185),
-     (-4.7353172679629605, 0.0, 10.679660250851509, -0.2269618628180075),
-     (-18.87342931200602, 33.88152043971005, -17.84850527119405, 4.522301672987469)),
-    ((0.6741646489329556, 0.08773946944901642, -2.3159015968179126, 0.08798962107726063),
-     (6.417405841022249, 0.39639063148180176, -7.692745596804332, 0.0),
-     (-18.007642615653026, 20.721808523721013, -17.588469612879965, 36.71164367574831)),
-    ((-2.548312377258418, 0.08798961113848061, 1.9604172636353594, 0.08798962107726063),
-     (-2.9404712972356872, -0.7165028228616949, -0.009311088967886239, 0.0),
-     (-22.64429127478888, -50.78106734486679, 22.64429127478888, 50.78106734486679)),
-    ((-2.5828228219293443, 2.255031226896324e-05, 0.9886811275731686, 0.08798962107726063),
-     (-0.7824857382986434, -0.7829668148553788, -0.578696376017773, 0.0),
-     (-22.64429127478888, 50.78106734486679, -22.64429127478888, 50.78106734486679)),
-    ((-0.12694181312910224, 0.08798710306687835, 1.2776862984678203, 0.001214615750199456),
-     (1.5596225201305474, 0.4654720503312775, -6.914608468264542, 0.8260708491716838),
-     (4.05912927267882, 41.98203687404963, 0.7995960746173997, -32.91453426704165)),
-    ((-1.2547892370013995, 2.4589996538937235e-06, 2.208811303360444, 0.0),
-     (-0.32918587383446124, -0.6163169826134524, 0.8354572213999836, 0.0),
-     (4.508414352800564, -49.940385979498416, 4.289422834523138, -34.24224786549562)),
-]  # fmt: skip
 
 
 def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():

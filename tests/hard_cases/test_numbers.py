@@ -11,20 +11,8 @@ from payload import Payload
 import redundant_envs as rde
 from redundant_envs import effects as e
 
+from . import measured as m
 from .hard_case import at_least, at_most, hard_case
-from .measured import (
-    FIVE_IMPACTS,
-    GRAVITY,
-    LAB,
-    SLIDING,
-    UNEQUAL,
-    energy_error,
-    exact_accelerations,
-    orders,
-    refusals,
-    stopped,
-    tip_error,
-)
 
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 
@@ -40,7 +28,7 @@ def test_16_actions_of_any_size(subject):
     yield at_least("the number of entries counted as saturated", info["saturated_actions"], 2)
     yield at_most("the number of observations that differ from clipped actions", (obs != clipped).sum(), 0)
     wrong = [np.array([0, 0, bad, 0], np.float32) for bad in (np.nan, np.inf, -np.inf)]
-    refused = refusals("non-finite", *(partial(env.step, action) for action in wrong))
+    refused = m.refusals("non-finite", *(partial(env.step, action) for action in wrong))
     yield at_least("the number of actions that are not finite, refused by name", refused, 3)
 
     bad_lanes, others = [3, 8, 17], np.setdiff1d(np.arange(24), [3, 8, 17])
@@ -63,7 +51,7 @@ def test_16_actions_of_any_size(subject):
 
 @hard_case("18")
 def test_18_subnormal_rates_are_numbers(subject):
-    scene = rde.Scene(LAB, (), tolerance=1e-6)
+    scene = rde.Scene(m.LAB, (), tolerance=1e-6)
     motion = subject.motion(scene, np.zeros(4), 1e-310, 50)
     yield at_most("the rate after 1 s", np.abs(motion.qd[-1] - 1e-310).max(), 0, "rad/s off")
     yield at_most("the most evaluations of an interval", motion.evaluations.max(), 12)
@@ -75,27 +63,27 @@ def test_19_large_angles_are_exact_or_refused(subject):
     turns = np.array([0.0, 1e3, 1e5, 159154.0, 1e6, 1e11])  # the last two are beyond 1e6 rad
     q = np.array([0.3, 1.2, -2.0, 0.8]) + 2.0 * np.pi * turns[:, None]
     # In a nanosecond from rest a rate becomes the acceleration times 1e-9, to the last digits.
-    motion = subject.motion(rde.Scene(LAB, (GRAVITY,), integrator="rk4", control_dt=1e-9), q, 0.0, 1)
+    motion = subject.motion(rde.Scene(m.LAB, (m.GRAVITY,), integrator="rk4", control_dt=1e-9), q, 0.0, 1)
     worst = 0.0
     for angles, found in zip(q, motion.qd[-1] / 1e-9, strict=True):
-        exact = exact_accelerations(LAB, angles.tolist(), [0.0] * 4, [0.0] * 4, 9.81)
+        exact = m.exact_accelerations(m.LAB, angles.tolist(), [0.0] * 4, [0.0] * 4, 9.81)
         worst = max(worst, *(abs(float(a - b)) for a, b in zip(found.tolist(), exact, strict=True)))
     yield at_most("up to 6e11 rad the acceleration", worst / 9.81, 1e-14, "of g off")
     envs = (gym.make(FOUR_R), gym.make_vec(FOUR_R, num_envs=2))
     far = {"q": (1.1e6, 0.0, 0.0, 0.0)}
-    refused = refusals("1e+06", *(partial(env.reset, options=far) for env in envs))
+    refused = m.refusals("1e+06", *(partial(env.reset, options=far) for env in envs))
     yield at_least("the number of starts beyond 1e6 rad that environments refuse", refused, 2)
 
 
 @hard_case("39")
 def test_39_crossing_pi_is_continuous(subject):
     spring = e.LimitSpring("joint2", -2.0, 2.0, 500.0)
-    scene = rde.Scene(LAB, (spring,), tolerance=1e-9)
+    scene = rde.Scene(m.LAB, (spring,), tolerance=1e-9)
     # All links turn together, so joints move little.
     motion = subject.motion(scene, [2.5, 2.7, 2.6, 2.8], 3.0, 300)
     joint = motion.q[..., 1] - motion.q[..., 0]
     yield at_most("the second joint angle within 9 turns", np.abs(joint).max(), 2.0, "rad")
-    yield at_most("the energy", energy_error(scene, motion), 1e-6, "J off")
+    yield at_most("the energy", m.energy_error(scene, motion), 1e-6, "J off")
 
     ends = []
     for delta in (-1e-12, 1e-12):
@@ -109,11 +97,11 @@ def test_39_crossing_pi_is_continuous(subject):
 
 @hard_case("40")
 def test_40_energy_with_unequal_numbers(subject):
-    four_r = rde.FourR(UNEQUAL.masses, (0.3, 0.5, 0.4, 0.6))
-    for arm, q in ((four_r, (0.2, 1.0, -0.5, 2.0)), (UNEQUAL, (0.2, 0.1, -0.5, 0.2))):
-        scene = rde.Scene(arm, (GRAVITY,), tolerance=1e-12)
+    four_r = rde.FourR(m.UNEQUAL.masses, (0.3, 0.5, 0.4, 0.6))
+    for arm, q in ((four_r, (0.2, 1.0, -0.5, 2.0)), (m.UNEQUAL, (0.2, 0.1, -0.5, 0.2))):
+        scene = rde.Scene(arm, (m.GRAVITY,), tolerance=1e-12)
         motion = subject.motion(scene, q, (1.0, -2.0, 1.5, -1.0), 50)
-        yield at_most(f"{arm.kind}: the energy within 1 s", energy_error(scene, motion), 1e-10, "J off")
+        yield at_most(f"{arm.kind}: the energy within 1 s", m.energy_error(scene, motion), 1e-10, "J off")
 
 
 @hard_case("41")
@@ -125,20 +113,20 @@ def test_41_numbers_at_the_ends_of_their_ranges(subject):
         ("under 1000 m/s^2", e.Gravity(1000.0), 0.02, 50),
         ("in a level plane", e.Gravity.on_plane(9.81, np.pi / 2), 0.02, 50),
     ):
-        scene = rde.Scene(LAB, (field,), control_dt=dt, tolerance=1e-12)
+        scene = rde.Scene(m.LAB, (field,), control_dt=dt, tolerance=1e-12)
         motion = subject.motion(scene, q, qd, intervals)
         scale = 5000.0 if "1000" in name else 50.0
-        yield at_most(f"{name} the energy", energy_error(scene, motion) / scale, 1e-9, "of its scale off")
+        yield at_most(f"{name} the energy", m.energy_error(scene, motion) / scale, 1e-9, "of its scale off")
     yield from picked_up(q, qd)
 
 
 def picked_up(q, qd):
     """The energy balance of an arm that picks up 100 kg after half a second; it starts again there."""
-    scene = rde.Scene(LAB, (GRAVITY, e.ViscousFriction((0.5,) * 4), Payload(0.0)), tolerance=1e-12)
+    scene = rde.Scene(m.LAB, (m.GRAVITY, e.ViscousFriction((0.5,) * 4), Payload(0.0)), tolerance=1e-12)
     batch = rde.BatchSimulator(scene, 1, track_work=True)
     batch.set_state(q, qd)
-    heavy = rde.FourR((1.0, 1.0, 1.0, 101.0), LAB.lengths)
-    for arm, load in ((LAB, 0.0), (heavy, 100.0)):
+    heavy = rde.FourR((1.0, 1.0, 1.0, 101.0), m.LAB.lengths)
+    for arm, load in ((m.LAB, 0.0), (heavy, 100.0)):
         batch.set_parameters({"payload.mass": load})
         before, work = book(arm, batch), batch.work[0]
         flags = 0
@@ -159,7 +147,7 @@ def test_46_starts_at_and_beyond_limits(subject):
     a, b, va, vb, fa, fb = np.array(np.meshgrid(*ends, *rates, *forces)).reshape(6, -1)
     zero = np.zeros_like(a)
     q, qd = np.column_stack([zero + 0.7, a, zero - 0.4, b]), np.column_stack([zero, va, zero, vb])
-    scene = stopped(restitution=0.5, tolerance=1e-6)
+    scene = m.stopped(restitution=0.5, tolerance=1e-6)
     motion = subject.motion(scene, q, qd, 3, np.column_stack([zero, fa, zero, fb]))
     yield at_most("the number of flagged starts at both stops", np.count_nonzero(motion.numerics), 0)
     beyond = np.abs(motion.q[..., [1, 3]] - 0.15).max() - 0.15
@@ -168,7 +156,7 @@ def test_46_starts_at_and_beyond_limits(subject):
     envs = (gym.make(RPRP), gym.make_vec(RPRP, num_envs=3))
     starts = ((0.0, 0.25 + 1e-9, 0.0, 0.0), (0.0, 0.1, 0.0, -1e-9))
     attempts = (partial(env.reset, options={"q": q}) for q in starts for env in envs)
-    refused = refusals("its stops are at 0 and 0.25 m", *attempts)
+    refused = m.refusals("its stops are at 0 and 0.25 m", *attempts)
     yield at_least("the number of starts 1e-9 m beyond a stop that are refused", refused, 4)
 
     data = rde.load_scene("four_r_reach").to_dict()
@@ -179,8 +167,8 @@ def test_46_starts_at_and_beyond_limits(subject):
 
 
 def scenes(**kwargs):
-    yield "stops", stopped(UNEQUAL, 0.5, **kwargs)
-    yield "a smooth scene", rde.Scene(LAB, (GRAVITY,), **kwargs)
+    yield "stops", m.stopped(m.UNEQUAL, 0.5, **kwargs)
+    yield "a smooth scene", rde.Scene(m.LAB, (m.GRAVITY,), **kwargs)
 
 
 def random_states(count, seed):
@@ -195,8 +183,8 @@ def random_states(count, seed):
 def test_36_steps_converge_within_the_interval(subject):
     smooth = (0.2, 1.0, -0.5, 2.0), (3.0, -2.0, 4.0, -5.0)
     for name, exact, start, methods, intervals in (
-        ("smooth", rde.Scene(LAB, (GRAVITY,), "dop853"), smooth, {"rk4": 4, "rk8": 8}, 10),
-        ("with impacts", stopped(SLIDING, integrator="dop853"), FIVE_IMPACTS, {"rk4": 4}, 25),
+        ("smooth", rde.Scene(m.LAB, (m.GRAVITY,), "dop853"), smooth, {"rk4": 4, "rk8": 8}, 10),
+        ("with impacts", m.stopped(m.SLIDING, integrator="dop853"), m.FIVE_IMPACTS, {"rk4": 4}, 25),
     ):
         table = np.random.default_rng(1).uniform(-2, 2, (intervals, 4)) * (name == "smooth")
         at = [0.02 * intervals]
@@ -207,8 +195,8 @@ def test_36_steps_converge_within_the_interval(subject):
                 subject.longest = 0.02 / substeps
                 scene = replace(exact, integrator=integrator, substeps=substeps)
                 motion = subject.motion(scene, *start, intervals, lambda k, u=table: u[k])
-                errors.append(tip_error(scene.robot, motion.q[-1, 0], reference))
-            found = min(orders(errors, (2.0,) * 3))
+                errors.append(m.tip_error(scene.robot, motion.q[-1, 0], reference))
+            found = min(m.orders(errors, (2.0,) * 3))
             yield at_least(f"{name}, the order of {integrator}", found, order - 0.1)
 
 
@@ -218,7 +206,7 @@ def test_37_two_substeps_are_two_intervals(subject):
     for name, scene in scenes(integrator="rk4", control_dt=0.01):
         twice = replace(scene, substeps=2, control_dt=0.02)
         motions = [subject.motion(x, q, qd, n, efforts) for x, n in ((scene, 20), (twice, 10))]
-        one, two = (np.concatenate([m.q[-1], m.qd[-1]]) for m in motions)
+        one, two = (np.concatenate([x.q[-1], x.qd[-1]]) for x in motions)
         differing = np.count_nonzero(one != two)
         yield at_most(f"with {name} the count of differing numbers, of 512,", differing, 0)
 
@@ -252,7 +240,7 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
 
 @hard_case("42")
 def test_42_a_restored_state_continues_to_the_same_bits(subject):
-    plastic = stopped(UNEQUAL, 0.0, tolerance=1e-6)
+    plastic = m.stopped(m.UNEQUAL, 0.0, tolerance=1e-6)
     scene = replace(plastic, effects=(*plastic.effects, HeldCommand()))
     q, qd, efforts = random_states(40, 7)
     batch = rde.BatchSimulator(scene, 40)

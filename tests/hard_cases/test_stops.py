@@ -9,39 +9,24 @@ from actuator_lag import ActuatorLag
 import redundant_envs as rde
 from redundant_envs import effects as e
 
+from . import measured as m
 from .hard_case import at_least, at_most, hard_case
-from .measured import (
-    FIVE_IMPACTS,
-    GRAVITY,
-    HEAVY,
-    SLIDING,
-    UNEQUAL,
-    energy,
-    energy_error,
-    fine_end,
-    five_impacts,
-    orders,
-    penetration,
-    refusals,
-    stopped,
-    tip_error,
-)
 from .subject import Subject
 
 
 @hard_case("23")
 def test_23_five_impacts_keep_the_order(subject):
-    errors, motion = five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))
-    yield at_most("the largest penetration", penetration(motion), 0, "m")
+    errors, motion = m.five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))
+    yield at_most("the largest penetration", m.penetration(motion), 0, "m")
     yield at_most("the number of impacts less five", abs(len(motion.impacts()) - 5), 0)
     yield at_most("the tip at RK4 of 1 ms", 1e3 * errors[-1], 1e-6, "mm off")
-    yield at_least("the order of RK4", min(orders(errors, (2.0, 2.0, 2.5))), 3.9)
-    yield at_most("the energy at RK4 of 1 ms", energy_error(stopped(), motion), 1e-8, "J off")
+    yield at_least("the order of RK4", min(m.orders(errors, (2.0, 2.0, 2.5))), 3.9)
+    yield at_most("the energy at RK4 of 1 ms", m.energy_error(m.stopped(), motion), 1e-8, "J off")
     cost = motion.evaluations.sum() / (4 * 500)
     yield at_most("the evaluations at RK4 of 1 ms", cost, 1.05, "of those without stops")
-    scene = stopped(tolerance=1e-12)
-    motion = subject.motion(scene, *FIVE_IMPACTS, 25)
-    yield at_most("at exact the energy", energy_error(scene, motion), 1e-10, "J off")
+    scene = m.stopped(tolerance=1e-12)
+    motion = subject.motion(scene, *m.FIVE_IMPACTS, 25)
+    yield at_most("at exact the energy", m.energy_error(scene, motion), 1e-10, "J off")
 
 
 @hard_case("24")
@@ -51,15 +36,15 @@ def test_24_an_impact_loses_what_restitution_says(subject):
     q = np.column_stack([angle, np.full(count, 0.3), other, rng.uniform(0.05, 0.25, count)])
     qd = rng.normal(0, 2, (count, 4))
     qd[:, 1] = np.abs(qd[:, 1]) + 0.05
-    M = UNEQUAL.mass_matrix(q)
+    M = m.UNEQUAL.mass_matrix(q)
     W = np.linalg.inv(M)[:, 1, 1]
-    before = UNEQUAL.kinetic_energy(q, qd)
+    before = m.UNEQUAL.kinetic_energy(q, qd)
     for restitution in (0.0, 0.5, 1.0):
         name = f"at restitution {restitution:g} the"
-        scene = stopped(UNEQUAL, restitution, gravity=0.0, control_dt=dt, integrator="rk4")
+        scene = m.stopped(m.UNEQUAL, restitution, gravity=0.0, control_dt=dt, integrator="rk4")
         after = subject.motion(scene, q, qd, 1)
         # Without gravity and efforts the motion keeps the energy; what is left is rounding.
-        left = UNEQUAL.kinetic_energy(after.q[-1], after.qd[-1])
+        left = m.UNEQUAL.kinetic_energy(after.q[-1], after.qd[-1])
         lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * W)
         off = np.abs(before - left - lost) / before
         yield at_most(f"{name} energy lost", off.max(), 1e-12, "of the kinetic energy off")
@@ -78,7 +63,7 @@ def test_27_grazing_within_one_step_is_found(subject):
     exact = 0.3 - v * (0.02 - t) - 100.0 * (0.02 - t) ** 2
     for integrator, tolerance in (("rk4", None), ("rk8", None), ("rk8", 1e-6), ("dop853", None)):
         name = integrator if tolerance is None else "error control"
-        scene = stopped(HEAVY, gravity=0.0, integrator=integrator, tolerance=tolerance)
+        scene = m.stopped(m.HEAVY, gravity=0.0, integrator=integrator, tolerance=tolerance)
         motion = subject.motion(scene, [0.0, 0.298, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0], 1, [0, -200.0002, 0, 0])
         yield at_most(f"with {name} the number of impacts less one", abs(len(motion.impacts("r1")) - 1), 0)
         yield at_most(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), 1e-7, "m off")
@@ -86,7 +71,7 @@ def test_27_grazing_within_one_step_is_found(subject):
 
 @hard_case("27b")
 def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
-    scene = stopped(HEAVY, gravity=0.0, tolerance=1e-6)
+    scene = m.stopped(m.HEAVY, gravity=0.0, tolerance=1e-6)
     gaps = 0.0025 * (1.0 + np.array([0.0, 1e-14, -1e-14, 1e-12, -1e-12, 4e-7, -4e-7]))
     q = np.tile([0.0, 0.3, 0.0, 0.1], (len(gaps), 1))
     q[:, 1] -= gaps
@@ -100,16 +85,16 @@ def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
 
 @hard_case("28")
 def test_28_both_sliders_at_once_do_not_know_their_order(subject):
-    scene = stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
+    scene = m.stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
     q = np.array([[0.4, 0.299 + 1e-15, 0.4, 0.299], [0.4, 0.299, 0.4, 0.299 + 1e-15]])
     motion = subject.motion(scene, q, [0.0, 1.0, 0.0, 1.0], 1)
-    yield at_most("the largest penetration", penetration(motion), 0, "m")
+    yield at_most("the largest penetration", m.penetration(motion), 0, "m")
     yield at_most("the fastest slider after it", motion.qd[-1][:, [1, 3]].max(), 0, "m/s outwards")
-    gain = (energy(scene, motion.q[-1], motion.qd[-1]) - energy(scene, motion.q[0], motion.qd[0])).max()
+    gain = (m.energy(scene, motion.q[-1], motion.qd[-1]) - m.energy(scene, motion.q[0], motion.qd[0])).max()
     yield at_most("the energy gained", gain, 0, "J")
     differ = np.abs(motion.q[-1, 0] - motion.q[-1, 1]).max()
     yield at_most("the difference that the order makes", differ, 1e-12, "rad or m")
-    impulses = np.einsum("ij,nj->ni", SLIDING.mass_matrix(q[0]), motion.qd[-1] - motion.qd[0])
+    impulses = np.einsum("ij,nj->ni", m.SLIDING.mass_matrix(q[0]), motion.qd[-1] - motion.qd[0])
     yield at_most("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), 1e-9, "kg m^2/s changed")
 
 
@@ -118,27 +103,29 @@ def test_29_many_bounces_in_one_step(subject):
     subject.longest = 0.02
     ways = {"rk4": {"integrator": "rk4"}, "rk8": {}, "error control": {"tolerance": 1e-6}}
     for name, more in ways.items():
-        scene = stopped(gravity=0.0, **more)
+        scene = m.stopped(gravity=0.0, **more)
         motion = subject.motion(scene, [0.3, 0.1, 0.3, 0.1], [0.0, 50.0, 0.0, 0.0], 1)
         yield at_least(f"with {name} the number of impacts", len(motion.impacts()), 3)
-        before = energy(scene, motion.q[0], motion.qd[0])[0]
-        yield at_most(f"with {name} the energy", energy_error(scene, motion) / before, 1e-9, "of itself off")
-        yield at_most(f"with {name} the penetration", penetration(motion), 0, "m")
+        before = m.energy(scene, motion.q[0], motion.qd[0])[0]
+        yield at_most(
+            f"with {name} the energy", m.energy_error(scene, motion) / before, 1e-9, "of itself off"
+        )
+        yield at_most(f"with {name} the penetration", m.penetration(motion), 0, "m")
 
 
 @hard_case("30")
 def test_30_stops_do_not_pass_their_sliders(subject):
-    batch = rde.BatchSimulator(stopped(), 3, track_work=True)
+    batch = rde.BatchSimulator(m.stopped(), 3, track_work=True)
     inside = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
     batch.set_state(inside, np.zeros(4))
     outside = inside.copy()
     outside[1, 3] = 0.3000001
-    refused = refusals(
+    refused = m.refusals(
         "stops are at",
         lambda: batch.set_state(outside, np.zeros(4)),
         lambda: batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2]),
         lambda: batch.set_parameters({"prismatic_stop.lower": [0.0, 0.2]}, index=[0]),
-        lambda: rde.simulate(stopped(), outside[1], np.zeros(4), [0.02]),
+        lambda: rde.simulate(m.stopped(), outside[1], np.zeros(4), [0.02]),
     )
     yield at_least("the number of refusals that name slider and stops", refused, 4)
     yield at_most("the largest change of a state by them", np.abs(batch.q - inside).max(), 0)
@@ -147,9 +134,9 @@ def test_30_stops_do_not_pass_their_sliders(subject):
 @hard_case("43")
 def test_43_an_impact_before_another_event_is_found(subject):
     subject.longest = 0.02
-    scene = stopped(restitution=0.5, gravity=0.0, upper=(0.3, 0.05))
+    scene = m.stopped(restitution=0.5, gravity=0.0, upper=(0.3, 0.05))
     state, efforts = ((0.0, 0.1, 0.0, 0.0497), (0.0, 0.0, 0.0, 1.0)), [0, 0, 0, -250.0]
-    fine = fine_end(scene, *state, 160, efforts=[efforts])
+    fine = m.fine_end(scene, *state, 160, efforts=[efforts])
     for tolerance in (1e-6, 1e-12, None):
         name = "one step" if tolerance is None else f"{tolerance:g} m"
         motion = subject.motion(dataclasses.replace(scene, tolerance=tolerance), *state, 1, efforts)
@@ -163,7 +150,7 @@ def test_43_an_impact_before_another_event_is_found(subject):
     qd = rng.normal(0, (3.0, 0.5, 3.0, 0.5), (count, 4))
     efforts = rng.uniform(-1, 1, (count, 4)) * (30.0, 100.0, 30.0, 100.0)
     told = [
-        one.motion(stopped(upper=(0.05, 0.05), **more), q, qd, 1, efforts)
+        one.motion(m.stopped(upper=(0.05, 0.05), **more), q, qd, 1, efforts)
         for one, more in ((subject, {"tolerance": 1e-6}), (Subject(), {"substeps": 160}))
     ]
     counts = [[len(motion.impacts(lane=i)) for i in range(count)] for motion in told]
@@ -176,7 +163,7 @@ def test_43_an_impact_before_another_event_is_found(subject):
 @hard_case("47")
 def test_47_what_is_given_up_never_began(subject):
     stop = e.PrismaticStop((0.0, None), (None, None), 0.97)
-    scene = rde.Scene(SLIDING, (e.Gravity(0.0), stop), "rk4", substeps=4, actuation="generalized")
+    scene = rde.Scene(m.SLIDING, (e.Gravity(0.0), stop), "rk4", substeps=4, actuation="generalized")
     batch = rde.BatchSimulator(scene, 3, track_work=True)
     q, qd = np.tile([0.0, 0.2, 0.0, 0.2], (3, 1)), np.zeros((3, 4))
     batch.set_state(q, qd)
@@ -188,7 +175,7 @@ def test_47_what_is_given_up_never_began(subject):
     yield at_most("the number of lanes with a wrong flag", wrong, 0)
     moved = np.abs(np.r_[batch.q[1] - q[1], batch.qd[1] - qd[1]]).max()
     yield at_most("the change of the state that was given up", moved, 0)
-    alone = fine_end(scene, q[0], qd[0], 4)
+    alone = m.fine_end(scene, q[0], qd[0], 4)
     states = np.hstack([batch.q, batch.qd])[[0, 2]]
     differing = np.count_nonzero(states != np.hstack([alone.q, alone.qd]))
     yield at_most("the count of changed numbers of its neighbours", differing, 0)
@@ -201,7 +188,7 @@ def test_25_bounces_come_to_rest_on_time(subject):
     hanging = [-math.pi / 2, 0.3, -math.pi / 2, 0.0]  # link 1 lies on its own stop: only the ball moves
     for restitution, seconds in ((0.5, 11.0), (0.9, 15.0)):
         stop = e.PrismaticStop((None, None), (0.3, 0.3), restitution)
-        scene = rde.Scene(arm, (GRAVITY, stop), control_dt=0.02, tolerance=1e-9)
+        scene = rde.Scene(arm, (m.GRAVITY, stop), control_dt=0.02, tolerance=1e-9)
         motion = subject.motion(scene, hanging, 0.0, round(seconds / 0.02))
         exact = math.sqrt(2.0 * 0.3 / 9.81) * (1.0 + restitution) / (1.0 - restitution)
         last = motion.impacts("r2")[-1]
@@ -218,7 +205,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
     subject.longest = 5e-3
     stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
     for tolerance in (1e-6, 1e-12):
-        scene = rde.Scene(SLIDING, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
+        scene = rde.Scene(m.SLIDING, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
         force = np.array([0.0, 10.0, 0.0, 0.0])
         motion = subject.motion(scene, [0, 0, 0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u)
         pressed = motion.q[:251, 0, 1]
@@ -234,7 +221,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
 @hard_case("31")
 def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     springs = [e.LimitSpring(joint, 0.0, 0.3, 1e6) for joint in ("r1", "r2")]
-    scene = rde.Scene(SLIDING, springs, control_dt=0.02, tolerance=1e-6)
+    scene = rde.Scene(m.SLIDING, springs, control_dt=0.02, tolerance=1e-6)
     # Straight, and at rest but for the last slider: nothing turns.
     state = [0.0, 0.1, 0.0, 0.2925], [0.0, 0.0, 0.0, 1.0]
     motion = subject.motion(scene, *state, 5)
@@ -242,23 +229,23 @@ def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     finer = dataclasses.replace(scene, tolerance=1e-7)
     yield at_most(
         "at tolerance 1e-07 m the energy over the bounce",
-        energy_error(finer, subject.motion(finer, *state, 5)), 1e-6, "J off",
+        m.energy_error(finer, subject.motion(finer, *state, 5)), 1e-6, "J off",
     )  # fmt: skip
-    fine = fine_end(scene, *state, 20000, 5)
-    yield at_most("the tip after 5 intervals", tip_error(SLIDING, motion.q[-1], fine.q), 1e-6, "m off")
+    fine = m.fine_end(scene, *state, 20000, 5)
+    yield at_most("the tip after 5 intervals", m.tip_error(m.SLIDING, motion.q[-1], fine.q), 1e-6, "m off")
     # Turned back by a force, it is in the spring for 2 ms around 7.5 ms. The tip is light, and stays behind.
     springs[1] = e.LimitSpring("r2", 0.0, 0.3, 1e-6)
-    scene = rde.Scene(HEAVY, springs, control_dt=0.02, tolerance=1e-6)
+    scene = rde.Scene(m.HEAVY, springs, control_dt=0.02, tolerance=1e-6)
     state, force = ((0.0, 0.3 - 0.00737, 0.0, 0.1), (0.0, 2.0, 0.0, 0.0)), [0.0, -2.0 / 0.0075, 0.0, 0.0]
     motion = subject.motion(scene, *state, 1, force)
-    off = np.abs(motion.q[-1] - fine_end(scene, *state, 20000, efforts=[force]).q).max()
+    off = np.abs(motion.q[-1] - m.fine_end(scene, *state, 20000, efforts=[force]).q).max()
     yield at_most("struck within an interval the slider after it", off, 1e-7, "m off")
 
 
 @hard_case("32")
 def test_32_the_printed_spring_has_its_two_frequencies(subject):
     spring = e.CentringSpring((400.0, 200.0), (0.0, 0.0), (0.5, 0.4))
-    scene = rde.Scene(UNEQUAL, (spring,), tolerance=1e-12)
+    scene = rde.Scene(m.UNEQUAL, (spring,), tolerance=1e-12)
     mass = np.array([[3.0, 0.5], [0.5, 0.5]])
     # K x = w^2 M x of two sliders along one line; no torque turns the links.
     values, shapes = np.linalg.eig(np.linalg.solve(mass, np.diag([800.0, 400.0])))
@@ -276,9 +263,9 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
 @hard_case("49")
 def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
-    effects = (GRAVITY, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0))
+    effects = (m.GRAVITY, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0))
     near = 1.0 + 1e-2 * np.random.default_rng(0).normal(size=(2, 256, 4))
     q, qd = [-0.378, 0.157, 0.323, 0.0221] * near[0], [-0.603, 0.123, -0.00914, 0.189] * near[1]
     scene = rde.Scene(arm, effects, control_dt=0.05, tolerance=1e-6)
-    off = tip_error(arm, subject.motion(scene, q, qd, 1).q[-1], fine_end(scene, q, qd, 2000).q)
+    off = m.tip_error(arm, subject.motion(scene, q, qd, 1).q[-1], m.fine_end(scene, q, qd, 2000).q)
     yield at_most("the tip of 256 starts after an interval", off, 1e-6, "m off")
