@@ -37,8 +37,6 @@ LANES = ("q", "qd", "z", "work", "values")
 class Player:
     """A simulator or an environment of a case, and what its calls need; its methods are the calls."""
 
-    copied = staticmethod(copy.deepcopy)
-
     def __init__(self, case, make=rde.BatchSimulator):
         self.case, self.make, self.scene = case, make, rde.Scene.from_dict(case["scene"])
         self.subject, self.saved = self.made(), None
@@ -66,15 +64,13 @@ class Player:
             self.put(self.saved)
 
     def copy(self, call):
-        self.subject = self.copied(self.subject)
+        self.subject = copy.deepcopy(self.subject)
 
     def pickle(self, call):
         self.subject = pickle.loads(pickle.dumps(self.subject))
 
 
 class SimulatorPlayer(Player):
-    copied = staticmethod(copy.copy)
-
     def made(self):
         return self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
 

@@ -108,20 +108,6 @@ def test_every_effect_and_every_way_to_step_is_drawn():
     assert min(len(s.effects) for s in scenes) <= 1
 
 
-@pytest.mark.parametrize(("face", "lanes"), [("simulator", [1, 0]), ("vector", [0, 1])])
-def test_lanes_of_a_case_take_their_rows_along(face, lanes):
-    """A mask of an environment has no order."""
-    case = {"num_envs": 3, "face": face, "calls": [
-        {"call": "set_state", "rows": {"q": [[0.0], [1.0], [2.0]]}},
-        {"call": "set_parameters", "lanes": [0, 2], "rows": {"parameters": {"g": [[7.0], [8.0], [9.0]]}}},
-        {"call": "set_state", "lanes": [1], "rows": {"q": [[9.0], [9.0], [9.0]]}},
-    ]}  # fmt: skip
-    assert cases.with_lanes(case, [2, 0]) == {"num_envs": 2, "face": face, "calls": [
-        {"call": "set_state", "lanes": None, "rows": {"q": [[2.0], [0.0]]}},
-        {"call": "set_parameters", "lanes": lanes, "rows": {"parameters": {"g": [[9.0], [7.0]]}}},
-    ]}  # fmt: skip
-
-
 def test_a_failing_case_is_made_small():
     """To the one lane, the one call and the one effect that it needs."""
     case = next(c for c in (drawn(5, n) for n in range(0, 100, 5)) if c["num_envs"] > 8)

@@ -210,7 +210,7 @@ def draws_before_it_refuses(core, checked, options, lanes):
 @pytest.mark.parametrize(
     ("kind", "method", "change", "name"),
     [
-        (ArmVectorEnv, "step", part(0, (-1, 2), np.nan), "observations_are_finite"),
+        (ArmVectorEnv, "step", part(0, (-1, 2), np.nan), "observations_lie_in_their_space"),
         (ArmVectorEnv, "step", part(0, (-1, 2), 1.0001), "observations_lie_in_their_space"),
         (ArmVectorEnv, "step", then(pays_at_an_end), "no_early_end_pays"),
         (ArmVectorEnv, "step", part(1, 0, 1.5), "no_early_end_pays"),

@@ -11,7 +11,7 @@ from redundant_envs.verify import Mode, Subject
 from redundant_envs.verify.checks import Trial
 from redundant_envs.verify.evaluators import arrays, singles, tensors
 
-SHORT = ("stops rk8, half elastic", "stops 1e-6, inelastic", "RP every effect 1e-6", "RPRP users' play 1e-6")
+SHORT = ("RP every effect 1e-6", "RPRP users' play 1e-6")
 EVERY = names("4R all*", "RPRP *rk8", "RPRP *1e-6", "RP *", "stops *", "*dop853")
 
 

@@ -10,7 +10,6 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
@@ -327,17 +326,6 @@ def test_after_32_impacts_a_thousandth_of_the_tolerance_is_compared_but_not_roun
 
     assert (passes(31.0, 0.99), passes(31.0, 1.01)) == (True, False)
     assert (passes(32.0, 0.99 * share), passes(32.0, 1.01 * share)) == (True, False)
-
-
-def test_only_springs_between_stops_have_the_larger_factor():
-    arm = rde.RPRP((0.5,) * 4, (0.25,) * 2)
-    spring = e.CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
-    stop = e.PrismaticStop((0.0, 0.0), (0.25, 0.25), 1.0)
-    found = {
-        k: Dynamics(rde.Scene(arm, k, tolerance=1e-6)).sharpness
-        for k in ((), (spring,), (stop,), (spring, stop))
-    }
-    assert found == {(): 45.0, (spring,): 45.0, (stop,): 45.0, (spring, stop): 1000.0}
 
 
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8])

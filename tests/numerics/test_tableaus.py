@@ -6,10 +6,9 @@
 import math
 from functools import cache
 
-import numpy as np
 import pytest
 
-from redundant_envs.numerics.methods import explicit_step, weighted
+from redundant_envs.numerics.methods import explicit_step
 from redundant_envs.numerics.tableaus import METHODS, RK8
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
@@ -98,28 +97,6 @@ def test_every_tree_up_to_the_claimed_order_is_met_and_some_of_the_next_one_is_n
     for k in range(1, order + 1):
         assert all(gap <= most for gap, most in misses(method, weights, share, k))
     assert max(misses(method, weights, share, order + 1))[0] > 1e-6
-
-
-def test_terms_of_equal_weights_are_added_before_they_are_multiplied():
-    class Term(str):
-        def __add__(self, other):
-            return Term(f"({self} + {other})")
-
-        def __rmul__(self, weight):
-            return Term(f"{weight} {self}")
-
-    terms = [Term(f"k{i + 1}") for i in range(4)]
-    assert weighted(METHODS["rk4"].b, terms) == (1 / 6, "((k1 + k4) + 2.0 (k2 + k3))")
-    assert weighted((0.0, 0.5, 1.0), terms) == (0.5, "(k2 + 2.0 k3)")
-
-
-def test_the_stages_contain_one_estimate_of_order_6():
-    """Up to a factor: the weights that vanish on all trees up to order 6 are a line, that of ``error6``."""
-    conditions = np.array([stage_weights(RK8, tree) for n in range(1, 7) for tree in trees(n)])
-    _, sizes, rows = np.linalg.svd(conditions)
-    assert sizes[10] > 1e-8 * sizes[0]
-    assert sizes[11] < 1e-15 * sizes[0]
-    assert abs(rows[11] @ RK8.error6) == pytest.approx(np.linalg.norm(RK8.error6), rel=1e-12)
 
 
 # ---- steps and their estimates -------------------------------------------------------------------------
