@@ -165,16 +165,6 @@ def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
 
 
 @one_short
-def test_weaker_motors_hold_fewer_goals(name):
-    goals, limits = drawn_goals(16, 7), effort_limits(SCENES[name])
-    load = holding_load(SCENES[name], goals)
-    for factor in (1.0, 0.25, 0.125):
-        weak = changed(name, e.EffortLimits(factor * limits))
-        np.testing.assert_array_equal(holding_load(weak, goals), load / factor)
-    assert (load <= 1.0).sum() > (load <= 0.25).sum() > (load <= 0.125).sum()
-
-
-@one_short
 def test_loads_do_not_depend_on_the_grid(name):
     goals = drawn_goals(24, 8)
     finer = holding_poses(SCENES[name], goals, grid=49)[1]

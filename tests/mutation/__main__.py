@@ -18,9 +18,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, NamedTuple
 
 from redundant_envs.progress import counted
@@ -62,13 +61,10 @@ def unseen_spans(tree: ast.AST) -> Iterator[tuple[int, int, int, int]]:
     for node in ast.walk(tree):
         hidden: list[Any] = []
         docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        if isinstance(node, ast.FunctionDef):
-            arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-            hidden += [node.returns, *(a.annotation for a in arguments)]
-        elif isinstance(node, ast.AnnAssign):
-            hidden.append(node.annotation)
+        if isinstance(node, ast.FunctionDef | ast.arg | ast.AnnAssign):
+            hidden = [node.returns if isinstance(node, ast.FunctionDef) else node.annotation]
         elif docstring or isinstance(node, ast.Raise | ast.ImportFrom | ast.Import):
-            hidden.append(node)
+            hidden = [node]
         for part in hidden:
             if part is not None:
                 yield part.lineno, part.col_offset, part.end_lineno, part.end_col_offset
@@ -126,7 +122,7 @@ def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) 
     drawn = random.Random(seed).sample(everything, count)
     print(f"{count} of {len(everything)} mutants of {len(modules)} modules", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
-    rows = []
+    rows: list[dict[str, Any]] = []
     with (
         tempfile.TemporaryDirectory() as folder,
         open(out, "w", newline="", encoding="utf-8") as file,
@@ -134,25 +130,18 @@ def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) 
     ):
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        clones: SimpleQueue[Path] = SimpleQueue()
-        for k in range(workers):
-            subprocess.run(["git", "clone", "-q", str(ROOT), f"{folder}/{k}"], check=True)
-            clones.put(Path(folder, str(k)))
 
-        def one(place: Place) -> dict[str, Any]:
-            clone = clones.get()
-            try:
-                return tested(place, clone)
-            finally:
-                clones.put(clone)
-
-        with ThreadPoolExecutor(workers) as pool:
-            for done in as_completed([pool.submit(one, place) for place in drawn]):
-                row = done.result()
-                rows.append(row)
+        def work(worker: int) -> None:
+            clone = Path(folder, str(worker))
+            subprocess.run(["git", "clone", "-q", str(ROOT), clone], check=True)
+            for place in drawn[worker::workers]:
+                rows.append(row := tested(place, clone))
                 writer.writerow(row)
                 file.flush()
                 told(f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}")
+
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, range(workers)))
     return rows
 
 
