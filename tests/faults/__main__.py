@@ -6,9 +6,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import yaml
 
@@ -16,6 +17,7 @@ from redundant_envs.progress import counted
 
 ROOT = Path(__file__).parents[2]
 KERNELS = os.environ.get("REDUNDANT_ENVS_CACHE") or str(ROOT / ".pytest_cache" / "kernels")
+T = TypeVar("T")
 SECONDS, WORKERS = 1800.0, 2  # for a run of tests; at once
 
 
@@ -40,9 +42,9 @@ def faults() -> list[Fault]:
     return [Fault(**entry) for entry in yaml.safe_load(Path(__file__).with_name("faults.yaml").read_bytes())]
 
 
-def tested(tests: list[str], copy: Path) -> str:
+def outcome(tests: Sequence[str], copy: Path, kernels: str = KERNELS) -> str:
     """The outcome of tests in a copy of the tree: green, red, or what else happened."""
-    paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": KERNELS}
+    paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": kernels}
     options = ["-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
     command = [sys.executable, *options, "-m", "not long", *tests]
     try:
@@ -52,33 +54,39 @@ def tested(tests: list[str], copy: Path) -> str:
     return {0: "green", 1: "red"}.get(done.returncode, "not run")
 
 
-def outcome(fault: Fault, copy: Path, green: bool) -> str:
-    before = "green" if green else tested([fault.test], copy)
-    if before != "green":
-        return f"NOT SEEN, as its test is {before} without it"
-    path = copy / fault.file
-    whole = path.read_text(encoding="utf-8")
-    path.write_text(fault.brought_back(whole), encoding="utf-8")
-    after = tested([fault.test], copy)
-    path.write_text(whole, encoding="utf-8")
-    return "red" if after == "red" else f"NOT SEEN, as its test is {after}"
+def in_copies(what: str, items: Sequence[T], workers: int, do: Callable[[T, Path], str]) -> None:
+    """Do something with each item in a copy of the tree, one for each worker, and tell what it returns."""
+    with tempfile.TemporaryDirectory() as folder, counted(what, len(items)) as told:
+
+        def work(worker: int) -> None:
+            copy = Path(folder, str(worker))
+            shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "runs", "__pycache__"))
+            for item in items[worker::workers]:
+                told(do(item, copy))
+
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, range(workers)))
 
 
 def main(parts: list[str]) -> int:
     chosen = [fault for fault in faults() if not parts or any(part in fault.name for part in parts)]
+    green = outcome([fault.test for fault in chosen], ROOT) == "green"  # quicker than one by one
     outcomes: dict[Fault, str] = {}
-    with tempfile.TemporaryDirectory() as folder, counted("faults", len(chosen)) as told:
 
-        def work(worker: int) -> None:
-            copy, share = Path(folder, str(worker)), chosen[worker::WORKERS]
-            shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "runs", "__pycache__"))
-            green = tested([fault.test for fault in share], copy) == "green"  # quicker than one by one
-            for fault in share:
-                outcomes[fault] = outcome(fault, copy, green)
-                told(f"{outcomes[fault]}: {fault.name}")
+    def seen(fault: Fault, copy: Path) -> str:
+        found = "green" if green else outcome([fault.test], copy)
+        if found == "green":
+            path = copy / fault.file
+            whole = path.read_text(encoding="utf-8")
+            path.write_text(fault.brought_back(whole), encoding="utf-8")
+            found = outcome([fault.test], copy)
+            path.write_text(whole, encoding="utf-8")
+            outcomes[fault] = "red" if found == "red" else f"NOT SEEN, as its test is {found}"
+        else:
+            outcomes[fault] = f"NOT SEEN, as its test is {found} without it"
+        return f"{outcomes[fault]}: {fault.name}"
 
-        with ThreadPoolExecutor(WORKERS) as pool:
-            list(pool.map(work, range(WORKERS)))
+    in_copies("faults", chosen, WORKERS, seen)
     unseen = [fault for fault in chosen if outcomes[fault] != "red"]
     print(*[f"{outcomes[fault]}: {fault.name} ({fault.test})" for fault in unseen], sep="\n")
     print(f"{len(chosen) - len(unseen)} of {len(chosen)} faults are seen")

@@ -11,20 +11,15 @@ from __future__ import annotations
 import argparse
 import ast
 import csv
-import os
 import random
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from redundant_envs.progress import counted
+from tests.faults.__main__ import ROOT, in_copies, outcome
 
-ROOT = Path(__file__).parents[2]
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "tableaus", "error_control")
@@ -40,8 +35,6 @@ MODULES = (
 TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/numerics", "tests/events",
          "tests/effects", "tests/lane", "tests/batch", "tests/oracles", "tests/hard_cases", "tests/outside",
          "tests/model", "tests/control", "tests/test_dialect.py")  # fmt: skip
-SECONDS = 1800.0
-"""For the tests of a mutant; one that takes longer counts as neither killed nor survived."""
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")
 
 
@@ -89,7 +82,7 @@ def places_of(module: str) -> Iterator[Place]:
                 yield Place(module, start[0], ASTQuery(node).get_definition_name() or "", name, occurrence)
 
 
-def tested(place: Place, clone: Path) -> dict[str, Any]:
+def row_of(place: Place, clone: Path) -> dict[str, Any]:
     """A row of ``COLUMNS``."""
     import cosmic_ray.plugins
     from cosmic_ray.mutating import mutate_code
@@ -97,21 +90,12 @@ def tested(place: Place, clone: Path) -> dict[str, Any]:
     path = clone / place.module
     whole, start = path.read_text(encoding="utf-8"), time.monotonic()
     changed = mutate_code(whole, cosmic_ray.plugins.get_operator(place.operator)(), place.occurrence) or whole
-    environment = {
-        **os.environ, "PYTHONPATH": str(clone), "PYTHONDONTWRITEBYTECODE": "1",
-        "REDUNDANT_ENVS_CACHE": str(clone / "kernels"),
-    }  # fmt: skip
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *TESTS]
     path.write_text(changed, encoding="utf-8")
-    try:
-        done = subprocess.run(command, cwd=clone, env=environment, capture_output=True, timeout=SECONDS)
-        outcome = "survived" if done.returncode == 0 else "killed"
-    except subprocess.TimeoutExpired:
-        outcome = "hung"
-    finally:
-        path.write_text(whole, encoding="utf-8")
+    found = outcome(TESTS, clone, str(clone / "kernels"))
+    path.write_text(whole, encoding="utf-8")
     before, after = whole.splitlines(), changed.splitlines()
-    row = place._asdict() | {"outcome": outcome, "seconds": round(time.monotonic() - start, 1)}
+    told = {"green": "survived", "hung": "hung"}.get(found, "killed")
+    row = place._asdict() | {"outcome": told, "seconds": round(time.monotonic() - start, 1)}
     row |= {"before": before[place.line - 1].strip(), "after": after[min(place.line, len(after)) - 1].strip()}
     return {name: row[name] for name in COLUMNS}
 
@@ -123,25 +107,17 @@ def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) 
     print(f"{count} of {len(everything)} mutants of {len(modules)} modules", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        open(out, "w", newline="", encoding="utf-8") as file,
-        counted("mutants", count) as told,
-    ):
+    with open(out, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
 
-        def work(worker: int) -> None:
-            clone = Path(folder, str(worker))
-            subprocess.run(["git", "clone", "-q", str(ROOT), clone], check=True)
-            for place in drawn[worker::workers]:
-                rows.append(row := tested(place, clone))
-                writer.writerow(row)
-                file.flush()
-                told(f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}")
+        def told(place: Place, clone: Path) -> str:
+            rows.append(row := row_of(place, clone))
+            writer.writerow(row)
+            file.flush()
+            return f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}"
 
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, range(workers)))
+        in_copies("mutants", drawn, workers, told)
     return rows
 
 
