@@ -20,30 +20,31 @@ from redundant_envs.studies.stop_families import NAMED, StopFamily
 REACH = rde.load_scene("rprp_reach")
 
 FOUND = json.loads(Path(__file__).with_name("found_intervals.json").read_text(encoding="utf-8"))
-CAUGHT = [(x["q"], x["qd"], x["efforts"]) for x in FOUND["undone within the interval"]]
+CAUGHT = [np.array([x[name] for x in FOUND["undone within the interval"]]) for name in ("q", "qd", "efforts")]
 """Of random actions in the reach task: a slider meets its stop and leaves it, or leaves it and is back, or
 the other slider's release decides, all within 20 ms."""
-CASCADES = [(x["joints"], x["rates"], x["efforts"]) for x in FOUND["cascades"]]
+CASCADES = Draw(*(np.array([x[n] for x in FOUND["cascades"]]) for n in ("joints", "rates", "efforts")), {})
 """Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times; these
 intervals were off by 2 to 200 tolerances."""
 
 
-def after(scene, states, **kwargs):
-    """Coordinates after an interval from some (q, qd, efforts), and the events."""
-    batch = rde.BatchSimulator(dataclasses.replace(scene, **kwargs), len(states))
-    q, qd, efforts = (np.array(part) for part in zip(*states, strict=True))
+def advanced(scene, q, qd, efforts):
+    """States after an interval, (n, 8), and its status."""
+    batch = rde.BatchSimulator(scene, len(q))
     batch.set_state(q, qd)
     status = batch.advance(efforts)
-    assert not status.numerics.any()
-    return batch.q, status.events
+    return np.concatenate([batch.q, batch.qd], axis=1), status
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, None])
 def test_events_undone_within_the_interval_are_found(tolerance):
-    fine, events = after(REACH, CAUGHT, tolerance=None, substeps=64)
-    coarse, found = after(REACH, CAUGHT, tolerance=tolerance)
-    np.testing.assert_allclose(coarse, fine, rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(found, events)
+    (fine, known), (coarse, found) = (
+        advanced(dataclasses.replace(REACH, **how), *CAUGHT)
+        for how in ({"tolerance": None, "substeps": 64}, {"tolerance": tolerance})
+    )
+    np.testing.assert_allclose(coarse[:, :4], fine[:, :4], rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(found.events, known.events)
+    assert not (found.numerics | known.numerics).any()
 
 
 MANY_IMPACTS = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
@@ -122,18 +123,10 @@ def random_states(count, seed=1):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
-def advanced(how, q, qd, efforts):
-    """States after an interval, (n, 8), and its status."""
-    batch = rde.BatchSimulator(scene(**how), len(q))
-    batch.set_state(q, qd)
-    status = batch.advance(efforts)
-    return np.concatenate([batch.q, batch.qd], axis=1), status
-
-
 def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
     q, qd, efforts = random_states(2000)
     q[::7, 1] = 0.1
-    _, status = advanced({}, q, qd, efforts)
+    _, status = advanced(scene(), q, qd, efforts)
     once = status.events == 1  # the common step, the pieces towards the impact, one to the end
     assert once.sum() > 200
     pieces = status.evaluations[once] / 12.0 - 2.0
@@ -158,10 +151,8 @@ def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
         masses=(0.6657948893150493, 0.1024684138297729, 1.3163296764711991, 0.15332025342673344),
         lengths=(0.7871387042944776, 0.10470120608022544),
     )  # fmt: skip
-    joints, rates, efforts = (np.array(part) for part in zip(*CASCADES, strict=True))
-    drawn = Draw(joints, rates, efforts, {})
-    exact, trusted = tips_after(family, family.scene(integrator="dop853"), drawn)
-    tip, status = tips_after(family, family.scene(), drawn)
+    exact, trusted = tips_after(family, family.scene(integrator="dop853"), CASCADES)
+    tip, status = tips_after(family, family.scene(), CASCADES)
     assert status.events.min() > 50
     assert not trusted.numerics.any()
     error = np.linalg.norm(tip - exact, axis=1)
@@ -203,7 +194,7 @@ def test_the_last_piece_to_a_stop_is_short_and_alone(time, acceleration, other, 
 def test_motions_behind_an_impact_are_as_exact_as_those_of_shorter_last_pieces(how):
     """Of the hundredth of a step of 20 ms; a last piece of first order would leave 1e-9 m/s."""
     q, qd, efforts = random_states(2000)
-    (got, status), (fine, finer) = (advanced(kwargs, q, qd, efforts) for kwargs in (how, {"substeps": 100}))
+    (got, status), (fine, finer) = (advanced(scene(**x), q, qd, efforts) for x in (how, {"substeps": 100}))
     once = (status.events == 1) & (finer.events == 1)
     assert once.sum() > 200
     assert np.quantile(np.abs(got - fine)[once].max(axis=1), 0.99) < 2e-12

@@ -17,9 +17,9 @@ CALLS = ("advance",) * 10 + (
 )  # fmt: skip
 CALLS_OF_ENVIRONMENTS = ("step",) * 14 + (
     "reset", "reset", "partial_reset", "reset_with", "save", "restore", "copy", "pickle", "bad_step",
-    "refused_reset", "refused_step", "observe",
+    "refused_reset", "refused_step",
 )  # fmt: skip
-PLAIN = ("save", "restore", "copy", "pickle", "anew", "observe")
+PLAIN = ("save", "restore", "copy", "pickle", "anew")
 """Calls without arguments."""
 AUTORESETS = ("next_step", "same_step", "disabled")
 

@@ -162,9 +162,6 @@ class EnvironmentPlayer(Player):
             self.subject.reset()  # wrappers insist on it
             self.put(kept)
 
-    def observe(self, call):
-        assert np.array(self.inner.tip).shape == np.array(self.inner.goal).shape
-
     def refusal(self, call):
         may, must = super().refusal(call)
         if call["call"] != "step":
