@@ -79,24 +79,21 @@ class Case:
             return list(self.measure(subject))
 
 
-def hard_case(number):
-    """Register a function of a subject as a case, and make it a test of this package."""
+def hard_case(measure):
+    """Register a function of a subject, test_<number>_..., as a case, and make it a test of this package."""
+    number = measure.__name__.split("_")[1].lstrip("0")
+    assert number not in CASES, f"there is a case {number} already"
+    case = CASES[number] = Case(number, measure, **ROWS[number])
 
-    def register(measure):
-        assert number not in CASES, f"there is a case {number} already"
-        case = CASES[number] = Case(number, measure, **ROWS[number])
+    def test():
+        figures = case.figures(Subject())
+        assert figures, f"{case.name} measures nothing"
+        missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
+        assert not missed, "\n".join(missed)
 
-        def test():
-            figures = case.figures(Subject())
-            assert figures, f"{case.name} measures nothing"
-            missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
-            assert not missed, "\n".join(missed)
-
-        test.__name__ = test.__qualname__ = measure.__name__
-        test.__module__, test.__doc__ = measure.__module__, measure.__doc__
-        return test
-
-    return register
+    test.__name__ = test.__qualname__ = measure.__name__
+    test.__module__, test.__doc__ = measure.__module__, measure.__doc__
+    return test
 
 
 def all_cases():

@@ -39,9 +39,6 @@ def test_the_catalogue_is_complete():
     assert {case.number for case in CASES} == {str(k) for k in range(1, 50) if k != 35} | {"27b"}
     assert {case.number for case in CASES if not case.caught and not case.waiting_for} == OF_THE_INTERFACE
     assert not any(hasattr(effects, case.waiting_for) for case in CASES if not case.measure)
-    for case in (case for case in CASES if case.measure):
-        digits = case.number.zfill(2 + case.number.endswith("b"))
-        assert case.measure.__name__.startswith(f"test_{digits}_")
 
 
 def test_a_missed_promise_says_by_how_much():

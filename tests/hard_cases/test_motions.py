@@ -23,7 +23,7 @@ def more_steps(motion, prefix=""):
     return at_least(f"{prefix}intervals with more steps, or a flag,", told, 1)
 
 
-@hard_case("1")
+@hard_case
 def test_01_the_straight_arm(subject):
     q, qd = (0.0,) * 4, (0.0,) * 4
     yield m.accelerations(subject, m.LAB, q, qd, (0.5, -0.2, 0.1, 0.3), 9.81)
@@ -36,7 +36,7 @@ def test_01_the_straight_arm(subject):
     yield pose(subject, q, (1.5, 0.9))
 
 
-@hard_case("2")
+@hard_case
 def test_02_the_folded_arm(subject):
     q, qd = (0.0, np.pi, 0.0, np.pi), (1.0, -2.0, 3.0, -4.0)
     yield m.accelerations(subject, m.LAB, q, qd, (0.1,) * 4, 9.81)
@@ -47,28 +47,28 @@ def test_02_the_folded_arm(subject):
 LIGHT = rde.FourR((1e-12, 1e-12, 1e-12, 1.0), (0.5,) * 4)
 
 
-@hard_case("3")
+@hard_case
 def test_03_three_vanishing_masses(subject):
     q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
     for g in (0.0, 9.81):
         yield m.accelerations(subject, LIGHT, q, qd, (0.1,) * 4, g, prefix=f"with g = {g:g} ")
 
 
-@hard_case("4")
+@hard_case
 def test_04_three_vanishing_masses_nearly_straight(subject):
     q, qd = (0.3, 0.3001, 0.2999, 0.30005), (1.0, -2.0, 3.0, -4.0)
     # Half an ulp of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
     yield m.accelerations(subject, LIGHT, q, qd, (0.1,) * 4, most=2e-10)
 
 
-@hard_case("5")
+@hard_case
 def test_05_a_vanishing_tip(subject):
     arm = rde.FourR((1.0, 1.0, 1.0, 1e-12), (0.5,) * 4)
     q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
     yield m.accelerations(subject, arm, q, qd, (0.1, 0.1, 0.1, 1e-12))
 
 
-@hard_case("6")
+@hard_case
 def test_06_links_of_a_micrometre(subject):
     arm = rde.FourR((1.0,) * 4, (1.0, 1e-6, 1.0, 1e-6))
     q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
@@ -93,13 +93,13 @@ IMPOSSIBLE = [
 ]
 
 
-@hard_case("7")
+@hard_case
 def test_07_impossible_parameters_are_refused_by_name(subject):
     named = sum(m.refusals(field, lambda arm=arm: subject.arm(*arm)) for field, *arm in IMPOSSIBLE)
     yield at_least("the number of refusals that name the field", named, len(IMPOSSIBLE))
 
 
-@hard_case("8")
+@hard_case
 def test_08_a_slider_through_its_axis(subject):
     q, qd = (0.3, 0.1, -0.4, -0.5), (1.0, 0.8, -2.0, -0.6)
     yield m.accelerations(subject, m.SLIDING, q, qd, (0.1,) * 4, 9.81)
@@ -111,7 +111,7 @@ def test_08_a_slider_through_its_axis(subject):
     yield at_most("the energy over the pass", m.energy_error(scene, motion), 1e-11, "J off")
 
 
-@hard_case("9")
+@hard_case
 def test_09_light_sliders_near_their_axes(subject):
     qd = (1.0, 0.8, -2.0, -0.6)
     for link, masses, q in (
@@ -124,7 +124,7 @@ def test_09_light_sliders_near_their_axes(subject):
         yield more_steps(subject.motion(scene, q, qd, 1), prefix)
 
 
-@hard_case("10")
+@hard_case
 def test_10_a_polar_fly_by_is_a_straight_line(subject):
     arm = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5))
     scene = rde.Scene(arm, (), tolerance=1e-6)
@@ -137,7 +137,7 @@ def test_10_a_polar_fly_by_is_a_straight_line(subject):
         yield at_most(f"passing at {b:g} m flagged intervals", motion.numerics[0], 0)
 
 
-@hard_case("44")
+@hard_case
 def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
     arm, tolerance = rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5)), 1e-6
     scene = rde.Scene(arm, (m.GRAVITY,), tolerance=tolerance)
@@ -153,7 +153,7 @@ def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
     yield at_most("the share of flagged intervals", np.mean(flagged[judged]), 4e-3)
 
 
-@hard_case("45")
+@hard_case
 def test_45_heavy_tips_at_speed(subject):
     rng = np.random.default_rng(11)
     for kind, lengths in (("FourR", 4), ("RPRP", 2)):
@@ -169,7 +169,7 @@ WEIGHT = 9.81 * (0.5 + 1.0 + 1.5 + 2.0)
 """Energy scale of the lab arm, J: its masses lifted to their full height."""
 
 
-@hard_case("11")
+@hard_case
 def test_11_chaos_keeps_its_energy(subject):
     for name, tolerance, bound in (("exact", 1e-12, 1e-9), ("standard", 1e-6, 1e-3)):
         scene = rde.Scene(m.LAB, (m.GRAVITY,), tolerance=tolerance)
@@ -181,7 +181,7 @@ def test_11_chaos_keeps_its_energy(subject):
             yield at_most("at standard the energy rate", rate, 1e-6, "of 49 J per second")
 
 
-@hard_case("12")
+@hard_case
 def test_12_chaos_at_twice_the_speed(subject):
     scene = rde.Scene(m.LAB, (m.GRAVITY,), tolerance=1e-12)
     q, qd = m.STATE_B
@@ -191,7 +191,7 @@ def test_12_chaos_at_twice_the_speed(subject):
     yield at_least("the most evaluations of an interval", motion.evaluations.max(), 24)
 
 
-@hard_case("48")
+@hard_case
 def test_48_a_link_that_turns_once_between_looks(subject):
     arm = rde.FourR((1.0, 1.0, 1.0, 1e-9), (0.5,) * 4)
     q, qd = (-1.6, -1.5, -1.7, 0.0), (0.0, 0.0, 0.0, 2.0 * np.pi / 0.005)
@@ -210,7 +210,7 @@ def growing_mode():
     return np.sqrt(values[-1]), shape / shape[np.argmax(np.abs(shape))]
 
 
-@hard_case("13")
+@hard_case
 def test_13_the_upright_arm_falls_at_its_rate(subject):
     rate, shape = growing_mode()
     exact = np.sqrt(9.395070912301 * 9.81 / 0.5)  # the largest zero of the Laguerre polynomial L_4
@@ -222,7 +222,7 @@ def test_13_the_upright_arm_falls_at_its_rate(subject):
     yield at_most("the rate of growth", abs(grown / exact - 1.0), 1e-6, "of itself off")
 
 
-@hard_case("14")
+@hard_case
 def test_14_the_upright_arm_stands(subject):
     motion = subject.motion(
         rde.Scene(m.LAB, (m.GRAVITY,), tolerance=1e-6), np.full((19, 4), np.pi / 2), 0.0, 25
@@ -233,7 +233,7 @@ def test_14_the_upright_arm_stands(subject):
     yield at_most("the number of lanes that differ from the first", differing.sum(), 0)
 
 
-@hard_case("15")
+@hard_case
 def test_15_bang_bang_efforts_lose_no_lane(subject):
     lanes, intervals = 200, 200
     table = np.random.default_rng(5).choice((-60.0, 60.0), (intervals, lanes, 4))
@@ -243,7 +243,7 @@ def test_15_bang_bang_efforts_lose_no_lane(subject):
     yield at_most("the mean cost", motion.evaluations.mean() / 12, 20, "RK8 steps per interval")
 
 
-@hard_case("17")
+@hard_case
 def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
     scene = rde.load_scene("four_r_reach").to_dict()
     scene["effects"] = [x for x in scene["effects"] if x["type"] != "ViscousFriction"]
@@ -264,7 +264,7 @@ def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
     yield at_most("the largest return of those ends", most, 1e-9)
 
 
-@hard_case("20")
+@hard_case
 def test_20_a_long_spin_keeps_its_angle(subject):
     scene = rde.Scene(m.LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
     motion = subject.motion(scene, np.zeros(4), 100.0, 1257)
@@ -278,7 +278,7 @@ def test_20_a_long_spin_keeps_its_angle(subject):
     yield at_most("at 100.2 rad/s, whose sums are rounded, the angle", off, 1.2e-10, "of itself off")
 
 
-@hard_case("21")
+@hard_case
 def test_21_energy_drifts_as_the_method_does(subject):
     q = np.random.default_rng(21).uniform(-np.pi, np.pi, (8, 4))
     for name, step, bound in (("rk4", 1e-3, 1e-3), ("rk8", 2.5e-3, 1e-7)):
@@ -291,7 +291,7 @@ def test_21_energy_drifts_as_the_method_does(subject):
         yield at_most(what, np.median(off), bound, "J off")
 
 
-@hard_case("22")
+@hard_case
 def test_22_the_time_is_a_product(subject):
     instants = subject.instants(10000, 1e-3)
     off = np.abs(instants - np.arange(10000) * 1e-3).max()

@@ -17,7 +17,7 @@ from .hard_case import at_least, at_most, hard_case
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 
 
-@hard_case("16")
+@hard_case
 def test_16_actions_of_any_size(subject):
     huge = np.array([1e6, -1e300, 0.5, -1.0])
     env, twin = (gym.make(FOUR_R) for _ in range(2))
@@ -49,7 +49,7 @@ def test_16_actions_of_any_size(subject):
     yield at_most("the count of their changed numbers", differing, 0)
 
 
-@hard_case("18")
+@hard_case
 def test_18_subnormal_rates_are_numbers(subject):
     scene = rde.Scene(m.LAB, (), tolerance=1e-6)
     motion = subject.motion(scene, np.zeros(4), 1e-310, 50)
@@ -58,7 +58,7 @@ def test_18_subnormal_rates_are_numbers(subject):
     yield at_most("flags", motion.numerics[0], 0)
 
 
-@hard_case("19")
+@hard_case
 def test_19_large_angles_are_exact_or_refused(subject):
     turns = np.array([0.0, 1e3, 1e5, 159154.0, 1e6, 1e11])  # the last two are beyond 1e6 rad
     q = np.array([0.3, 1.2, -2.0, 0.8]) + 2.0 * np.pi * turns[:, None]
@@ -75,7 +75,7 @@ def test_19_large_angles_are_exact_or_refused(subject):
     yield at_least("the number of starts beyond 1e6 rad that environments refuse", refused, 2)
 
 
-@hard_case("39")
+@hard_case
 def test_39_crossing_pi_is_continuous(subject):
     spring = e.LimitSpring("joint2", -2.0, 2.0, 500.0)
     scene = rde.Scene(m.LAB, (spring,), tolerance=1e-9)
@@ -95,7 +95,7 @@ def test_39_crossing_pi_is_continuous(subject):
     yield at_most("the jump of observation and reward over 2e-12 rad", jump, 1e-6)
 
 
-@hard_case("40")
+@hard_case
 def test_40_energy_with_unequal_numbers(subject):
     four_r = rde.FourR(m.UNEQUAL.masses, (0.3, 0.5, 0.4, 0.6))
     for arm, q in ((four_r, (0.2, 1.0, -0.5, 2.0)), (m.UNEQUAL, (0.2, 0.1, -0.5, 0.2))):
@@ -104,7 +104,7 @@ def test_40_energy_with_unequal_numbers(subject):
         yield at_most(f"{arm.kind}: the energy within 1 s", m.energy_error(scene, motion), 1e-10, "J off")
 
 
-@hard_case("41")
+@hard_case
 def test_41_numbers_at_the_ends_of_their_ranges(subject):
     q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
     for name, field, dt, intervals in (
@@ -141,7 +141,7 @@ def book(arm, batch):
     return float(arm.kinetic_energy(batch.q, batch.qd)[0] + arm.potential_energy(batch.q)[0])
 
 
-@hard_case("46")
+@hard_case
 def test_46_starts_at_and_beyond_limits(subject):
     ends, rates, forces = [(0.0, 0.3)] * 2, [(-1.0, -1e-15, 0.0, 1e-12)] * 2, [(-30.0, 0.0, 30.0)] * 2
     a, b, va, vb, fa, fb = np.array(np.meshgrid(*ends, *rates, *forces)).reshape(6, -1)
@@ -179,7 +179,7 @@ def random_states(count, seed):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
-@hard_case("36")
+@hard_case
 def test_36_steps_converge_within_the_interval(subject):
     smooth = (0.2, 1.0, -0.5, 2.0), (3.0, -2.0, 4.0, -5.0)
     for name, exact, start, methods, intervals in (
@@ -200,7 +200,7 @@ def test_36_steps_converge_within_the_interval(subject):
             yield at_least(f"{name}, the order of {integrator}", found, order - 0.1)
 
 
-@hard_case("37")
+@hard_case
 def test_37_two_substeps_are_two_intervals(subject):
     q, qd, efforts = random_states(64, 6)
     for name, scene in scenes(integrator="rk4", control_dt=0.01):
@@ -211,7 +211,7 @@ def test_37_two_substeps_are_two_intervals(subject):
         yield at_most(f"with {name} the count of differing numbers, of 512,", differing, 0)
 
 
-@hard_case("38")
+@hard_case
 def test_38_a_lane_does_not_know_its_neighbours(subject):
     count = 83
     q, qd, efforts = random_states(count, 2)
@@ -238,7 +238,7 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
             yield at_most(f"with {name} the count of numbers changed by other {what}", differing, 0)
 
 
-@hard_case("42")
+@hard_case
 def test_42_a_restored_state_continues_to_the_same_bits(subject):
     plastic = m.stopped(m.UNEQUAL, 0.0, tolerance=1e-6)
     scene = replace(plastic, effects=(*plastic.effects, HeldCommand()))

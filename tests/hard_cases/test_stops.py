@@ -14,7 +14,7 @@ from .hard_case import at_least, at_most, hard_case
 from .subject import Subject
 
 
-@hard_case("23")
+@hard_case
 def test_23_five_impacts_keep_the_order(subject):
     errors, motion = m.five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))
     yield at_most("the largest penetration", m.penetration(motion), 0, "m")
@@ -29,7 +29,7 @@ def test_23_five_impacts_keep_the_order(subject):
     yield at_most("at exact the energy", m.energy_error(scene, motion), 1e-10, "J off")
 
 
-@hard_case("24")
+@hard_case
 def test_24_an_impact_loses_what_restitution_says(subject):
     rng, count, dt = np.random.default_rng(3), 1000, 1e-9
     angle, other = rng.uniform(-3, 3, count), rng.uniform(-3, 3, count)
@@ -55,7 +55,7 @@ def test_24_an_impact_loses_what_restitution_says(subject):
         yield at_most(f"{name} change of the other momenta", np.abs(jump).max(), 1e-6, "kg m/s or kg m^2/s")
 
 
-@hard_case("27")
+@hard_case
 def test_27_grazing_within_one_step_is_found(subject):
     subject.longest = 0.02
     v = math.sqrt(1.0 - 2.0 * 200.0 * 0.002)
@@ -69,7 +69,7 @@ def test_27_grazing_within_one_step_is_found(subject):
         yield at_most(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), 1e-7, "m off")
 
 
-@hard_case("27b")
+@hard_case
 def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     scene = m.stopped(m.HEAVY, gravity=0.0, tolerance=1e-6)
     gaps = 0.0025 * (1.0 + np.array([0.0, 1e-14, -1e-14, 1e-12, -1e-12, 4e-7, -4e-7]))
@@ -83,7 +83,7 @@ def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     yield at_most("the energy", np.abs(total[1] - total[0]).max(), 1e-9, "J off")
 
 
-@hard_case("28")
+@hard_case
 def test_28_both_sliders_at_once_do_not_know_their_order(subject):
     scene = m.stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
     q = np.array([[0.4, 0.299 + 1e-15, 0.4, 0.299], [0.4, 0.299, 0.4, 0.299 + 1e-15]])
@@ -98,7 +98,7 @@ def test_28_both_sliders_at_once_do_not_know_their_order(subject):
     yield at_most("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), 1e-9, "kg m^2/s changed")
 
 
-@hard_case("29")
+@hard_case
 def test_29_many_bounces_in_one_step(subject):
     subject.longest = 0.02
     ways = {"rk4": {"integrator": "rk4"}, "rk8": {}, "error control": {"tolerance": 1e-6}}
@@ -113,7 +113,7 @@ def test_29_many_bounces_in_one_step(subject):
         yield at_most(f"with {name} the penetration", m.penetration(motion), 0, "m")
 
 
-@hard_case("30")
+@hard_case
 def test_30_stops_do_not_pass_their_sliders(subject):
     batch = rde.BatchSimulator(m.stopped(), 3, track_work=True)
     inside = np.tile([0.0, 0.1, 0.0, 0.1], (3, 1))
@@ -131,7 +131,7 @@ def test_30_stops_do_not_pass_their_sliders(subject):
     yield at_most("the largest change of a state by them", np.abs(batch.q - inside).max(), 0)
 
 
-@hard_case("43")
+@hard_case
 def test_43_an_impact_before_another_event_is_found(subject):
     subject.longest = 0.02
     scene = m.stopped(restitution=0.5, gravity=0.0, upper=(0.3, 0.05))
@@ -160,7 +160,7 @@ def test_43_an_impact_before_another_event_is_found(subject):
     yield at_most("the largest error of their ends", off, 1e-6, "rad or m")
 
 
-@hard_case("47")
+@hard_case
 def test_47_what_is_given_up_never_began(subject):
     stop = e.PrismaticStop((0.0, None), (None, None), 0.97)
     scene = rde.Scene(m.SLIDING, (e.Gravity(0.0), stop), "rk4", substeps=4, actuation="generalized")
@@ -181,7 +181,7 @@ def test_47_what_is_given_up_never_began(subject):
     yield at_most("the count of changed numbers of its neighbours", differing, 0)
 
 
-@hard_case("25")
+@hard_case
 def test_25_bounces_come_to_rest_on_time(subject):
     arm = rde.RPRP((1.0, 1.0, 1.0, 1e-12), (0.5, 0.5))
     subject.longest = 0.02
@@ -200,7 +200,7 @@ def test_25_bounces_come_to_rest_on_time(subject):
         yield at_most(f"{name} number of intervals after it that end off the stop", moved, 0)
 
 
-@hard_case("26")
+@hard_case
 def test_26_a_pressed_slider_is_let_go_on_time(subject):
     subject.longest = 5e-3
     stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
@@ -218,7 +218,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
         yield at_most(f"at {tolerance:g} m the time of release", off, bound, "s off")
 
 
-@hard_case("31")
+@hard_case
 def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     springs = [e.LimitSpring(joint, 0.0, 0.3, 1e6) for joint in ("r1", "r2")]
     scene = rde.Scene(m.SLIDING, springs, control_dt=0.02, tolerance=1e-6)
@@ -242,7 +242,7 @@ def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     yield at_most("struck within an interval the slider after it", off, 1e-7, "m off")
 
 
-@hard_case("32")
+@hard_case
 def test_32_the_printed_spring_has_its_two_frequencies(subject):
     spring = e.CentringSpring((400.0, 200.0), (0.0, 0.0), (0.5, 0.4))
     scene = rde.Scene(m.UNEQUAL, (spring,), tolerance=1e-12)
@@ -260,7 +260,7 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
         yield at_most(f"the frequency of {w:.4g} rad/s", abs(off) / (10.0 * w), 1e-10, "of itself off")
 
 
-@hard_case("49")
+@hard_case
 def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))
     effects = (m.GRAVITY, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0))
