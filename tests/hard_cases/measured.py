@@ -106,17 +106,6 @@ def fine_end(scene, q, qd, substeps, intervals=1, efforts=None):
     return batch
 
 
-def refusals(text, *attempts):
-    """How many attempts are refused with a ValueError that contains a text."""
-    count = 0
-    for attempt in attempts:
-        try:
-            attempt()
-        except ValueError as error:
-            count += text in str(error)
-    return count
-
-
 def penetration(motion):
     """Largest penetration of a stop at the end of an interval, m."""
     sliders = motion.q[..., [1, 3]]

@@ -2,6 +2,7 @@
 
 import gymnasium as gym
 import numpy as np
+from refusals import refusal
 
 import redundant_envs as rde
 from redundant_envs.verify.checks import random_states
@@ -95,7 +96,7 @@ IMPOSSIBLE = [
 
 @hard_case
 def test_07_impossible_parameters_are_refused_by_name(subject):
-    named = sum(m.refusals(field, lambda arm=arm: subject.arm(*arm)) for field, *arm in IMPOSSIBLE)
+    named = sum(field in str(refusal(subject.arm, *arm)) for field, *arm in IMPOSSIBLE)
     yield at_least("the number of refusals that name the field", named, len(IMPOSSIBLE))
 
 

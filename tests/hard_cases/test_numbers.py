@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 from held_command import HeldCommand
 from payload import Payload
+from refusals import refusal
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -28,7 +29,7 @@ def test_16_actions_of_any_size(subject):
     yield at_least("the number of entries counted as saturated", info["saturated_actions"], 2)
     yield at_most("the number of observations that differ from clipped actions", (obs != clipped).sum(), 0)
     wrong = [np.array([0, 0, bad, 0], np.float32) for bad in (np.nan, np.inf, -np.inf)]
-    refused = m.refusals("non-finite", *(partial(env.step, action) for action in wrong))
+    refused = sum("non-finite" in str(refusal(env.step, action)) for action in wrong)
     yield at_least("the number of actions that are not finite, refused by name", refused, 3)
 
     bad_lanes, others = [3, 8, 17], np.setdiff1d(np.arange(24), [3, 8, 17])
@@ -71,7 +72,7 @@ def test_19_large_angles_are_exact_or_refused(subject):
     yield at_most("up to 6e11 rad the acceleration", worst / 9.81, 1e-14, "of g off")
     envs = (gym.make(FOUR_R), gym.make_vec(FOUR_R, num_envs=2))
     far = {"q": (1.1e6, 0.0, 0.0, 0.0)}
-    refused = m.refusals("1e+06", *(partial(env.reset, options=far) for env in envs))
+    refused = sum("1e+06" in str(refusal(partial(env.reset, options=far))) for env in envs)
     yield at_least("the number of starts beyond 1e6 rad that environments refuse", refused, 2)
 
 
@@ -156,7 +157,7 @@ def test_46_starts_at_and_beyond_limits(subject):
     envs = (gym.make(RPRP), gym.make_vec(RPRP, num_envs=3))
     starts = ((0.0, 0.25 + 1e-9, 0.0, 0.0), (0.0, 0.1, 0.0, -1e-9))
     attempts = (partial(env.reset, options={"q": q}) for q in starts for env in envs)
-    refused = m.refusals("its stops are at 0 and 0.25 m", *attempts)
+    refused = sum("its stops are at 0 and 0.25 m" in str(refusal(attempt)) for attempt in attempts)
     yield at_least("the number of starts 1e-9 m beyond a stop that are refused", refused, 4)
 
     data = rde.load_scene("four_r_reach").to_dict()

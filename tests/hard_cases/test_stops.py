@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 from actuator_lag import ActuatorLag
+from refusals import refusal
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -120,13 +121,13 @@ def test_30_stops_do_not_pass_their_sliders(subject):
     batch.set_state(inside, np.zeros(4))
     outside = inside.copy()
     outside[1, 3] = 0.3000001
-    refused = m.refusals(
-        "stops are at",
+    attempts = (
         lambda: batch.set_state(outside, np.zeros(4)),
         lambda: batch.set_parameters({"prismatic_stop.upper": [0.05, 0.3]}, index=[2]),
         lambda: batch.set_parameters({"prismatic_stop.lower": [0.0, 0.2]}, index=[0]),
         lambda: rde.simulate(m.stopped(), outside[1], np.zeros(4), [0.02]),
     )
+    refused = sum("stops are at" in str(refusal(attempt)) for attempt in attempts)
     yield at_least("the number of refusals that name slider and stops", refused, 4)
     yield at_most("the largest change of a state by them", np.abs(batch.q - inside).max(), 0)
 
@@ -163,7 +164,7 @@ def test_43_an_impact_before_another_event_is_found(subject):
 @hard_case
 def test_47_what_is_given_up_never_began(subject):
     stop = e.PrismaticStop((0.0, None), (None, None), 0.97)
-    scene = rde.Scene(m.SLIDING, (e.Gravity(0.0), stop), "rk4", substeps=4, actuation="generalized")
+    scene = rde.Scene(m.SLIDING, (e.Gravity(0.0), stop), "rk4", substeps=4)
     batch = rde.BatchSimulator(scene, 3, track_work=True)
     q, qd = np.tile([0.0, 0.2, 0.0, 0.2], (3, 1)), np.zeros((3, 4))
     batch.set_state(q, qd)
