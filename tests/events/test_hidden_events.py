@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from catalogue import RPRP, stops
 
 import redundant_envs as rde
 from redundant_envs.events import crossings
@@ -26,6 +27,11 @@ the other slider's release decides, all within 20 ms."""
 CASCADES = Draw(*(np.array([x[n] for x in FOUND["cascades"]]) for n in ("joints", "rates", "efforts")), {})
 """Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times; these
 intervals were off by 2 to 200 tolerances."""
+
+
+def scene(restitution=0.5, upper=0.3, **kwargs):
+    effects = (rde.effects.Gravity(), stops(RPRP, restitution, upper=upper))
+    return rde.Scene(RPRP, effects, **kwargs)
 
 
 def advanced(scene, q, qd, efforts):
@@ -96,10 +102,8 @@ def test_what_is_not_near_a_stop_does_not_meet_one():
 
 def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
     """The only stage of the step is at its start, so the force of the stop is computed at its end, too."""
-    arm = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-    stop = rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)
-    made = rde.Scene(arm, (rde.effects.Gravity(), stop), integrator="euler", control_dt=0.02)
     q, efforts = [-1.2, 0.3, -1.2, 0.3], [30.0, -20.0, 8.0, -3.0]
+    made = scene(0.0, integrator="euler")
     motion = rde.simulate(made, q, [0.0] * 4, np.linspace(0.02, 0.6, 30), efforts)
     steps = [x.time / 0.02 for x in motion.events if x.kind == "release" and x.time > 0.0]
     assert steps
@@ -107,13 +111,6 @@ def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
 
 
 # ---- searches ------------------------------------------------------------------------------------------
-
-ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-
-
-def scene(restitution=0.5, upper=(0.3, 0.3), **kwargs):
-    effects = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), upper, restitution))
-    return rde.Scene(ARM, effects, **{"control_dt": 0.02, "tolerance": None, **kwargs})
 
 
 def random_states(count, seed=1):
@@ -259,7 +256,7 @@ def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_st
     q[:, [1, 3]] = rng.choice([0.0, 0.1, 0.25], (count, 2))
     qd[:, [1, 3]] *= q[:, [1, 3]] == 0.1
     qd[:, [0, 2]] *= 4.0
-    batch = rde.BatchSimulator(scene(0.0, (0.25, 0.25), **kwargs), count, track_work=True)
+    batch = rde.BatchSimulator(scene(0.0, 0.25, **kwargs), count, track_work=True)
     batch.set_state(q, qd)
     for _ in range(5):
         status = batch.advance(rng.uniform(-20, 20, (count, 4)))
