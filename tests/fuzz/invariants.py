@@ -206,16 +206,16 @@ def no_early_end_pays(played):
     case, goal = played.case, played.case["goal"]
     mode = {"vector": case["autoreset_mode"], "sb3": "same_step"}.get(case["face"])
     returns, over = np.zeros(case["num_envs"]), np.zeros(case["num_envs"], np.bool_)
-    saved, there = (returns.copy(), over.copy()), False
+    saved = None
     slack = FLOAT32 if case["face"] == "sb3" else ROUNDING
     for k, step in enumerate(played.steps):
         kind = step.call["call"]
         if step.error is not None:
             continue
         if kind == "save":
-            saved, there = (returns.copy(), over.copy()), True
-        elif kind == "restore" and there:
-            returns, over = saved[0].copy(), saved[1].copy()
+            saved = returns.copy(), over.copy()
+        elif kind == "restore" and saved:
+            returns, over = (x.copy() for x in saved)
         elif kind == "reset":
             lanes = lanes_of(case, step.call)
             returns[lanes], over[lanes] = 0.0, False
