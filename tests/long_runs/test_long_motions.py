@@ -1,6 +1,6 @@
 """Long motions: how energy drifts, and how far control steps are counted.
 
-Shorter forms for the 4R arm are hard cases (20, 21, 22).
+Hard case 21 is a shorter form for the 4R arm.
 """
 
 from dataclasses import replace
