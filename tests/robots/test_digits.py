@@ -68,7 +68,7 @@ QUANTITIES = {
 def test_quantities_err_by_no_more_than_ten_times_their_inputs(kind, wanted, more, known):
     """With forces and without, of heavy tips and of any masses."""
     rng = np.random.default_rng(7)
-    for k in range(40):
+    for k in range(40 if wanted is ACCELERATIONS else 12):
         light = 10.0 ** rng.uniform(-12, 0)
         masses = (light, light, light, 1.0) if k % 4 < 2 else 10.0 ** rng.uniform(-6, 6, 4)
         arm, values = drawn(kind, masses, rng, k % 2)
