@@ -12,7 +12,6 @@ from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.quantities import Quantities
 
 from .hard_case import at_most
-from .subject import has_stops
 
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
@@ -99,7 +98,7 @@ def five_impacts(subject, steps):
 def fine_end(scene, q, qd, substeps, intervals=1, efforts=None):
     """A simulator at the end of a motion in many equal steps."""
     fine = dataclasses.replace(scene, tolerance=None, substeps=substeps)
-    batch = rde.BatchSimulator(fine, len(np.atleast_2d(q)), track_work=has_stops(scene))
+    batch = rde.BatchSimulator(fine, len(np.atleast_2d(q)), track_work=True)
     batch.set_state(q, qd)
     for _ in range(intervals):
         batch.advance(efforts)

@@ -51,11 +51,6 @@ def unfilled(q, qd, intervals):
     return motion
 
 
-def has_stops(scene):
-    """Whether there are impacts, which only a simulator that tracks work tells."""
-    return any(type(x) is rde.effects.PrismaticStop for x in scene.effects)
-
-
 class Subject:
     """This package."""
 
@@ -80,14 +75,13 @@ class Subject:
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""
         q, qd = started(q, qd)
-        stops = has_stops(scene)
-        batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=stops)
+        batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=True)  # it tells events
         batch.set_state(q, qd)
         self.keep(batch)
         command, motion = commands(efforts, *q.shape), unfilled(batch.q, batch.qd, intervals)
         for k in range(intervals):
             status = batch.advance(command(k))
-            motion.events += batch.events(k * scene.control_dt) if stops else []
+            motion.events += batch.events(k * scene.control_dt)
             self.keep(batch)
             motion.q[k + 1], motion.qd[k + 1] = batch.q, batch.qd
             motion.numerics |= status.numerics
