@@ -49,9 +49,10 @@ def play(
             raise ValueError(f"{name} is {number}; give at {limit}")
     if path is not None:
         check_clip(path)
-    env_id, act, kwargs = _policy(Path(target), actions, trust) if exists(Path(target)) else (
-        *_without_policy(target, actions, seed), {}
-    )  # fmt: skip
+    if exists(Path(target)):
+        env_id, act, kwargs = _policy(Path(target), actions, trust)
+    else:
+        (env_id, act), kwargs = _without_policy(target, actions, seed), {}
     if path is not None:
         clip([path], env_id, act, episodes, seed, **kwargs)
         print(f"clip: {path}")
@@ -101,8 +102,6 @@ def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int
 
 def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
     """Whole episodes as clips, one for each path: GIF or MP4 by its ending."""
-    for path in paths:
-        check_clip(path)
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     frames: list[NDArray[np.uint8]] = []

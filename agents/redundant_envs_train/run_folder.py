@@ -48,6 +48,7 @@ CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"  # file that exists only in a complete checkpoint
 EVALUATED = ("evaluation.json", "episodes.csv")
+RESULTS = (*EVALUATED, "report.md")  # files of a run that is evaluated and reported
 REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
 SCENE = "scene.yaml"
 MOST_SHOWN = 3  # most differences in a message

@@ -5,13 +5,12 @@ import io
 import json
 import os
 import sys
-import tarfile
 import tempfile
 import threading
 import time
 
 import pytest
-from run_folders import ROOT, TINY, assert_same_policy, says
+from run_folders import ROOT, TINY, assert_same_policy, says, write_members
 
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
@@ -56,10 +55,7 @@ def cluster(disk):
         sys.path.insert(0, root)  # Ray would add it later
         from redundant_envs_train import report
 
-        def short(folder, overwrite):
-            (folder / "report.md").write_text(f"again: train {folder}/config.yaml")
-
-        report.report = short
+        report.clip, report.plots = (lambda *given, **more: []), (lambda *given: [])
         tempfile.tempdir = str(disk)
 
     ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -83,7 +79,9 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
     refused([*command, "3..5"], "1 of 3 runs failed; the same command goes on: seed5: run folder")
     train(load("rprp_reach_ppo", [*TINY, "seed=4"]), tmp_path / "alone")
     assert_same_policy(tmp_path / "alone", out / "seed4")
-    assert (out / "seed4" / "report.md").read_text() == f"again: train {out}/seed4/config.yaml"
+    text = (out / "seed4" / "report.md").read_text()
+    assert f"train {out}/seed4/config.yaml" in text  # its folder here, not on the machine of the task
+    assert str(disk) not in text
     assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4", "seed5"]
     assert not list(disk.glob("redundant-envs-*"))
     # seed4 is finished and stays; of seed3 only the report is missing, and no more is made
@@ -120,31 +118,13 @@ def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, 
         assert (folder / "checkpoint" / "state.pt").is_file()
 
 
-def packed(**files):
-    """Files in the form in which a task returns them."""
-    data = io.BytesIO()
-    with tarfile.open(fileobj=data, mode="w") as archive:
-        for name, content in files.items():
-            entry = tarfile.TarInfo(name)
-            entry.size = len(content)
-            archive.addfile(entry, io.BytesIO(content))
-    return data.getvalue()
-
-
-@pytest.mark.parametrize("name", ["../a", "a/../../b", ".."])
+@pytest.mark.parametrize("name", ["../a", "a/../../b", "..", "/tmp/evil"])
 def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path):
+    archive = io.BytesIO()
+    write_members(archive, {"run": b"", name: b"evil"})
     with pytest.raises(ValueError, match="outside"):
-        on_ray.unpack(packed(**{name: b"evil"}), tmp_path / "place" / "run")
+        on_ray.unpack(archive.getvalue(), tmp_path / "place" / "run")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
-
-
-def test_a_link_in_a_received_run_is_refused(tmp_path):
-    data, entry = io.BytesIO(), tarfile.TarInfo("link")
-    entry.type, entry.linkname = tarfile.SYMTYPE, "/etc/passwd"
-    with tarfile.open(fileobj=data, mode="w") as archive:
-        archive.addfile(entry)
-    with pytest.raises(ValueError, match="'link', which is outside its folder or no file"):
-        on_ray.unpack(data.getvalue(), tmp_path / "run")
 
 
 def test_a_received_run_takes_the_place_of_an_older_one_which_outlives_a_kill(tmp_path, monkeypatch):

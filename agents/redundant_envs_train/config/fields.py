@@ -93,12 +93,10 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
             return f"{name} is {got}; give a list{example(kind, place)}"
-        case "too_long":
-            has, most = mistake["ctx"]["actual_length"], mistake["ctx"]["max_length"]
-            return f"{name} has {has} entries; give at most {most}"
-        case "too_short":
-            has, least = mistake["ctx"]["actual_length"], mistake["ctx"]["min_length"]
-            return f"{name} has {has} entries; give at least {least}"
+        case "too_long" | "too_short":
+            count = mistake["ctx"]
+            limit = f"most {count['max_length']}" if "max_length" in count else f"least {count['min_length']}"
+            return f"{name} has {count['actual_length']} entries; give at {limit}"
         case "greater_than_equal" | "less_than_equal" | "kind":
             return f"{name} is {got}; {allowed(kind, place, mistake['msg'])}"
     return f"{name} is {got}; {mistake['msg']}"

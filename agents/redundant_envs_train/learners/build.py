@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,28 +19,6 @@ with needs("train"):
     from sb3_contrib import TQC, CrossQ
     from stable_baselines3 import PPO, SAC, TD3, HerReplayBuffer
     from stable_baselines3.common.noise import VectorizedActionNoise
-
-
-class Plain:
-    """Mixin for an algorithm whose modules and optimisers hold everything that it learns.
-
-    Only the methods that a training run needs of every learner are added; loops and losses are unchanged.
-    """
-
-    @contextlib.contextmanager
-    def averaged(self) -> Iterator[None]:
-        """Leave the modules unchanged: these algorithms keep no average."""
-        yield
-
-    def read_networks(self) -> None:
-        """Do nothing: only the modules learn."""
-
-    def learner_state(self) -> dict[str, Any]:
-        """Nothing beside the modules and optimisers."""
-        return {}
-
-    def set_learner_state(self, state: dict[str, Any]) -> None:
-        """Do nothing: there is no further state."""
 
 
 class NormalNoise(VectorizedActionNoise):
@@ -68,11 +45,11 @@ ALGORITHM_CLASSES: dict[str, Any] = {
 """Class of stable-baselines3 or sb3-contrib by algorithm: it loads policy.zip."""
 OWN = {"ppo": AveragedPPO, "sac": AveragedSAC, "her": AveragedSAC}
 LEARNERS: dict[str, Any] = OWN | {
-    algo: type(f"Plain{kind.__name__}", (Plain, kind), {})
+    algo: type(f"Plain{kind.__name__}", (Averaging, kind), {"_update_info_buffer": kind._update_info_buffer})
     for algo, kind in ALGORITHM_CLASSES.items()
     if algo not in OWN
 }
-"""Class that trains, by algorithm."""
+"""Class that trains, by algorithm; loops, losses and statistics of the plain ones are unchanged."""
 OF_POLICY = {"net_arch", "schedule", "learning_rate", "log_std_init", "n_quantiles"}
 """Settings that are not passed to the classes under their own names."""
 
@@ -99,7 +76,7 @@ def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration, on a VecEnv."""
     settings, learner = config.settings, LEARNERS[config.algo]
     given = settings.model_dump(exclude=OF_POLICY)
-    if not issubclass(learner, Averaging):  # the others have it in their policy only
+    if config.algo not in OWN:  # the others have it in their policy only
         del given["activation"]
     if isinstance(settings, HERSettings):
         goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}

@@ -249,12 +249,12 @@ class Averaging:
     """Mixin for an algorithm of stable-baselines3, whose networks are trained as vectors.
 
     After an update the modules that act hold the present weights; inside :meth:`averaged` all modules are up
-    to date, and those with averages hold them.
+    to date, and those with averages hold them. A plain algorithm has no vectors: only its modules learn.
     """
 
-    networks: dict[str, Networks]  # all trained vectors, and targets
-    adams: dict[str, Adam]
-    means: dict[str, Tensor]  # averages of the vectors of some networks
+    networks: dict[str, Networks] = {}  # all trained vectors, and targets
+    adams: dict[str, Adam] = {}
+    means: dict[str, Tensor] = {}  # averages of the vectors of some networks
 
     def inputs(self, observations: Any) -> Tensor:
         """Inputs of the networks from observations, (rows, inputs)."""

@@ -10,7 +10,7 @@ values, is evaluated and saved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from redundant_envs.extras import needs
 
 from .networks import Adam, Averaging, Networks, goal_mixing, linear_layers
+from .sampling import each
 
 with needs("train"):
     import torch
@@ -77,7 +78,7 @@ class AveragedPPO(Averaging, PPO):
         noises = torch.empty(self.mean_actions.shape)
         ends: list[tuple[int, int, Any]] = []
         for step in range(n_rollout_steps):
-            means = actor.outputs(self.inputs(_each(torch.from_numpy, self._last_obs)))[0]
+            means = actor.outputs(self.inputs(each(torch.from_numpy, self._last_obs)))[0]
             actions = torch.addcmul(means, std, noises[step].normal_())
             seen: Any = self._last_obs
             for name in seen if isinstance(seen, dict) else (...,):
@@ -105,7 +106,7 @@ class AveragedPPO(Averaging, PPO):
 
     def _add_values(self, buffer: RolloutBuffer, ends: Sequence[tuple[int, int, Any]]) -> None:
         """Values of all observations; those after a time limit are added to the last rewards."""
-        flat = _each(lambda part: part.reshape(-1, part.shape[-1]), buffer.observations)
+        flat = each(lambda part: part.reshape(-1, part.shape[-1]), buffer.observations)
         buffer.values[:] = self._values(flat).view(buffer.values.shape).numpy()
         if ends:
             steps, lanes, last = zip(*ends, strict=True)
@@ -120,7 +121,7 @@ class AveragedPPO(Averaging, PPO):
 
     def _values(self, observations: Any) -> Tensor:
         """Values of observations of stable-baselines3, (n,)."""
-        given = self.inputs(_each(torch.from_numpy, observations))
+        given = self.inputs(each(torch.from_numpy, observations))
         # in parts, whose layers stay in the cache
         values = [self.networks["values"].outputs(part)[0] for part in given.split(ROWS)]
         return torch.cat(values)[:, 0]
@@ -137,7 +138,7 @@ class AveragedPPO(Averaging, PPO):
         entropy = self.ent_coef * rate / self.lr_schedule(1.0)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
-        observations = _each(_flat, buffer.observations)
+        observations = each(_flat, buffer.observations)
         arrays = (
             buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns,
             *neighbouring_actions(self.mean_actions, buffer.episode_starts),
@@ -209,13 +210,6 @@ def neighbouring_actions(
     numbers[:-1] += joined
     numbers[1:] += joined
     return sums, numbers
-
-
-def _each(function: Callable[[Any], Any], observations: Any) -> Any:
-    """Apply a function to an array of observations, or to each array of a goal environment's observations."""
-    if isinstance(observations, dict):
-        return {name: function(part) for name, part in observations.items()}
-    return function(observations)
 
 
 def _flat(array: NDArray[np.floating]) -> Tensor:

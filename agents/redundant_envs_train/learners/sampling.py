@@ -6,6 +6,7 @@ NumPy takes rows several times as fast as elements at pairs of indices.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,8 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     ends = _rows(buffer.dones, index) * (1.0 - _rows(buffer.timeouts, index))
     numbers = _rows(buffer.actions, index), ends[:, None], rewards[:, None]
     actions, dones, rewards = map(torch.from_numpy, numbers)
-    return DictReplayBufferSamples(_tensors(seen), actions, _tensors(after), dones, rewards)
+    seen, after = each(torch.from_numpy, seen), each(torch.from_numpy, after)
+    return DictReplayBufferSamples(seen, actions, after, dones, rewards)
 
 
 def store(
@@ -83,14 +85,13 @@ def _hindsight_goals(buffer: HerReplayBuffer, index: NDArray[np.int64]) -> NDArr
     return _rows(buffer.next_observations["achieved_goal"], chosen * buffer.n_envs + lanes)
 
 
-def _rows(array: Any, index: NDArray[np.int64]) -> Any:
+def _rows(arrays: Any, index: NDArray[np.int64]) -> Any:
     """Rows of (steps, environments, ...), or of each array of a goal environment, at flat indices."""
-    if isinstance(array, dict):
-        return {name: _rows(part, index) for name, part in array.items()}
-    return array.reshape(-1, *array.shape[2:]).take(index, 0)
+    return each(lambda array: array.reshape(-1, *array.shape[2:]).take(index, 0), arrays)
 
 
-def _tensors(arrays: Any) -> Any:
-    if isinstance(arrays, dict):
-        return {name: torch.from_numpy(part) for name, part in arrays.items()}
-    return torch.from_numpy(arrays)
+def each(function: Callable[[Any], Any], observations: Any) -> Any:
+    """Apply a function to an array of observations, or to each array of a goal environment's observations."""
+    if isinstance(observations, dict):
+        return {name: function(part) for name, part in observations.items()}
+    return function(observations)

@@ -24,7 +24,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.progress import counted
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import Scene, load_scene, scene_at, scene_data
+from redundant_envs.scene import load_scene, scene_at, scene_data
 from redundant_envs.tables import markdown, write_rows
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
@@ -151,7 +151,7 @@ def learner_rows(places: Sequence[Path]) -> list[Row]:
 
     ValueError if a run has another task, or a scene that is no reach scene with all limits times one factor.
     """
-    found: dict[tuple[str, float, str], list[Run]] = {}
+    found: dict[Key, list[Run]] = {}
     for run in read_runs(places) if places else ():
         arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
         if arm is None:
@@ -202,21 +202,17 @@ def _factor(run: Run, arm: str) -> float:
     strong = scene_at(ARMS[arm][1], env_kwargs.get("accuracy"))
     scene = load_scene(run.scene)
     ratios = effort_limits(scene) / effort_limits(strong)
-    others = [_without_limits(s) for s in (scene, strong)]
-    if np.ptp(ratios) > 1e-9 * ratios[0] or others[0] != others[1]:
+    rest, rest_of_strong = (
+        {**data, "effects": [e for e in data["effects"] if e["type"] != EffortLimits.__name__]}
+        for data in (scene.to_dict(), strong.to_dict())
+    )
+    if np.ptp(ratios) > 1e-9 * ratios[0] or rest != rest_of_strong:
         raise ValueError(
             f"{run.folder}: its scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
             f"{ARMS[arm][1]}, or differs in something else; give {ARMS[arm][1]} with all limits times "
             "one factor"
         )
     return float(round(ratios[0], 9))
-
-
-def _without_limits(scene: Scene) -> dict[str, Any]:
-    """A scene without the numbers of its effort limits."""
-    data = scene.to_dict()
-    effects = [e for e in data["effects"] if e["type"] != EffortLimits.__name__]
-    return {**data, "effects": effects}
 
 
 def read_rows(path: Path) -> list[Row]:

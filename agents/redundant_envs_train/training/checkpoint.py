@@ -21,6 +21,7 @@ from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from .. import command, train_again
+from ..learners.sampling import each
 from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
 
 with needs("train"):
@@ -204,7 +205,8 @@ def _variables(model: Any) -> list[str]:
 def buffer_state(buffer: Any) -> dict[str, Any]:
     """The content of a replay buffer of stable-baselines3, without its empty rows."""
     rows = buffer.buffer_size if buffer.full else buffer.pos
-    arrays = {name: _rows(getattr(buffer, name), rows) for name in BUFFER_ARRAYS if hasattr(buffer, name)}
+    there = [name for name in BUFFER_ARRAYS if hasattr(buffer, name)]
+    arrays = {name: each(lambda array: array[:rows], getattr(buffer, name)) for name in there}
     start = getattr(buffer, "_current_ep_start", None)
     return {"arrays": arrays, "pos": buffer.pos, "full": buffer.full, "rows": rows, "episode_start": start}
 
@@ -220,10 +222,6 @@ def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
     buffer.pos, buffer.full = state["pos"], bool(state["full"])
     if state["episode_start"] is not None:
         buffer._current_ep_start = state["episode_start"]
-
-
-def _rows(array: Any, rows: int) -> Any:
-    return {k: v[:rows] for k, v in array.items()} if isinstance(array, dict) else array[:rows]
 
 
 # ---- plain data, which torch reads without unpickling objects ------------------------------------

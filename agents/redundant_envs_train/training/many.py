@@ -12,16 +12,13 @@ from typing import Any
 
 from redundant_envs.extras import needs
 
+from .. import run_folder
 from ..config import Config, checked
-from ..run_folder import check_out, difference, find_checkpoint, read_config, read_evaluation, read_facts
 from ..start import with_start
 from .pool import POLL, News, count_of, follow, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress
-
-FILES = ("evaluation.json", "episodes.csv", "report.md")
-"""Files of a run that is finished, evaluated and reported."""
 
 
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
@@ -31,7 +28,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     Stopped if the user asked for it: the same command continues. ValueError if a folder holds another run, or
     a run failed, after the others were finished.
     """
-    check_out(folder)
+    run_folder.check_out(folder)
     count = min(count_of(processes), len(configs))
     configs = {name: with_start(config) for name, config in configs.items()}
     for name, config in configs.items():
@@ -52,9 +49,9 @@ def check_same(config: Config, folder: Path) -> None:
     """Refuse a folder that holds a run of another configuration, or in another scene."""
     if not (folder / "config.yaml").is_file():
         return
-    if read_config(folder).to_dict() != config.to_dict():
+    if run_folder.read_config(folder).to_dict() != config.to_dict():
         raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
-    if other := difference(folder):
+    if other := run_folder.difference(folder):
         raise ValueError(
             f"{folder} holds a run in another scene ({other}); choose another --out or delete it"
         )
@@ -115,27 +112,27 @@ def _work(jobs: Any, news: Any, core: int | None, modules: Sequence[str] = ()) -
 
 def result_of(folder: Path) -> str:
     """The hold success of an evaluated run in words."""
-    return f"holds {100 * read_evaluation(folder)['hold_success']:.1f} %"
+    return f"holds {100 * run_folder.read_evaluation(folder)['hold_success']:.1f} %"
 
 
 def is_finished(folder: Path) -> bool:
     """Whether a run is trained to its end, evaluated and reported."""
-    trained = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
-    return trained and not find_checkpoint(folder) and all((folder / file).is_file() for file in FILES)
+    trained = (folder / "training.json").is_file() and not run_folder.read_facts(folder)["stopped"]
+    evaluated = all((folder / name).is_file() for name in run_folder.RESULTS)
+    return trained and evaluated and not run_folder.find_checkpoint(folder)
 
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
-    from ..report import evaluate, report, write_evaluation
+    from ..report import report
     from .train import resume, train
 
     if is_finished(folder):
         return
-    if find_checkpoint(folder):
+    if run_folder.find_checkpoint(folder):
         resume(folder, progress)
-    elif not (folder / "training.json").is_file() or read_facts(folder)["stopped"]:
+    elif not (folder / "training.json").is_file() or run_folder.read_facts(folder)["stopped"]:
         if (folder / "config.yaml").is_file():  # killed before its first checkpoint: only this run
             shutil.rmtree(folder)
         train(config, folder, progress)
-    write_evaluation(evaluate(folder), folder)
     report(folder, overwrite=True)

@@ -12,8 +12,8 @@ import logging
 import os
 import shutil
 import socket
-import tarfile
 import tempfile
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from threading import Event
@@ -193,30 +193,25 @@ def train_one(name: str, data: dict[str, Any], files: bytes, where: str, version
 
 
 def pack(folder: Path) -> bytes:
-    """The files of a folder as a tar archive, without links; nothing if there is no folder."""
+    """The files of a folder as a zip archive, without links; nothing if there is no folder."""
     data = io.BytesIO()
     if folder.is_dir():
-        with tarfile.open(fileobj=data, mode="w") as archive:
-            archive.add(folder, ".", filter=lambda entry: None if entry.issym() else entry)
+        with zipfile.ZipFile(data, "w") as archive:
+            for path in folder.rglob("*"):
+                if path.is_file() and not path.is_symlink():
+                    archive.write(path, path.relative_to(folder))
     return data.getvalue()
 
 
 def unpack(files: bytes, folder: Path) -> None:
-    """Write packed files into a folder that does not exist yet; ValueError for one that leads out of it, and
-    for what is no file. Python before 3.11.4 has no filter that does so."""
+    """Write packed files into a folder that does not exist yet; ValueError for one that leads out of it. A
+    link in the archive becomes a file."""
     folder.mkdir(parents=True)
-    root = folder.resolve()
-    with tarfile.open(fileobj=io.BytesIO(files)) as archive:
-        for entry in archive:
-            goal = (root / entry.name).resolve()
-            if not goal.is_relative_to(root) or not (entry.isdir() or entry.isreg()):
-                raise ValueError(f"a run has {entry.name!r}, which is outside its folder or no file")
-            if entry.isdir():
-                goal.mkdir(parents=True, exist_ok=True)
-                continue
-            goal.parent.mkdir(parents=True, exist_ok=True)
-            content: Any = archive.extractfile(entry)
-            goal.write_bytes(content.read())
+    with zipfile.ZipFile(io.BytesIO(files)) as archive:
+        for name in archive.namelist():
+            if not (folder / name).resolve().is_relative_to(folder.resolve()):
+                raise ValueError(f"a run has {name!r}, which is outside its folder")
+        archive.extractall(folder)
 
 
 def restore(folder: Path) -> None:

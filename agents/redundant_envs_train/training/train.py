@@ -71,7 +71,7 @@ def _run(
     base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
-    for name in (*run_folder.EVALUATED, "report.md"):  # evaluation of the policy at the stop
+    for name in run_folder.RESULTS:  # of the policy at the stop
         (folder / name).unlink(missing_ok=True)
     if not resumed:
         (folder / run_folder.SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))

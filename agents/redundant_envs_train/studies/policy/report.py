@@ -54,17 +54,13 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
         for kind in ("svg", "png"):
             save_figure(drawn, folder / "figures" / f"{slug(result.name)}.{kind}", dpi=150)
     target = folder / "report.md"
-    target.write_text(report_text(study, results, about), encoding="utf-8")
-    return target
-
-
-def report_text(study: Study, results: Sequence[ArmResult], about: Mapping[str, str]) -> str:
-    """report.md."""
-    return page(
+    text = page(
         "policy_study", study=study, results=[(arm, reference_of(arm.rows, study)) for arm in results],
         about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
         all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
     )  # fmt: skip
+    target.write_text(text, encoding="utf-8")
+    return target
 
 
 def _write(path: Path, rows: Sequence[Row], columns: Sequence[str], about: Mapping[str, str]) -> None:

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import gymnasium as gym
-
 from redundant_envs.extras import needs
 from redundant_envs.files import explained, text_value
 from redundant_envs.numerics.tableaus import METHODS
@@ -17,6 +15,7 @@ from redundant_envs.values import shown
 
 from ...config import MOST_EPISODES, Config, Model, Real, Text, Whole, checked, number, read, value
 from ...rollout import STUDY_SEED
+from ...run_folder import named_scene
 
 with needs("train"):
     from pydantic import PlainValidator, model_validator
@@ -68,7 +67,7 @@ class Physics(Model):
     def env_kwargs(self, config: Config) -> dict[str, Any]:
         """A configuration's arguments of the environment, with this physics and all else equal."""
         kwargs = {k: v for k, v in config.env_kwargs.items() if k not in ("scene", "accuracy")}
-        scene = config.env_kwargs.get("scene", gym.spec(config.env).kwargs["scene"])
+        scene = named_scene(config)
         data = dict(scene if isinstance(scene, Mapping) else scene_data(scene))
         data = {k: v for k, v in data.items() if k not in STEPPING}
         if self.accuracy is not None:
