@@ -169,7 +169,7 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
     print(summary(found.result))
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in facts["split"].items())
     print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
-    print(f"report: {report(folder, overwrite=True)}")
+    print(f"report: {report(folder)}")
 
 
 @app.command()
@@ -253,7 +253,7 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
     run_folder.tell_differences([folder])
     from .report import report
 
-    print(f"report: {report(folder, out, overwrite, trust)}")
+    print(f"report: {report(folder, out, trust)}")
 
 
 @app.command()

@@ -150,15 +150,13 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
     return pictures
 
 
-def report(folder: Path, out: Path | None = None, overwrite: bool = False, trust: bool = False) -> Path:
+def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     """Write plots, clips and report.md of a run or an exported policy, and its evaluation if it has none yet.
 
-    All files go to ``out``, without it to the folder itself; ValueError if some would be replaced, or the
-    folder of a policy written to, without ``overwrite``. ``trust`` is as in :func:`load_policy`.
+    All files go to ``out``, without it to the folder itself, and replace those of their names. ``trust`` is
+    as in :func:`load_policy`.
     """
-    run_folder.check_target(folder, out, overwrite)
     config = run_folder.own_config(folder)
-    run_folder.check_drawing()
     out = folder if out is None else out
     clips = [out / "clip.gif", out / "clip.mp4"]
     try:

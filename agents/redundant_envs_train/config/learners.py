@@ -99,15 +99,20 @@ DELAY = (1, 1000, "critic steps from one actor step to the next")
 ENTROPY = "weight of the entropy, from 0 to 100, or auto"
 
 
-class SACSettings(OffPolicySettings):
-    """SAC with an averaged, smoothed, delayed actor.
+class PlainSACSettings(OffPolicySettings):
+    """SAC as in stable-baselines3.
 
     A small fixed ent_coef, because holding still needs a nearly deterministic policy.
     """
 
-    learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     tau: Real = number(0.04, *TAU)
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
+
+
+class SACSettings(PlainSACSettings):
+    """SAC with an averaged, smoothed, delayed actor."""
+
+    learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     policy_delay: Whole = number(2, *DELAY)
     smoothness: Real = number(0.1, *SMOOTHNESS)
     average: Real = number(
@@ -147,13 +152,6 @@ class HERSettings(SACSettings):
         return given
 
 
-class PlainSACSettings(OffPolicySettings):
-    """SAC as in stable-baselines3."""
-
-    tau: Real = number(0.04, *TAU)
-    ent_coef: EntropyWeight = value(0.001, ENTROPY)
-
-
 class TD3Settings(OffPolicySettings):
     """TD3 of stable-baselines3."""
 
@@ -164,11 +162,9 @@ class TD3Settings(OffPolicySettings):
     target_noise_clip: Real = number(0.5, 0, 10, "largest noise on target actions")
 
 
-class TQCSettings(OffPolicySettings):
+class TQCSettings(PlainSACSettings):
     """TQC of sb3-contrib."""
 
-    tau: Real = number(0.04, *TAU)
-    ent_coef: EntropyWeight = value(0.001, ENTROPY)
     n_quantiles: Whole = number(25, 1, 1000, "of the return, that each of two critics estimates")
     top_quantiles_to_drop_per_net: Whole = number(2, 0, 999, "of the quantiles: less than n_quantiles")
 

@@ -17,15 +17,16 @@ from ..run_folder import SELECTION
 from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
 from .runs import Group, Run, read_groups
 
-AXES = {"steps": "env_steps", "seconds": "seconds"}  # name of an x axis -> its column of selection.csv
-MEASURES = {"hold_success": "expert_hold_success", "touch_success": "", "return": "expert_mean_return"}
-"""Column of selection.csv -> computed torque's entry in evaluation.json, if it has one."""
-LABELS = {"steps": (1e-6, "environment steps, millions"), "seconds": (1.0, "training time, s")}
-"""Name of an x axis -> the factor with which it is drawn, and its label."""
-TITLES = {"hold_success": "hold success, %", "touch_success": "touch success, %", "return": "mean return"}
-"""Titles of the panels, by column of selection.csv."""
-MISSES = "(misses: logarithmic)"
-"""Text beside the titles of panels whose y axis has the scale of :func:`_rate_scale`."""
+AXES = {
+    "steps": ("env_steps", 1e-6, "environment steps, millions"),
+    "seconds": ("seconds", 1.0, "training time, s"),
+}
+"""Name of an x axis -> its column of selection.csv, the factor with which it is drawn, and its label."""
+MEASURES = {
+    "hold_success": ("hold success, %", "expert_hold_success"), "touch_success": ("touch success, %", ""),
+    "return": ("mean return", "expert_mean_return"),
+}  # fmt: skip
+"""Column of selection.csv -> title of its panels, and computed torque's entry in evaluation.json, if any."""
 LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
 """Learners of the same colour in all figures."""
 COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
@@ -81,7 +82,7 @@ def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
     """Rows of the CSV file."""
     curve = summarize(same, axis)
     head = [same.environment, same.scene, same.learner, len(same.runs), axis]
-    experts = [expert(same, name) for name, entry in MEASURES.items() if entry]
+    experts = [expert(same, name) for name, (_, entry) in MEASURES.items() if entry]
     for x, *numbers in zip(curve.x, curve.middle, curve.low, curve.high, strict=True):
         values = np.stack(numbers, axis=1).ravel()
         known = ("" if np.isnan(v) else float(v) for v in values)
@@ -103,7 +104,7 @@ def summarize(same: Group, axis: str) -> Curve:
         if start > end:
             raise ValueError(
                 f"{same.runs[last].folder} ends at {end:g} and {same.runs[first].folder} starts at {start:g} "
-                f"({AXES[axis]}); leave one of them out"
+                f"({AXES[axis][0]}); leave one of them out"
             )
         grid = np.linspace(start, end, max(len(x) for x, _ in lines))
     runs = np.stack(
@@ -116,14 +117,14 @@ def points(run: Run, axis: str) -> tuple[NDArray[np.float64], NDArray[np.float64
     """x (points,) and measures (points, len(MEASURES)) of a run; of rows with equal x the last counts."""
     if not len(run.curve):
         raise ValueError(f"{run.folder} has no row in selection.csv; train longer, or leave it out")
-    x = run.curve[:, SELECTION.index(AXES[axis])]
+    x = run.curve[:, SELECTION.index(AXES[axis][0])]
     last = np.append(np.diff(x) > 0, True)
     return x[last], run.curve[last][:, [SELECTION.index(name) for name in MEASURES]]
 
 
 def expert(same: Group, measure: str) -> float | None:
     """Computed torque's number for a group, None if no run has it."""
-    known = same.numbers(MEASURES[measure])
+    known = same.numbers(MEASURES[measure][1])
     return float(np.median(known)) if known else None
 
 
@@ -161,7 +162,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
 
 def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: str) -> None:
     """A group's seeds, interquartile mean and interval in the panels of a row."""
-    scale, curve = LABELS[axis][0], summarize(same, axis)
+    scale, curve = AXES[axis][1], summarize(same, axis)
     seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
     for k, panel in enumerate(row):
         for run in same.runs:
@@ -180,18 +181,19 @@ def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
     """Computed torque, scales and labels of a panel."""
     for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
         panel.axhline(level, color="black", linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque")
-    panel.set_title(TITLES[name], loc="left", fontsize="medium")
+    title = MEASURES[name][0]
     _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
     bare(panel)
     if name.endswith("success"):
-        panel.set_title(f"{TITLES[name]} {MISSES}", loc="left", fontsize="medium")
+        title += " (misses: logarithmic)"
         _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
+    panel.set_title(title, loc="left", fontsize="medium")
     panel.minorticks_off()
 
 
 def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
     """The x axis of a panel, whose curves end at ``ends``."""
-    label = LABELS[axis][1]
+    label = AXES[axis][2]
     if 0.0 < SPREAD * min(ends) < max(ends):
         from matplotlib.ticker import FuncFormatter, LogLocator
 

@@ -92,7 +92,7 @@ def export(run: Path, out: Path) -> Path:
         layers = layers_of(policy, env.observation_space)
         worst = _write(config, evaluation, policy, layers, env, part)
         scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
-        text = card(config, evaluation, layers, worst, LANES * STEPS, env.core, scene)
+        text = card(config, evaluation, layers, worst, env.core, scene)
         (part / "README.md").write_text(text, encoding="utf-8")
         part.rename(folder)
     finally:
@@ -154,14 +154,14 @@ def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
 
 
 def card(
-    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], checked: int,
-    core: Core, scene: str = "",
+    config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
+    scene: str,
 ) -> str:  # fmt: skip
     """The card of a policy, Markdown: its task, training, results and limits, and how to load it.
 
-    ``worst`` is the largest difference of each file's actions from those of the weights in double precision,
-    over ``checked`` observations. ``scene`` is the name of the scene, or its file in the folder of the
-    policy; empty for that of the environment.
+    ``worst`` is the largest difference of each file's actions from those of the weights in double precision.
+    ``scene`` is the name of the scene, or its file in the folder of the policy; empty for that of the
+    environment.
     """
     learner, settings, updates = ALGORITHM_CLASSES[config.algo].__name__, config.settings, None
     if isinstance(settings, OffPolicySettings):
@@ -170,9 +170,9 @@ def card(
     # An old run may name a package that the present code does not use.
     found = evaluation["versions"].items()
     return page(
-        "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=checked, core=core,
-        scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"), updates=updates,
-        origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
+        "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
+        core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
+        updates=updates, origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
         parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],

@@ -135,4 +135,4 @@ def finish(config: Config, folder: Path, progress: Progress) -> None:
         if (folder / "config.yaml").is_file():  # killed before its first checkpoint: only this run
             shutil.rmtree(folder)
         train(config, folder, progress)
-    report(folder, overwrite=True)
+    report(folder)

@@ -50,12 +50,11 @@ def stop_request() -> Iterator[threading.Event]:
             signal.signal(number, handler or signal.SIG_DFL)
 
 
-Pool = Callable[[threading.Event], Iterator[News]]
-"""A place where runs go on: its reports until all have ended. On request each saves a checkpoint and ends."""
+def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:
+    """Show the progress of runs until they end; Stopped or ValueError if they were stopped or one failed.
 
-
-def follow(names: Sequence[str], pool: Pool) -> None:
-    """Show the progress of runs until they end; Stopped or ValueError if they were stopped or one failed."""
+    ``pool`` gives the reports of runs until all have ended; on request each saves a checkpoint and ends.
+    """
     failures = []
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}

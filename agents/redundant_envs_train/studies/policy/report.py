@@ -20,34 +20,17 @@ from .run import ArmResult, Row, save_scenes, stamp
 from .settings import Study, slug
 from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
 
-PHYSICS_COLUMNS = (
-    "arm", "env", "policy", "physics", "stepping", "reference", "episodes", "seed", "resamples",
-    "hold_success", "hold_low", "hold_high", "hold_difference", "hold_difference_low",
-    "hold_difference_high", "lost", "won", "sign_test_p", "mean_return", "return_difference",
-    "return_difference_low", "return_difference_high", "median_abs_return_difference", "half_from",
-    "ended", "control_steps", "numerics", "evaluations_per_step", "ns_per_step", "refused",
-)  # fmt: skip
-TRAINING_COLUMNS = (
-    "arm", "env", "trained_under", "stepping", "train_seed", "env_steps", "train_seconds", "reference",
-    "episodes", "seed", "hold_success", "mean_return", "ended", "own_hold_success", "own_mean_return",
-    "own_ended",
-)  # fmt: skip
-DIFFERENCE_COLUMNS = (
-    "arm", "env", "measure", "cheap", "policies_each", "mean_cheap", "mean_preset", "difference", "low",
-    "high", "permutation_p", "reference", "resamples",
-)  # fmt: skip
-
 
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
     """Write tables, figures, scenes and report.md of a study."""
     about = stamp()
     save_scenes(study, results, folder)
-    _write(folder / "physics.csv", [r for a in results for r in a.rows], PHYSICS_COLUMNS, about)
+    _write(folder / "physics.csv", [r for a in results for r in a.rows], about)
     trained = [r for a in results for r in a.trained]
     if trained:
-        _write(folder / "training.csv", trained, TRAINING_COLUMNS, about)
+        _write(folder / "training.csv", trained, about)
         differences = [r for a in results for r in a.training.values()]
-        _write(folder / "training_differences.csv", differences, DIFFERENCE_COLUMNS, about)
+        _write(folder / "training_differences.csv", differences, about)
     for result in results:
         _write_episodes(folder / f"episodes_{slug(result.name)}.csv", result, study, about)
         drawn = figure(result, study, about)
@@ -63,10 +46,13 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
     return target
 
 
-def _write(path: Path, rows: Sequence[Row], columns: Sequence[str], about: Mapping[str, str]) -> None:
+def _write(path: Path, rows: Sequence[Row], about: Mapping[str, str]) -> None:
     """Write rows as CSV, floats with 8 digits."""
-    short = [{k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
-    write_rows([{**about, **row} for row in short], (*about, *columns), path)
+    short = [
+        {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in {**about, **row}.items()}
+        for row in rows
+    ]
+    write_rows(short, list(dict.fromkeys(name for row in short for name in row)), path)
 
 
 def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[str, str]) -> None:
@@ -76,18 +62,9 @@ def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[
     for label, e in result.episodes.items():
         names += [f"{slug(label)}_{k}" for k in ("hold", "return", "steps", "ended")]
         columns += [e.hold, e.returns, e.steps, e.ended]
-    rows = [
-        {name: _number(value) for name, value in zip(names, line, strict=True)}
-        for line in zip(*columns, strict=True)
-    ]
-    write_rows(rows, names, path)
-    stamped = f"# {', '.join(f'{k} {v}' for k, v in about.items())}\n"
-    path.write_text(stamped + path.read_text(encoding="utf-8"), encoding="utf-8")
-
-
-def _number(x: Any) -> float:
-    """Whole numbers and flags without a point."""
-    return int(x) if float(x).is_integer() else round(float(x), 9)
+    head = f"# {', '.join(f'{k} {v}' for k, v in about.items())}\n{','.join(names)}"
+    table = np.column_stack(columns)
+    np.savetxt(path, table, "%.12g", delimiter=",", header=head, comments="", encoding="utf-8")
 
 
 def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:

@@ -152,13 +152,16 @@ def first_part(
         done(EVALUATION_STEPS, "")
     rows = []
     for label in study.physics:
-        row: Row = {"arm": p.name, "env": p.preset.env, "policy": describe(p.run), "physics": label}
+        row: Row = {
+            "arm": p.name, "env": p.preset.env, "policy": describe(p.run), "physics": label,
+            "reference": study.reference, "seed": study.seed, "resamples": study.resamples,
+        }  # fmt: skip
         if label in p.refused:
             row["refused"] = p.refused[label]
         else:
             row |= figures(episodes[label])
             row |= compare(episodes[label], episodes[study.reference], study.resamples)
-        rows.append({**row, "reference": study.reference, "seed": study.seed, "resamples": study.resamples})
+        rows.append(row)
     return rows, episodes
 
 

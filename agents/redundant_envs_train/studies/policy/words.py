@@ -142,11 +142,18 @@ def physics_sentence(row: Mapping[str, Any], reference: Mapping[str, Any], study
         f"Half of the episodes differ by {half} or less; {few} {'makes' if few == 1 else 'make'} half of all "
         "the difference."
     )
+    parts += trouble(row)
+    return f"**{row['physics']}**: {' '.join(parts)}"
+
+
+def trouble(row: Mapping[str, Any]) -> list[str]:
+    """The effect of numerics on the episodes, if there is any."""
+    parts = []
     if row["ended"]:
         parts.append(f"Numerics end {row['ended']} episodes early, which then count as not held.")
     if row["numerics"]:
         parts.append(f"Flags of numerics in {row['control_steps']} control steps: {row['numerics']}.")
-    return f"**{row['physics']}**: {' '.join(parts)}"
+    return parts
 
 
 def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
