@@ -18,6 +18,7 @@ from redundant_envs.scene import load_scene, scene_at
 from redundant_envs_train.config import Config, checked
 from redundant_envs_train.policies import read_weights
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
+from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.watch import Watch
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,15 +68,20 @@ def says(*words: str) -> Iterator[None]:
 
 
 def kill_at(steps: int, monkeypatch: Any) -> None:
-    """Let trainings end without a trace at so many steps: a kill."""
-    plain = Watch._on_step
+    """Let trainings end without a trace at so many steps: a kill, a few checkpoints after the first."""
+    plain, save = Watch._on_step, checkpoint.save
 
     def on_step(self: Any) -> bool:
         if self.num_timesteps >= steps:
             raise SystemExit
         return plain(self)
 
+    def save_late(folder: Path, model: Any, *more: Any) -> None:
+        if model.num_timesteps > 0.9 * steps - 200:
+            save(folder, model, *more)
+
     monkeypatch.setattr(Watch, "_on_step", on_step)
+    monkeypatch.setattr(checkpoint, "save", save_late)
 
 
 def write_scene_file(folder: Path, friction: float) -> None:
@@ -105,6 +111,16 @@ def write_members(path: Any, contents: dict[str, bytes | None], kind: int = zipf
         for name, data in contents.items():
             if data is not None:
                 archive.writestr(name, data)
+
+
+class Evil:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.path,)
 
 
 def csv_rows(path: Path) -> list[dict[str, str]]:
