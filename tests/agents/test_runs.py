@@ -27,12 +27,13 @@ from run_folders import (
 )  # fmt: skip
 
 from redundant_envs import __main__ as library
+from redundant_envs_train import play
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import evaluate, summary
-from redundant_envs_train.run_folder import difference, find_checkpoint
+from redundant_envs_train.run_folder import difference, find_checkpoint, read_evaluation
 from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
 from redundant_envs_train.training.train import train
@@ -95,12 +96,11 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert "The learner loses to computed torque." in summary(result)
 
 
-@pytest.mark.parametrize(
-    "actions", ["expert", *(pytest.param(a, marks=pytest.mark.long) for a in ("zero", "random"))]
-)
-def test_play_works_without_a_policy(actions, tmp_path, call):
+@pytest.mark.parametrize("actions", ["expert", "zero", "random"])
+def test_play_works_without_a_policy(actions, tmp_path, monkeypatch, call):
+    monkeypatch.setattr(play, "CLIP_EVERY", 25)
     call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
-    assert (tmp_path / "play.gif").stat().st_size > 10_000
+    assert (tmp_path / "play.gif").stat().st_size > 1000
 
 
 # ---- the scene -----------------------------------------------------------------------------------
@@ -136,7 +136,8 @@ def test_a_missing_or_damaged_scene_is_one_line(damage, run, tmp_path, refused):
     (run / "scene.yaml").unlink()
     if damage is not None:
         (run / "scene.yaml").write_text(damage)
-    for words in (*readers(run, tmp_path).values(), ["resume", run]):
+    commands = [*readers(run, tmp_path).values(), ["resume", run]]
+    for words in commands if damage is None else commands[:1]:
         refused(words, "scene.yaml")
 
 
@@ -319,26 +320,20 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case,
     elif case["is"] == "cut":
         path.write_bytes(content[: content.rindex(b",") if path.suffix == ".csv" else len(content) // 2 - 1])
     else:
-        path.write_text(case["is"])
+        path.write_text(case["is"] * case.get("times", 1))
     for command in case["readers"]:
         refused(reading(command, run), path.name, case["says"])
-
-
-def test_an_evaluation_of_nested_lists_is_damaged(run, refused):
-    (run / "evaluation.json").write_text("[" * 100_000)
-    refused(["table", run], "evaluation.json", "python -m agents evaluate")
 
 
 VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]
 
 
 @pytest.mark.parametrize(("field", "value"), VALUES)
-def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path, call, refused):
+def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, value, tmp_path):
     folder = write_run(tmp_path / "run")
-    call("table", folder)
     change(folder / "evaluation.json", **{field: value})
-    error = refused(["table", folder], f"{folder}/evaluation.json has ", f"as {field!r}; make it again")
-    assert len(error) < 1000
+    with says(f"{folder}/evaluation.json has ", f"as {field!r}; make it again"):
+        read_evaluation(folder)
 
 
 def test_the_table_takes_runs_whose_training_is_unknown(run, call):
@@ -390,23 +385,23 @@ def on_step(self):
     return plain(self)
 
 Watch._on_step = on_step
-report.clip = lambda *given, **more: None
+report.clip, report.plots = (lambda *given, **more: None), (lambda *given: [])
 """
-"""A module of workers: reports have no clips, and seed 4 goes on only after a request to stop."""
+"""A module of workers: reports have no pictures, and seed 4 goes on only after a request to stop."""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
-def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
+def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
     tmp_path, monkeypatch, call, refused, interrupts
 ):
     monkeypatch.chdir(tmp_path)
     Path("waits.py").write_text(WAITS)
-    command = ["train", "rprp_reach_ppo", *SMALL, "--processes", "2", "--out", "runs", "--seeds"]
+    command = ["train", "rprp_reach_ppo", *SMALL, "--out", "runs", "--processes"]
     four, five, six = (Path("runs") / f"seed{seed}" for seed in (4, 5, 6))
 
     def interrupt():
         end = time.monotonic() + 120.0
-        while not (Path("begun").is_file() and (five / "report.md").is_file()) and time.monotonic() < end:
+        while not Path("begun").is_file() and time.monotonic() < end:
             time.sleep(0.05)
         interrupts()
 
@@ -414,12 +409,13 @@ def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_
         patch.setattr(pool, "IMPORTED", ["waits"])
         user = threading.Thread(target=interrupt)
         user.start()
-        _, error = call(*command, "4,5", status=130)
+        _, error = call(*command, 1, "--seeds", "5,4", status=130)
         user.join()
     assert error.splitlines() == ["stopped; the same command with the same --out goes on"]
     assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
     assert find_checkpoint(four)
-    assert len(pool.cores()) < 2 or len(json.loads(Path("begun").read_text())) == 1  # a core of its own
+    assert json.loads(Path("begun").read_text()) == pool.cores()[:1]  # a core of its own
+    assert pool.places(2, alone=True) == (pool.cores()[:2] if len(pool.cores()) > 1 else [None, None])
     before = kept(five)
     six.mkdir()
     (six / "mine").touch()
@@ -431,14 +427,16 @@ def test_seeds_in_two_processes_are_stopped_in_order_and_go_on_to_the_runs_they_
 
     monkeypatch.setattr(many, "start", in_thread)
     monkeypatch.setattr(many, "settle", lambda core, modules: None)
-    refused([*command, "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder")
+    refused(
+        [*command, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder"
+    )
     assert kept(five) == before  # it is finished, and stays
     train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), Path("alone"))
     assert_same_policy(Path("alone"), four)
     facts = (five / "training.json").read_bytes()
     (five / "report.md").unlink()  # and no more is missing
     change(four / "training.json", stopped=True, env_steps=5)  # without a checkpoint: it begins anew
-    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, "4,5")[0]
+    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, 2, "--seeds", "4,5")[0]
     assert (five / "report.md").is_file()
     assert (five / "training.json").read_bytes() == facts
     assert data(four, "training.json")["env_steps"] == 1024
