@@ -19,7 +19,9 @@ def published_run(name: str, folder: Path) -> Path:
 
     (run,) = read_runs([RESULTS / "runs.csv" / name])
     others = shutil.ignore_patterns("README.md", "policy.npz", "policy.onnx")
-    shutil.copytree(ROOT / "policies" / f"{run.env.split('/')[1]}-{run.algo}", folder, ignore=others)
+    shutil.copytree(
+        ROOT / "policies" / f"{run.env.split('/')[1]}-{run.settings['algo']}", folder, ignore=others
+    )
     (folder / "evaluation.json").write_text(json.dumps(run.evaluation))
     facts = {key: run.evaluation[key] for key in ("env_steps", "train_seconds")}
     (folder / "training.json").write_text(json.dumps({**facts, "simulator": run.simulator, "stopped": False}))

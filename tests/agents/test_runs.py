@@ -27,7 +27,7 @@ from run_folders import (
 )  # fmt: skip
 
 from redundant_envs import __main__ as library
-from redundant_envs_train import play
+from redundant_envs_train import play, report
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.evidence import table as tables
@@ -427,6 +427,7 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
 
     monkeypatch.setattr(many, "start", in_thread)
     monkeypatch.setattr(many, "settle", lambda core, modules: None)
+    monkeypatch.setattr(report, "plots", lambda *given: [])
     refused(
         [*command, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder"
     )

@@ -7,8 +7,8 @@ import json
 import os
 import pickle
 import re
+import runpy
 import shutil
-import subprocess
 import sys
 
 import numpy as np
@@ -161,7 +161,9 @@ def test_nothing_of_a_strangers_pickles_and_markup_is_passed_on(run, tmp_path):
     assert [part for part in ("<", "`rm`") if part in card] == []
 
 
-def test_one_command_exports_a_policy_once_and_numpy_alone_acts(run, tmp_path, call, refused):
+def test_one_command_exports_a_policy_once_and_numpy_alone_acts(
+    run, tmp_path, monkeypatch, capsys, call, refused
+):
     folder = tmp_path / "RPRPReach-v0-sac"
     shutil.copytree(run, tmp_path / "run")
     refused(["export", run, tmp_path / "run", "--out", tmp_path], "policies of one id and algorithm")
@@ -175,15 +177,13 @@ def test_one_command_exports_a_policy_once_and_numpy_alone_acts(run, tmp_path, c
     refused(["export", run, "--out", tmp_path / "file"], "which is a file")
     files = {"README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip", "scene.yaml"}
     assert {p.name for p in folder.iterdir()} == files
-    missing = "torch=None, stable_baselines3=None, onnxruntime=None, scipy=None"
-    alone = f"import sys; sys.modules.update({missing})\n"
-    program = alone + (ROOT / "docs" / "examples" / "play_with_numpy.py").read_text()
-    command = [sys.executable, "-c", program, str(folder), "--episodes", "100"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
     act = policy_act(load_policy(run, read_config(run)))
     held = run_episodes("redundant_envs/RPRPReach-v0", act, 100, EVALUATION_SEED).hold
-    assert f"{100 * held.mean():.1f} % of 100 goals are held" in done.stdout
+    for name in ("torch", "stable_baselines3", "onnxruntime", "scipy"):
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setattr(sys, "argv", ["play_with_numpy.py", str(folder), "--episodes", "100"])
+    runpy.run_path(str(ROOT / "docs" / "examples" / "play_with_numpy.py"), run_name="__main__")
+    assert f"{100 * held.mean():.1f} % of 100 goals are held" in capsys.readouterr().out
 
 
 def without_differences(card):

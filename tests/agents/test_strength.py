@@ -229,7 +229,7 @@ def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
 
 
 def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monkeypatch, call):
-    command = ["study", "strength", "--seeds", "none", "--factors", "1,0.4", "--out", tmp_path, "--episodes"]
+    command = ["study", "strength", "--seeds", "none", "--factors", "1", "--out", tmp_path, "--episodes"]
     monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: np.zeros(len(goals)))
     table, _ = call(*command, 2)
     head = "can be held at all | computed torque | computed torque to the lightest pose |"
@@ -237,7 +237,7 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monke
     assert "| 4R | 1 | 100.0 % | 100.0 % | 100.0 % |" in table
     assert (tmp_path / "strength.png").stat().st_size > 10_000
     rows = strength.read_rows(tmp_path / "strength.csv")
-    assert {(row.arm, row.factor) for row in rows} == {(a, f) for a in ARMS for f in (1.0, 0.4)}
+    assert {(row.arm, row.factor) for row in rows} == {(arm, 1.0) for arm in ARMS}
     asked = []
     monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or ROWS)
     call(*command, 2)

@@ -40,7 +40,6 @@ class Run:
 
     folder: Path  # for a row of a table, that of the table and the name of the run
     env: str
-    algo: str
     learner: str  # name of the algorithm in tables and figures
     seed: int
     settings: Mapping[str, Any]  # the configuration without its seed
@@ -110,9 +109,7 @@ def run_of(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it again: {train_again(folder)}"
         )
-    return Run(
-        folder, config.env, config.algo, config.label, seed, settings, scene, evaluation, curve, simulator
-    )
+    return Run(folder, config.env, config.label, seed, settings, scene, evaluation, curve, simulator)
 
 
 def group(runs: Iterable[Run]) -> list[Group]:

@@ -23,10 +23,12 @@ COMPARISON = (
     "environment", "learner", "time to hold, s", "... of computed torque", "effort",
     "... of computed torque", "smoothness", "... of computed torque", "machine",
 )  # fmt: skip
-BRIEF = (
-    "environment", "learner", "seeds", "goals held, median seed", "worst seed", "computed torque",
-    "training on one core",
-)  # fmt: skip
+BRIEF = {
+    "environment": "environment", "learner": "learner", "seeds": "seeds",
+    "goals held, median seed": "hold, median", "worst seed": "hold, worst seed",
+    "computed torque": "hold of computed torque", "training on one core": "training, s",
+}  # fmt: skip
+"""Columns of the table of the README, and those of RESULTS that they show."""
 EXPLANATION = (
     "Computed torque acts on the same goals as the learners. IQM is the interquartile mean of the seeds, and "
     f"its interval a bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
@@ -52,7 +54,9 @@ def table(places: Iterable[str | Path]) -> str:
 
 def brief_table(places: Iterable[str | Path]) -> str:
     """Hold success and training time of runs as one small Markdown table, that of the README."""
-    return markdown(BRIEF, map(_brief, read_groups(places)))
+    found = [dict(zip(RESULTS, _results(same), strict=True)) for same in read_groups(places)]
+    rows = [[row[name] for name in BRIEF.values()] for row in found]
+    return markdown(list(BRIEF), ([*row, f"{seconds} s"] for *row, seconds in rows))
 
 
 def _results(same: Group) -> list[str]:
@@ -71,15 +75,6 @@ def _results(same: Group) -> list[str]:
         _percent(same, same.numbers("expert_hold_success")), _holds_more(same),
         _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
         _number(speeds),
-    ]  # fmt: skip
-
-
-def _brief(same: Group) -> list[str]:
-    """A row of the small table, in the order of BRIEF."""
-    hold = same.numbers("hold_success")
-    held = (_percent(same, rates) for rates in (hold, [min(hold)], same.numbers("expert_hold_success")))
-    return [
-        same.title, same.learner, str(len(same.runs)), *held, f"{_number(same.numbers('train_seconds'))} s"
     ]  # fmt: skip
 
 

@@ -28,7 +28,6 @@ with needs("train"):
     import torch
 
 PART = f"{CHECKPOINT}.part"
-BUFFER = "buffer.pt"
 TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
@@ -75,6 +74,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
         "parameters": model.get_parameters(),
         "variables": {name: getattr(model, name).detach() for name in _variables(model)},
         "learner": model.learner_state(),
+        "buffer": buffer_state(model.replay_buffer) if hasattr(model, "replay_buffer") else None,
         "random": {
             "torch": torch.get_rng_state(),
             "numpy": dict(zip(RANDOM_STATE, np.random.get_state(), strict=True)),
@@ -82,9 +82,6 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
         },
     }
     torch.save(plain(state), part / STATE)
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is not None:
-        torch.save(plain(buffer_state(buffer)), part / BUFFER)
     old = folder / OLD_CHECKPOINT
     shutil.rmtree(old, ignore_errors=True)
     if (folder / CHECKPOINT).exists():
@@ -111,9 +108,6 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
         _check_run(state["run"], run)
         sizes = {name: _checked_size(folder / name, state["tables"][name]) for name in TABLES}
         _set_state(state, model, monitor)
-        buffer = getattr(model, "replay_buffer", None)
-        if buffer is not None:
-            set_buffer_state(buffer, _load(place / BUFFER))
         progress = {name: float(state["progress"][name]) for name in PROGRESS}
         monitor.t_start = time.time() - float(state["elapsed"])
     except Exception as error:  # a damaged file may raise any error
@@ -174,6 +168,8 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
     for name in _variables(model):
         getattr(model, name).data.copy_(state["variables"][name])
     model.set_learner_state(_like("learner", state["learner"], model.learner_state()))
+    if hasattr(model, "replay_buffer"):
+        set_buffer_state(model.replay_buffer, state["buffer"])
     torch.set_rng_state(state["random"]["torch"])
     np.random.set_state(tuple(state["random"]["numpy"][name] for name in RANDOM_STATE))
     model.action_space._np_random = state["random"]["actions"]
