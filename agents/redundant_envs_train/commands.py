@@ -47,17 +47,13 @@ Trust = Annotated[
 ]
 
 
-class Interrupted(Exception):
-    """Ctrl-C inside a command, which typer would otherwise handle itself."""
-
-
 class _Commands(typer.core.TyperGroup):
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; interrupts are passed on to the caller."""
+        """Run a command; Ctrl-C, which typer would otherwise handle itself, is passed on to the caller."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:
-            raise Interrupted(str(stop)) from stop
+            raise typer.Abort from stop
 
 
 app = typer.Typer(
@@ -76,8 +72,8 @@ def run(arguments: list[str]) -> int:
     """Run one command; a ValueError says in one line what is wrong with the command."""
     try:
         app(args=arguments, prog_name=COMMAND, standalone_mode=False)
-    except Interrupted as stop:
-        raise KeyboardInterrupt(*stop.args) from stop
+    except typer.Abort as abort:
+        raise abort.__cause__ or abort from None
     except Exception as error:
         if not hasattr(error, "format_message"):  # of typer, or of click in its older versions
             raise

@@ -5,13 +5,14 @@ from __future__ import annotations
 import platform
 import sys
 import time
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs import __version__
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure
@@ -34,13 +35,8 @@ CLIP_EPISODES = 4
 
 def versions() -> dict[str, str]:
     """Versions of the packages on which the figures depend."""
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+    others = {name: version(name) for name in PACKAGES[1:]}
+    return {"python": platform.python_version(), PACKAGES[0]: __version__, **others}
 
 
 class Evaluation(NamedTuple):

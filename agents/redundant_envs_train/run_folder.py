@@ -131,11 +131,10 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a table without rows
-            rows = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-        with path.open(encoding="utf-8") as file:
-            head = file.readline().rstrip("\n")
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
         if head != ",".join(columns):
             raise ValueError(f"its columns are {shown(head)} instead of {','.join(columns)}")
         if rows.size and rows.shape[1] != len(columns):

@@ -155,9 +155,9 @@ def test_a_received_run_takes_the_place_of_an_older_one_which_outlives_a_kill(tm
 
 
 def test_another_version_on_a_worker_is_refused(tmp_path):
-    outcome = on_ray.train_one._function("seed1", {}, b"", "here", "0.0.0", None)
-    assert outcome.failed
-    assert f"has redundant-envs {on_ray.__version__}, and the command runs 0.0.0; install" in outcome.note
+    _, note, failed = on_ray.train_one._function("seed1", {}, b"", "here", "0.0.0", None)
+    assert failed
+    assert f"has redundant-envs {on_ray.__version__}, and the command runs 0.0.0; install" in note
 
 
 def test_threads_that_no_machine_of_the_cluster_has_are_refused(tmp_path, monkeypatch):

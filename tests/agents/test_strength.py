@@ -51,10 +51,7 @@ def test_only_effort_limits_are_weakened_and_the_goals_stay_those_of_the_evaluat
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        (lambda: weakened("four_r_reach", -1.0), ["factor", "-1.0", "positive"]),
         (lambda: weakened("four_r_free", 0.5), ["EffortLimits.limits", "None"]),
-        (lambda: strength.expert_rows("5R"), ["arm is '5R'; choose 4R, RPRP"]),
-        (lambda: strength.figure([]), ["rows is empty"]),
         (lambda: dataclasses.replace(ROWS[0], low=0.95), ["hold_success"]),
         (lambda: dataclasses.replace(ROWS[0], high=1.1), ["hold_success"]),
         (lambda: dataclasses.replace(ROWS[0], hold_success=float("nan")), ["hold_success"]),

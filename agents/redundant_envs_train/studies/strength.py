@@ -91,8 +91,6 @@ COLUMNS = tuple(field.name for field in dataclasses.fields(Row))  # of the CSV f
 
 def weakened(scene_name: str, factor: float) -> dict[str, Any]:
     """Plain data of a scene, by name or file, whose effort limits are multiplied by a positive factor."""
-    if not number("factor", factor) > 0.0:
-        raise ValueError(f"factor is {factor}; it must be positive")
     limits = effort_limits(load_scene(scene_name))
     data: dict[str, Any] = scene_data(scene_name)
     for effect in data["effects"]:
@@ -125,8 +123,6 @@ def expert_rows(
     arm: str, factors: Sequence[float] = FACTORS, episodes: int = 1000, seed: int = EVALUATION_SEED
 ) -> list[Row]:
     """Shares of the goals of seeds from ``seed`` that can be held, and that computed torque holds."""
-    if arm not in ARMS:
-        raise ValueError(f"arm is {shown(arm)}; choose {', '.join(ARMS)}")
     env_id, scene = ARMS[arm]
     loads = goal_loads(arm, frozen_goals(arm, episodes, seed))
     rows = []
@@ -307,8 +303,6 @@ def figure(rows: Sequence[Row]) -> Any:
     The share that can be held at all is a grey area. Intervals are bands. The legend is below the panels.
     """
     arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
-    if not arms:
-        raise ValueError("rows is empty; give those of expert_rows and learner_rows")
     result = new_figure(4.0 * len(arms) + 0.6, 3.9, 120)
     panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
     handles: dict[str, Any] = {}

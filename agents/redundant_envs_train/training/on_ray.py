@@ -17,7 +17,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple
+from typing import Any
 
 from redundant_envs import __version__
 from redundant_envs.extras import needs
@@ -136,10 +136,10 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
         for task in ray.wait(list(running), timeout=POLL)[0]:
             name = running.pop(task)
             try:
-                outcome = ray.get(task)
-                if outcome.files:
-                    receive(outcome.files, folder / name)
-                yield name, 1.0, outcome.note, outcome.failed
+                files, note, failed = ray.get(task)
+                if files:
+                    receive(files, folder / name)
+                yield name, 1.0, note, failed
             except Exception as error:  # an error of the machine, the cluster or this disk
                 yield name, 1.0, _short(error), True
         with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
@@ -153,27 +153,22 @@ def _short(error: BaseException) -> str:
     return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
 
 
-class Outcome(NamedTuple):
-    """The result of a task: the files of its run, packed, and its result or failure in words."""
-
-    files: bytes
-    note: str
-    failed: bool
-
-
 @ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
-def train_one(name: str, data: dict[str, Any], files: bytes, where: str, version: str, board: Any) -> Outcome:
+def train_one(
+    name: str, data: dict[str, Any], files: bytes, where: str, version: str, board: Any
+) -> tuple[bytes, str, bool]:
     """Finish the run of a configuration's plain data, from its existing files, on the machine of this task.
 
-    ``where`` is its folder on the machine of the user, which reports and messages name, and ``version`` that
-    of redundant-envs there; ``board`` receives the reports.
+    Returns its files, packed, its result or failure in words, and whether it failed. ``where`` is its folder
+    on the machine of the user, which reports and messages name, and ``version`` that of redundant-envs there;
+    ``board`` receives the reports.
     """
     if version != __version__:
         note = (
             f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}; "
             "install the same on all machines"
         )
-        return Outcome(b"", note, failed=True)
+        return b"", note, True
     with tempfile.TemporaryDirectory(prefix="redundant-envs-", ignore_cleanup_errors=True) as root:
         place = Path(root) / Path(name).name
         failed = True
@@ -189,7 +184,7 @@ def train_one(name: str, data: dict[str, Any], files: bytes, where: str, version
             note = "its task was cancelled"
         except Exception as error:
             note = str(error).replace(str(place), where)
-        return Outcome(pack(place), note, failed)
+        return pack(place), note, failed
 
 
 def pack(folder: Path) -> bytes:
