@@ -9,7 +9,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from run_folders import SMALL, kill_at, small_config, write_scene_file
+from run_folders import write_scene_file
+from short_trainings import SMALL, kill_at, small_config
 
 from redundant_envs_train import report
 from redundant_envs_train.__main__ import main

@@ -1,4 +1,4 @@
-"""Small runs and made-up run folders for tests, and their comparison."""
+"""Made-up run folders, changes of their files, and their comparison."""
 
 from __future__ import annotations
 
@@ -11,15 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 import yaml
 
 from redundant_envs.scene import load_scene, scene_at
-from redundant_envs_train.config import Config, checked
-from redundant_envs_train.policies import read_weights
+from redundant_envs_train.config import Config
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
-from redundant_envs_train.training import checkpoint
-from redundant_envs_train.training.watch import Watch
 
 ROOT = Path(__file__).resolve().parents[2]
 POLICIES = ROOT / "policies"
@@ -27,34 +23,6 @@ REFUSALS = yaml.safe_load((Path(__file__).parent / "refusals.yaml").read_text(en
 """What is refused, and the words of the message."""
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 0.98, 1.0, 70.0)]
-TINY = [
-    "num_envs=32", "ppo.n_steps=16", "ppo.batch_size=256", "total_steps=1024", "curve_every=512",
-    "curve_episodes=5", "evaluation_episodes=5", "telemetry=[]",
-]  # fmt: skip
-"""Settings of a training of PPO that takes less than a second."""
-SMALL = [*TINY, "env_kwargs.max_episode_steps=20"]
-REPLAY = {"learning_starts": 400, "buffer_size": 1200, "gradient_steps": 1, "batch_size": 32}
-"""A replay buffer that is smaller than a run, so that its oldest rows are overwritten."""
-CASES: dict[str, dict[str, Any]] = {
-    "ppo": {"total_steps": 2048, "ppo": {"n_steps": 16, "batch_size": 256}},
-    "plain_ppo": {"plain_ppo": {"n_steps": 16, "batch_size": 64}},
-    "auto": {"algo": "sac", "sac": {**REPLAY, "ent_coef": "auto", "schedule": "linear"}},
-    "her": {
-        "env": "redundant_envs/RPRPGoalReach-v0", "total_steps": 4800,
-        "her": {**REPLAY, "learning_starts": 1600, "buffer_size": 3200},
-    },
-    **{algo: {algo: REPLAY} for algo in ("sac", "plain_sac", "td3", "tqc", "crossq")},
-}  # fmt: skip
-"""Settings of short trainings, by algorithm or by what is special."""
-
-
-def small_config(case: str, **more: Any) -> Config:
-    """The configuration of a short training."""
-    return checked(Config, {
-        "config_version": 2, "env": RPRP, "algo": case, "seed": 4, "num_envs": 16, "total_steps": 2400,
-        "curve_every": 1000, "curve_episodes": 5, "evaluation_episodes": 5, "telemetry": [],
-        "checkpoint_seconds": 0, "env_kwargs": {"max_episode_steps": 40}, **CASES[case], **more,
-    })  # fmt: skip
 
 
 @contextlib.contextmanager
@@ -65,23 +33,6 @@ def says(*words: str) -> Iterator[None]:
     for word in words:
         assert word in str(error.value)
     assert len(str(error.value)) < 1000
-
-
-def kill_at(steps: int, monkeypatch: Any) -> None:
-    """Let trainings end without a trace at so many steps: a kill, a few checkpoints after the first."""
-    plain, save = Watch._on_step, checkpoint.save
-
-    def on_step(self: Any) -> bool:
-        if self.num_timesteps >= steps:
-            raise SystemExit
-        return plain(self)
-
-    def save_late(folder: Path, model: Any, *more: Any) -> None:
-        if model.num_timesteps > 0.9 * steps - 200:
-            save(folder, model, *more)
-
-    monkeypatch.setattr(Watch, "_on_step", on_step)
-    monkeypatch.setattr(checkpoint, "save", save_late)
 
 
 def write_scene_file(folder: Path, friction: float) -> None:
@@ -167,11 +118,3 @@ def kept(folder: Path) -> dict[Path, tuple[bytes, int]]:
         path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
         for path in sorted((folder, *folder.rglob("*")))
     }
-
-
-def assert_same_policy(one: Path, other: Path) -> None:
-    """The policies of two run folders are equal to the bit."""
-    expected, found = (read_weights(folder / "policy.zip", "silu")[0] for folder in (one, other))
-    assert expected.keys() == found.keys()
-    for name, tensor in expected.items():
-        assert torch.equal(tensor, found[name]), name

@@ -10,17 +10,8 @@ import sys
 import numpy as np
 import pytest
 import torch
-from run_folders import (
-    CASES,
-    REPLAY,
-    Evil,
-    assert_same_policy,
-    change,
-    kill_at,
-    members,
-    small_config,
-    write_members,
-)
+from run_folders import Evil, change, members, write_members
+from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.run_folder import find_checkpoint

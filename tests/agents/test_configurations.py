@@ -6,7 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from run_folders import REFUSALS, says, small_config
+from run_folders import REFUSALS, says
+from short_trainings import small_config
 
 from redundant_envs import __main__ as library
 from redundant_envs_train.config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load

@@ -10,7 +10,8 @@ import threading
 import time
 
 import pytest
-from run_folders import ROOT, TINY, assert_same_policy, says, write_members
+from run_folders import ROOT, says, write_members
+from short_trainings import TINY, assert_same_policy
 
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import POLICIES, ROOT, RPRP, assert_same_policy
+from run_folders import POLICIES, ROOT, RPRP
+from short_trainings import assert_same_policy
 from stable_baselines3 import PPO, SAC
 from torch import nn
 

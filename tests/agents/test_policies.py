@@ -15,17 +15,8 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import (
-    POLICIES,
-    TINY,
-    Evil,
-    assert_same_policy,
-    change,
-    members,
-    small_config,
-    write_members,
-    write_scene,
-)  # fmt: skip
+from run_folders import POLICIES, Evil, change, members, write_members, write_scene
+from short_trainings import TINY, assert_same_policy, small_config
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.__main__ import main

@@ -7,12 +7,11 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from run_folders import REFUSALS, csv_rows, says, write_scene
+from run_folders import POLICIES, REFUSALS, csv_rows, says
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene
 from redundant_envs_train.config import load
-from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.rollout import STUDY_SEED, expert_act, random_act, run_episodes
 from redundant_envs_train.studies.policy import episodes, words
 from redundant_envs_train.studies.policy.episodes import compare, compare_groups, evaluate_under
@@ -206,15 +205,7 @@ def test_few_seeds_are_called_few(entries, parts):
 # ---- from YAML to report -------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    """A run folder with an untrained policy."""
-    folder = tmp_path_factory.mktemp("run")
-    config = load(PRESET, ["ppo.net_arch=[8]", "num_envs=4", "ppo.batch_size=128"])
-    (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
-    write_scene(folder)
-    make_model(config, make_sb3(config.env, 4)).save(folder / "policy.zip")
-    return folder
+RUN = POLICIES / "RPRPReach-v0-ppo"
 
 
 def small(folder, arm, **more):
@@ -229,9 +220,9 @@ def small(folder, arm, **more):
     return ["study", "policy", "--config", folder / "study.yaml", "--out", folder / "out"]
 
 
-def test_a_study_explains_itself(tmp_path, run, call):
+def test_a_study_explains_itself(tmp_path, call):
     out = tmp_path / "out"
-    shown, _ = call(*small(tmp_path, {"run": str(run)}))
+    shown, _ = call(*small(tmp_path, {"run": str(RUN)}))
     report = (out / "report.md").read_text()
     assert report in shown
     for text in ("# What the physics costs a policy", "20 episodes", "euler 20 ms", "machine", "llvmlite"):
@@ -246,17 +237,17 @@ def test_a_study_explains_itself(tmp_path, run, call):
     assert [int(e["seed"]) for e in found] == list(range(STUDY_SEED, STUDY_SEED + 20))
     mean = np.mean([float(e["standard_return"]) for e in found])
     assert mean == pytest.approx(float(table[1]["mean_return"]), abs=1e-6)
-    assert describe(run) == "PPO, seed 0, trained under rk8 to 1e-06 m"
+    assert describe(RUN) == "PPO, seed 130, trained under rk8 to 1e-06 m"
     assert not (out / "training.csv").exists()
     assert str(tmp_path) not in report
     assert load_study(out / "study.yaml") == load_study(tmp_path / "study.yaml")
 
 
 @pytest.mark.long
-def test_training_under_cheap_physics(tmp_path, run, call, refused):
+def test_training_under_cheap_physics(tmp_path, call, refused):
     out = tmp_path / "out"
     tiny = ["num_envs=32", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=1024", "curve_episodes=4"]
-    arm = {"run": str(run), "cheap": "euler 20 ms"}
+    arm = {"run": str(RUN), "cheap": "euler 20 ms"}
     command = small(tmp_path, arm, train_seeds=2, train_overrides=tiny)
     call(*command)
     table = csv_rows(out / "training.csv")
@@ -282,12 +273,12 @@ def test_training_under_cheap_physics(tmp_path, run, call, refused):
         ({"run": "run", "preset": "four_r_reach_ppo"}, "was trained on redundant_envs/RPRPReach"),
     ],
 )  # fmt: skip
-def test_an_arm_that_cannot_be_taken_is_one_line(arm, word, run, tmp_path, refused):
+def test_an_arm_that_cannot_be_taken_is_one_line(arm, word, tmp_path, refused):
     (tmp_path / "bare").mkdir()  # a configuration alone
-    shutil.copy(run / "config.yaml", tmp_path / "bare")
-    shutil.copytree(run, tmp_path / "other")  # of another simulator
+    shutil.copy(RUN / "config.yaml", tmp_path / "bare")
+    shutil.copytree(RUN, tmp_path / "other")  # of another simulator
     facts = {"env_steps": 5, "train_seconds": 1.0, "simulator": "0123456789abcdef"}
     (tmp_path / "other" / "training.json").write_text(json.dumps(facts))
     assert "by another simulator" in describe(tmp_path / "other")
-    places = {"run": str(run), "bare": str(tmp_path / "bare")}
+    places = {"run": str(RUN), "bare": str(tmp_path / "bare")}
     refused(small(tmp_path, {name: places.get(value, value) for name, value in arm.items()}), word)

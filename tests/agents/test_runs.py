@@ -13,23 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from run_folders import (
-    POLICIES,
-    REFUSALS,
-    SMALL,
-    assert_same_policy,
-    change,
-    csv_rows,
-    kept,
-    says,
-    write_run,
-    write_scene_file,
-)  # fmt: skip
+from run_folders import POLICIES, REFUSALS, change, csv_rows, kept, says, write_run, write_scene_file
+from short_trainings import SMALL, assert_same_policy
 
 from redundant_envs import __main__ as library
+from redundant_envs.studies import stops
 from redundant_envs_train import play, report
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
+from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import evaluate, summary
@@ -38,6 +30,13 @@ from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
+
+
+@pytest.fixture(autouse=True)
+def no_drawing(monkeypatch):
+    """Pictures, which take most of the time of a report, are empty; those of ``home`` are not."""
+    for module in (report, curves):
+        monkeypatch.setattr(module, "save_figure", lambda figure, path, **options: path.touch())
 
 
 def data(folder, name="evaluation.json"):
@@ -174,7 +173,8 @@ def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_chan
     assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
 
 
-def test_reading_changes_nothing_in_an_exported_policy(tmp_path, call, refused):
+def test_reading_changes_nothing_in_an_exported_policy(tmp_path, monkeypatch, call, refused):
+    monkeypatch.setattr(stops, "DRAWS", 1)
     exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
     change(exported / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
     before = kept(exported)
@@ -427,7 +427,6 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
 
     monkeypatch.setattr(many, "start", in_thread)
     monkeypatch.setattr(many, "settle", lambda core, modules: None)
-    monkeypatch.setattr(report, "plots", lambda *given: [])
     refused(
         [*command, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder"
     )

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import torch
 from published_runs import RESULTS, ROOT, published_run
-from run_folders import assert_same_policy, change, kept, members, says, write_members
+from run_folders import change, kept, members, says, write_members
+from short_trainings import assert_same_policy
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked, config_of

@@ -4,7 +4,8 @@ import contextlib
 import re
 
 import pytest
-from run_folders import REFUSALS, TINY, csv_rows, says
+from run_folders import REFUSALS, csv_rows, says
+from short_trainings import TINY
 
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.presets import presets
