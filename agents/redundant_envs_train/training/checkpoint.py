@@ -22,7 +22,7 @@ from redundant_envs.values import shown
 
 from .. import command, train_again
 from ..learners.sampling import each
-from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint, flat
 
 with needs("train"):
     import torch
@@ -133,12 +133,9 @@ def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
     """ValueError with the settings that differ."""
     if found["simulator"] != run["simulator"]:
         raise ValueError("its simulator is another one")
-    theirs, ours = found["settings"], run["settings"]
-    algo = ours["algo"]
-    pairs = [(name, theirs.get(name), value) for name, value in ours.items() if name != algo]
-    own = theirs.get(algo) or {}
-    pairs += [(f"{algo}.{name}", own.get(name), value) for name, value in ours[algo].items()]
-    for name, other, value in pairs:
+    theirs, ours = flat(found["settings"]), flat(run["settings"])
+    for name in ours | theirs:
+        other, value = theirs.get(name), ours.get(name)
         if other != value:
             raise ValueError(f"it was made with {name}: {shown(other)}, and config.yaml has {shown(value)}")
 

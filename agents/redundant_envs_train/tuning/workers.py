@@ -51,9 +51,8 @@ def workers(count: int, config: Config) -> Iterator[list[Worker]]:
             worker.process.terminate()
         for worker in made:
             worker.process.join(PATIENCE)
-            if worker.process.is_alive():
-                worker.process.kill()
-                worker.process.join()
+            worker.process.kill()  # nothing happens to one that has ended
+            worker.process.join()
 
 
 def news(all_workers: list[Worker]) -> list[tuple[Worker, Any]]:
