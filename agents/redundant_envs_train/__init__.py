@@ -4,8 +4,6 @@ A wheel has this module beside ``redundant_envs``, under the same name. ``python
 checkout, ``redundant-envs-train`` where the package is installed.
 """
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

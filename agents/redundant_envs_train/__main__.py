@@ -1,7 +1,5 @@
 """Train, evaluate, play and report policies."""
 
-from __future__ import annotations
-
 import sys
 
 from redundant_envs import __version__

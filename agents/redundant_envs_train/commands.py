@@ -1,7 +1,5 @@
 """The command line: one function for each command, its help, and completion of its arguments."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

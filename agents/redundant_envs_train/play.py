@@ -1,7 +1,5 @@
 """Watch an environment: a trained policy, or zero, random or expert actions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ runs whatever code its author put in. So the policy is built from config.yaml, a
 taken from the file.
 """
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Names and files of the presets. It imports nothing large: a wrong name is refused at once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from redundant_envs.files import config_folder, exists

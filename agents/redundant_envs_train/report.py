@@ -1,7 +1,5 @@
 """Evaluation of a policy on the frozen goals beside the expert, and the report of a run folder."""
 
-from __future__ import annotations
-
 import platform
 import sys
 import time

@@ -1,7 +1,5 @@
 """Episodes on given goals, with any source of actions, all in parallel."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

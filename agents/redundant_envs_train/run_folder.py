@@ -3,8 +3,6 @@
 For a missing or damaged file the error names the command that writes it. Nothing large is imported.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

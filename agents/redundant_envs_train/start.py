@@ -1,7 +1,5 @@
 """The policy with which a training begins: its file, and checks that need not open it."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The interquartile mean and its interval are those of rliable (Agarwal et al. 202
 learning at the edge of the statistical precipice").
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Made-up run folders, changes of their files, and their comparison."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import json

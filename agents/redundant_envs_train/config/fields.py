@@ -1,7 +1,5 @@
 """Numbers of a configuration: allowed values, unit and help; one form of message for every mistake."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from typing import Annotated, Any, get_args

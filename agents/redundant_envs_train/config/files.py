@@ -1,7 +1,5 @@
 """Configurations in files and on the command line: YAML, dotted overrides, help and completion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """Settings of the learners: one model for each algorithm."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,9 +1,7 @@
 """The configuration of a training run."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, ids
 from redundant_envs.extras import needs
@@ -94,7 +92,7 @@ class Config(Model):
         return data
 
     @model_validator(mode="after")
-    def _consistent(self) -> Config:
+    def _consistent(self) -> Self:
         if self.env not in ids():
             raise ValueError(
                 f"env is {shown(self.env)}; choose {', '.join(ids())} (--import MODULE before the command "

@@ -1,7 +1,5 @@
 """Learning curves of many runs: their interquartile means over seeds, as one figure and as numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

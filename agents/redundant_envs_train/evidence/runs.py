@@ -5,8 +5,6 @@ dotted name, such as ``config.sac.gamma``. A cell is JSON, or a plain text where
 if the run has no such entry.
 """
 
-from __future__ import annotations
-
 import csv
 import fnmatch
 import json

@@ -1,7 +1,5 @@
 """Results of many runs as Markdown tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 

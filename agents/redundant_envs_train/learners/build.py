@@ -1,7 +1,5 @@
 """The learner of a configuration, and the algorithm of stable-baselines3 that loads its policy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

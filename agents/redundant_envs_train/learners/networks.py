@@ -6,8 +6,6 @@ so that Adam, a target's and an average's step are one operation each, equal net
 together, and the derivatives are written out. Tests compare them with those of torch.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple

@@ -7,8 +7,6 @@ smooth actions (Mysore et al. 2021, CAPS, its temporal part). The average of the
 values, is evaluated and saved.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

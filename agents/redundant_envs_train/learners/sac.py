@@ -10,8 +10,6 @@ samples, what the buffer keeps and, up to rounding, actions are the same in less
 * in goal environments the networks receive the error of the tip at the scale of the task.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ What is stored and drawn is the same. A transition is one row of each array, whi
 NumPy takes rows several times as fast as elements at pairs of indices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

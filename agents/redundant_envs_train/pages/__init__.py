@@ -1,7 +1,5 @@
 """Pages for readers: Markdown templates of Jinja2, one file each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A run folder's policy as files for others: policy.zip, policy.onnx, policy.npz and a card."""
 
-from __future__ import annotations
-
 import shutil
 import warnings
 from collections.abc import Mapping, Sequence

@@ -5,13 +5,11 @@ stable-baselines3 for one observation differ by some 1e-6 from those it computes
 precision every library agrees far below 1e-6.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from gymnasium import spaces
@@ -54,7 +52,7 @@ class Layers:
         return np.tanh(x) if self.output == "tanh" else np.clip(x, -1.0, 1.0)
 
     @classmethod
-    def load(cls, path: Path) -> Layers:
+    def load(cls, path: Path) -> Self:
         """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
         with np.load(path, allow_pickle=False) as file:
             count = sum(name.startswith("weights_") for name in file.files)

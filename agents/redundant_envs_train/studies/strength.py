@@ -5,8 +5,6 @@ needs no controller (``redundant_envs.control.holding``); computed torque needs 
 policies are merged from their run folders.
 """
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ replay buffer, environments, every generator of random numbers, and the lengths 
 It consists of plain data and tensors, and is read without unpickling anything else.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

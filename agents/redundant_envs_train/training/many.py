@@ -1,7 +1,5 @@
 """Several runs at a time, in separate processes, each on its own core."""
 
-from __future__ import annotations
-
 import multiprocessing
 import queue
 import shutil

@@ -4,8 +4,6 @@ No file system is shared. A task receives the existing files of its run and retu
 written here.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import logging

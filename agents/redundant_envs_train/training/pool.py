@@ -1,7 +1,5 @@
 """Requests to end a training in order, and several runs at a time: their seeds, places and progress."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

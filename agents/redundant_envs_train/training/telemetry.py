@@ -1,7 +1,5 @@
 """Logs of a training's figures, in the run folder or at a client that has a package of its own."""
 
-from __future__ import annotations
-
 import importlib
 import itertools
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
-from __future__ import annotations
-
 from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any

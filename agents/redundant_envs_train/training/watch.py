@@ -1,7 +1,5 @@
 """Monitoring of a training: progress, learning curve, checkpoints, and its end."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Arguments of a study, and search spaces: ranges and choices for settings of a learner."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any

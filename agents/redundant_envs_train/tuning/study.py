@@ -1,7 +1,5 @@
 """A study: trials, kept in a file from which the same command continues."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

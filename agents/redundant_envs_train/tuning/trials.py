@@ -5,8 +5,6 @@ trials before it except the last few, ``ahead`` of them. So those few may still 
 same however many run at a time and whichever ends first.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

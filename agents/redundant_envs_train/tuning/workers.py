@@ -1,7 +1,5 @@
 """Processes that train the trials of a study, each on its own core."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 from collections.abc import Iterator

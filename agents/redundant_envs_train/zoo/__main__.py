@@ -1,7 +1,5 @@
 """``python -m redundant_envs_train.zoo``: takes all arguments of ``rl_zoo3.train``."""
 
-from __future__ import annotations
-
 import sys
 
 from redundant_envs.extras import MissingPackage

@@ -5,8 +5,6 @@
 seed of a preset it takes the preset's steps, to the same bits.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Episodes of a policy under one physics: outcomes, numerics flags, evaluations, time; and comparisons."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from typing import Any, NamedTuple

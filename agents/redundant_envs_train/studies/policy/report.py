@@ -1,7 +1,5 @@
 """Folder of a policy study: tables, figures, scenes and report.md."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The policy study itself: checks, trainings, episodes under each physics, and results."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Sequence
 from importlib.metadata import version

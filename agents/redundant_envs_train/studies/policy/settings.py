@@ -1,11 +1,9 @@
 """Configuration of the policy study: which physics, which arms, how many episodes and seeds."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from redundant_envs.extras import needs
 from redundant_envs.files import explained, text_value
@@ -42,7 +40,7 @@ class Physics(Model):
     accuracy: Accuracy = None
 
     @model_validator(mode="after")
-    def _consistent(self) -> Physics:
+    def _consistent(self) -> Self:
         if bool(self.integrator) == (self.accuracy is not None):
             raise ValueError(
                 f"integrator is {self.integrator!r} and accuracy is {self.accuracy!r}; give exactly one: "
@@ -98,7 +96,7 @@ class Study(Model):
     narrow_return: Real = number(0.01, 1e-9, 0.999, "margin, a share of the reference's mean return")
 
     @model_validator(mode="after")
-    def _consistent(self) -> Study:
+    def _consistent(self) -> Self:
         for name in ("physics", "arms"):
             parts = getattr(self, name)
             if not parts or len({slug(part) for part in parts}) < len(parts):

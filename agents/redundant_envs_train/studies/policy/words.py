@@ -1,7 +1,5 @@
 """The results of the policy study in words; every sentence is generated from the numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
