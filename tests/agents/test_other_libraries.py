@@ -122,11 +122,6 @@ PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
 """Settings for the environments as registered."""
 
 
-def hyperparameters(name):
-    """A file of configs/zoo/, by environment."""
-    return yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
-
-
 def of_preset(config):
     """The settings of a preset under the names of rl_zoo3."""
     settings = config.settings.model_dump()
@@ -162,7 +157,8 @@ def test_hyperparameters_are_those_of_the_presets(name):
     averaged = "averaged_ppo" if "ppo" in name else "averaged_sac"
     own = known(averaged) - known(name)  # none, or what stable-baselines3 does not have
     algos = ("ppo",) if "ppo" in name else ("sac", "her")
-    assert {env: as_read(given) for env, given in hyperparameters(name).items()} == {
+    given = yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
+    assert {env: as_read(settings) for env, settings in given.items()} == {
         config.env: {key: value for key, value in of_preset(config).items() if key not in own}
         for config in map(load, PRESETS)
         if config.algo in algos

@@ -297,22 +297,16 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
 # ---- incomplete run folders ----------------------------------------------------------------------
 
 
-def reading(command, folder):
-    """The words of a command that reads a run."""
-    more = {"play": ["--clip", "a.gif"], "report": ["--overwrite"]}.get(command, [])
-    return [*command.split(), folder, *more]
-
-
-@pytest.mark.parametrize("command", ["evaluate", "report", "play", "study stops", "table"])
+@pytest.mark.parametrize("command", ["evaluate", "report", "play", "stops", "table"])
 def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("text")
     for name in ("nothing", "empty", "file"):
-        refused(reading(command, tmp_path / name), f"/{name}", "run folder")
+        refused(readers(tmp_path / name, tmp_path)[command], f"/{name}", "run folder")
 
 
 @pytest.mark.parametrize("case", REFUSALS["damages"], ids=lambda case: f"{case['file']} {case['is'][:30]}")
-def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case, run, refused):
+def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case, run, tmp_path, refused):
     path = run / case["file"]
     content = path.read_bytes()
     if case["is"] == "missing":
@@ -322,7 +316,7 @@ def test_a_missing_or_damaged_file_is_named_with_the_command_that_makes_it(case,
     else:
         path.write_text(case["is"] * case.get("times", 1))
     for command in case["readers"]:
-        refused(reading(command, run), path.name, case["says"])
+        refused(readers(run, tmp_path)[command], path.name, case["says"])
 
 
 VALUES = [(field, value) for field, values in REFUSALS["evaluation"].items() for value in values]

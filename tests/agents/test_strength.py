@@ -225,7 +225,7 @@ def test_learners_are_trained_with_scaled_limits_and_nothing_else_changed():
     assert config.to_dict() == preset | {"env_kwargs": {"scene": weakened("four_r_reach", 0.5)}}
 
 
-def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monkeypatch, call):
+def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monkeypatch, call, refused):
     command = ["study", "strength", "--seeds", "none", "--factors", "1", "--out", tmp_path, "--episodes"]
     monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: np.zeros(len(goals)))
     table, _ = call(*command, 2)
@@ -238,7 +238,13 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monke
     asked = []
     monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or ROWS)
     call(*command, 2)
-    assert not asked  # what is finished stays
+    for more, word in (
+        (["--processes", "0"], "processes is 0"),
+        (["--runs", "nothing"], "nothing/config.yaml"),
+    ):
+        refused(["study", "strength", "--seeds", "none", *more, "--out", tmp_path / "out"], word)
+    assert not (tmp_path / "out").exists()
+    assert not asked  # what is finished stays, and mistakes come first
     call(*command, 3)
     assert [episodes for *_, episodes in asked] == [3, 3]  # of other goals it does not
 
@@ -264,13 +270,3 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     rows = [row for row in strength.read_rows(tmp_path / "strength.csv") if row.who == "PPO"]
     found = sorted((row.factor, row.hold_success, row.seeds) for row in rows)
     assert found == [(0.5, 0.25, 2), (1.0, 0.9, 1)]  # 0.7 is none of the factors
-
-
-@pytest.mark.parametrize(
-    ("more", "word"),
-    [(["--processes", "0"], "processes is 0"), (["--runs", "nothing"], "nothing/config.yaml")],
-)
-def test_arguments_of_the_study_are_checked_before_anything_long(more, word, tmp_path, monkeypatch, refused):
-    monkeypatch.setattr(strength, "expert_rows", lambda *args: pytest.fail("it begins to compute"))
-    refused(["study", "strength", "--seeds", "none", *more, "--out", tmp_path / "out"], word)
-    assert not (tmp_path / "out").exists()
