@@ -9,18 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.lane.episode import Episode
-from redundant_envs.model import parameters
-from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
-from redundant_envs.values import check_keys, shown
+from redundant_envs.values import shown
 
 OPTION_KEYS = ["q", "qd", "goal", "parameters"]
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
+LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
+"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
-Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
-"""The validated content of reset options: parameters, and rows with their numbers."""
 
 
 def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
@@ -38,48 +35,7 @@ def numbers_of_reward(task: Task) -> list[str]:
     return [name for name in task.parameters() if name in taken]
 
 
-def checked_reset(
-    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: NDArray[np.intp]
-) -> Checked:
-    """Validated parameters and rows that the options of a reset of some lanes set."""
-    if not options:
-        return None, []
-    scene, task = episode.dynamics.scene, episode.task
-    check_keys("options", options, OPTION_KEYS)
-    given, goal = options.get("parameters"), options.get("goal")
-    if task.goal_conditioned and isinstance(given, Mapping):
-        _check_of_reward(scene, task, given)
-    values = None
-    if given is not None:
-        values = parameters.lane_values(scene, memory, lanes, given, True, task)
-    present = values or parameters.lane_values(scene, memory, lanes, {}, fresh=False)
-    if goal is not None and not episode.goal:
-        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
-    writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-    joints = len(episode.actions)
-    for key, rows, width in (
-        ("q", scene.robot.coordinates, joints),
-        ("qd", scene.robot.rates, joints),
-        ("goal", episode.goal, 2),
-    ):
-        if options.get(key) is not None:
-            numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), width)
-            parameters.check_start(key, numbers)
-            writes.append((rows, numbers))
-            if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
-                parameters.check_stops(scene, memory, lanes, numbers, present, "options['q']: ")
-            elif key == "goal":
-                radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
-                if (radius > reach).any():
-                    lane = int(np.argmax(radius - reach))
-                    raise ValueError(
-                        f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                        f"{reach[lane]:.6g} m: choose a goal within it"
-                    )
-    return values, writes
-
-
-def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+def check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
     fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
     of_reward = numbers_of_reward(task)

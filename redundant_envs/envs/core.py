@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS, Autoreset, Operation
-from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
+from redundant_envs.envs import arguments
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.lane.episode import TIP, Episode
@@ -26,12 +26,14 @@ from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.values import whole_number
+from redundant_envs.values import check_keys, whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
+Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
+"""The validated content of reset options: parameters, and fields with their numbers."""
 
 
 class EpisodeKeys:
@@ -52,11 +54,6 @@ class EpisodeKeys:
             generator.bit_generator.advance(-2 * int(self._left[lane]))  # type: ignore[attr-defined]
         self._left[:] = 0
         return self._generators
-
-    @generators.setter
-    def generators(self, generators: list[np.random.Generator | None]) -> None:
-        self._generators = generators
-        self._left[:] = 0
 
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
@@ -113,7 +110,7 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = environment_simulator(self.scene, self.task)
-        numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
+        numbers = {**self.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
         self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
@@ -131,7 +128,7 @@ class Core(Copied):
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
-        self.reach = reach_of(self.scene, self.scene.parameters())
+        self.reach = arguments.reach_of(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
@@ -169,7 +166,7 @@ class Core(Copied):
     @property
     def begun_all(self) -> bool:
         """Whether every lane has had a reset."""
-        return None not in self._episode_keys.generators
+        return None not in self.generators
 
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
@@ -256,8 +253,40 @@ class Core(Copied):
         return obs, out
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Validated parameters and rows that options of a reset set."""
-        return checked_reset(self.episode, self.memory, options, lanes)
+        """Validated parameters and rows that options of a reset of some lanes set."""
+        if not options:
+            return None, []
+        scene, task, memory = self.scene, self.task, self.memory
+        check_keys("options", options, arguments.OPTION_KEYS)
+        given, values = options.get("parameters"), None
+        if task.goal_conditioned and isinstance(given, Mapping):
+            arguments.check_of_reward(scene, task, given)
+        if given is not None:
+            values = parameters.lane_values(scene, memory, lanes, given, True, task)
+        present = values or parameters.present(memory, lanes, scene.parameters())
+        if options.get("goal") is not None and not self.goal_fields:
+            raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+        rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": self.goal_fields}
+        writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
+        for key, names in rows.items():
+            if options.get(key) is None:
+                continue
+            numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), len(names))
+            most, largest = float(np.abs(numbers).max(initial=0.0)), arguments.LARGEST_START[key]
+            if most > largest:
+                raise ValueError(f"options[{key!r}] has an entry of size {most:g}; give at most {largest:g}")
+            writes.append((names, numbers))
+            if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
+                parameters.check_stops(scene, numbers, present, "options['q']: ")
+            elif key == "goal":
+                radius, reach = np.linalg.norm(numbers, axis=1), arguments.reach_of(scene, present)
+                if (radius > reach).any():
+                    lane = int(np.argmax(radius - reach))
+                    raise ValueError(
+                        f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
+                        f"{reach[lane]:.6g} m: choose a goal within it"
+                    )
+        return values, writes
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
@@ -315,7 +344,7 @@ class Core(Copied):
         self.keys[:] = state["keys"]
         self.mask[:] = state["mask"]
         self.waiting[:] = state["waiting"]
-        self._episode_keys.generators = copy.deepcopy(state["generators"])
+        self.generators[:] = copy.deepcopy(state["generators"])
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -323,7 +352,7 @@ class Core(Copied):
         parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
         finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
-        kept = numbers_of_reward(self.task)
+        kept = arguments.numbers_of_reward(self.task)
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             parameters.check_array("state", key, state[key], own)

@@ -166,7 +166,8 @@ class BatchSimulator(Copied):
         lanes = self._lanes(index)
         arm = self.scene.robot
         positions, rates = (self._table(name, x, len(lanes)) for name, x in (("q", q), ("qd", qd)))
-        parameters.check_stops(self.scene, self._memory, lanes, positions, None)
+        present = parameters.present(self._memory, lanes, self.scene.parameters())
+        parameters.check_stops(self.scene, positions, present)
         self._memory.write(arm.coordinates, positions, lanes)
         self._memory.write(arm.rates, rates, lanes)
         self._memory.begin(lanes)
@@ -182,8 +183,7 @@ class BatchSimulator(Copied):
         """
         lanes = self._lanes(index)
         given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
-        present = self._memory.read(self.scene.robot.coordinates, lanes)
-        parameters.check_stops(self.scene, self._memory, lanes, present, given)
+        parameters.check_stops(self.scene, self._memory.read(self.scene.robot.coordinates, lanes), given)
         parameters.write(self.scene, self._memory, lanes, given)
         stops = self.scene.attached.keys_of(Impact)
         if any(name.startswith(f"{key}.") for key in stops for name in values):

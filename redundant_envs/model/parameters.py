@@ -75,18 +75,6 @@ def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.fl
     return np.broadcast_to(array, (lanes, width))
 
 
-LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
-"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
-
-
-def check_start(name: str, columns: NDArray[np.float64]) -> None:
-    """ValueError if a start is so far or so fast that its observation would be meaningless."""
-    most = float(np.abs(columns).max(initial=0.0))
-    if most > LARGEST_START[name]:
-        largest = LARGEST_START[name]
-        raise ValueError(f"options[{name!r}] has an entry of size {most:g}; give at most {largest:g}")
-
-
 def lane_values(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
     task: Task | None = None,
@@ -98,7 +86,7 @@ def lane_values(
     if not isinstance(given, Mapping):
         raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
     fixed = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    values = fixed if fresh else _present(memory, lanes, nominal)
+    values = fixed if fresh else present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
@@ -106,22 +94,21 @@ def lane_values(
         for k, p in enumerate(names):
             values[p] = columns[:, k].copy()
         changed += names
-        if name in ("masses", "lengths"):
-            _check_positive(name, columns)
-    _check_fitting(scene, values, changed)
-    if task is not None and of_task.keys() & changed:
-        _check_task(task, values)
+    _check_values(scene, task, values, changed)
     return values
 
 
-def _present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
-    names = tuple(names)
-    present = memory.read(tuple(memory.dynamics.field_of(p) for p in names), lanes)
-    return {p: present[:, k] for k, p in enumerate(names)}
+def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
+    """Parameters that some lanes have."""
+    fields = {name: memory.dynamics.field_of(name) for name in names}
+    return dict(zip(fields, memory.read([*fields.values()], lanes).T, strict=True))
 
 
-def _check_fitting(scene: Scene, values: Table, changed: list[str]) -> None:
-    """ValueError unless all masses, and the numbers of each effect of which some change, fit together."""
+def _check_values(scene: Scene, task: Task | None, values: Table, changed: list[str]) -> None:
+    """ValueError unless all numbers of the arm, and those of each effect and of the task of which some
+    change, are valid and fit together."""
+    for kind in ("masses", "lengths"):
+        _check_positive(kind, np.stack([values[p] for p in names_of(scene, kind)], axis=1))
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)
@@ -129,18 +116,14 @@ def _check_fitting(scene: Scene, values: Table, changed: list[str]) -> None:
         total = sum((values[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
     scene.attached.check_inertias(scene.robot, values)
+    if task is not None and task.parameters().keys() & changed:
+        _check_task(task, values)
 
 
-def check_stops(
-    scene: Scene, memory: Memory, lanes: NDArray[np.intp], q: NDArray[np.float64], values: Table | None,
-    where: str = "",
-) -> None:  # fmt: skip
-    """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel, with the
-    parameters ``values`` of the lanes, or the present ones."""
-    for joint, *names in hard_stops(scene):
-        present = memory.read(names, lanes).T
-        low, high = present if values is None else (values[n] for n in names)
-        x = q[:, joint]
+def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str = "") -> None:
+    """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel."""
+    for joint, lower, upper in hard_stops(scene):
+        x, low, high = q[:, joint], values[lower], values[upper]
         for lane in np.flatnonzero((x < low) | (x > high)).tolist():
             raise ValueError(
                 f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
@@ -319,7 +302,8 @@ def check_numbers(
     The parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are
     never without a number; the numbers of a task are parameters, too.
     """
-    own, layout = memory.save(), memory.layout
+    own, layout, scene = memory.save(), memory.layout, memory.dynamics.scene
+    of_task = {} if task is None else task.parameters()
     check_array(name, "states", state["states"], own["states"])
     given, width = state["parameters"], layout.size(PARAMETER) * LANES
     shape, sizes = getattr(given, "shape", None), (width, memory.blocks * width)
@@ -330,7 +314,7 @@ def check_numbers(
         )
     blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
     states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
-    for row in (*memory.dynamics.parameters, *(() if task is None else task.parameters())):
+    for row in (*memory.dynamics.parameters, *of_task):
         numbers, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
         if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
             raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
@@ -344,17 +328,12 @@ def check_numbers(
                 f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
                 "it belongs to the scene and not to a state"
             )
-    taken, scene = memory.holding(state["states"], given), memory.dynamics.scene
+    taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
+    values = present(taken, taken.index, nominal)
     try:
         if not np.array_equal(given, own["parameters"]):
-            if task is not None:
-                _check_task(task, _present(taken, taken.index, task.parameters()))
-            values = _present(taken, taken.index, scene.parameters())
-            for kind in ("masses", "lengths"):
-                _check_positive(kind, np.stack([values[p] for p in names_of(scene, kind)], axis=1))
-            changed = [p for p, number in scene.parameters().items() if (values[p] != number).any()]
-            _check_fitting(scene, values, changed)
-        q = taken.read(scene.robot.coordinates)
-        check_stops(scene, taken, taken.index, q, None)
+            changed = [p for p, number in nominal.items() if (values[p] != number).any()]
+            _check_values(scene, task, values, changed)
+        check_stops(scene, taken.read(scene.robot.coordinates), values)
     except ValueError as error:
         raise ValueError(f"{name} holds an impossible state: {error}") from None
