@@ -18,14 +18,8 @@ from redundant_envs.modules import OPTION, take_imports
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Returns
-    -------
-    int
-        0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
-        missing package; 130 for Ctrl-C.
-    """
+    """Run a command; returns 0, or 1 if verify found a broken promise; 2, after a message, for a mistake in
+    the command or a missing package; 130 for Ctrl-C."""
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
         options = parser().parse_args(words)
@@ -138,11 +132,11 @@ def simulate(options: argparse.Namespace) -> None:
         energy.check_start(scene, options.seconds, q, options.qd)
     for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
         print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
-        run = energy.energy_run(name, scene, options.seconds, q, options.qd)
+        run = energy.energy_run(scene, options.seconds, q, options.qd)
         path = options.out / f"{name}.csv"
         energy.write_csv(run, path)
         print(
-            f"{name}: largest kinetic energy {run.trajectory.kinetic_energy.max():.4g} J, total "
+            f"{name}: largest kinetic energy {run.kinetic_energy.max():.4g} J, total "
             f"{run.total[0]:.6g} J at the start and {run.total[-1]:.6g} J at the end, relative drift "
             f"{run.drift:.1e}"
         )
@@ -150,9 +144,9 @@ def simulate(options: argparse.Namespace) -> None:
         from redundant_envs.envs.animation import animate, save_figures
 
         try:
-            pictures = save_figures(run, options.out)
+            pictures = save_figures(run, name, options.out)
             if options.clip is not None:
-                animate(run.trajectory).save(options.clip)
+                animate(run).save(options.clip)
                 pictures.append(options.clip)
         except MissingPackage as error:
             raise MissingPackage(f"{error} ({path} is written)") from error
@@ -160,7 +154,6 @@ def simulate(options: argparse.Namespace) -> None:
 
 
 def no_studies(options: argparse.Namespace) -> None:
-    """Say where the studies are."""
     raise ValueError(
         "the studies are in the source tree, not in the wheel; run python -m redundant_envs study there"
     )

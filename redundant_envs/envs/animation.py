@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import CentringSpring
 from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure, write_clip
-from redundant_envs.model.trajectory import EnergyRun, Trajectory
+from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown
 
@@ -26,28 +26,12 @@ SLIDERS = ("#34496e", "#7c9dcd")
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
-    """A moving picture of a motion, in real time.
+    """A moving picture of a motion, in real time; of a batch, of the motion that ``index`` chooses.
 
     Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many
-    times a second, or more.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        What ``simulate`` gave.
-    index : int or tuple of ints, optional
-        Which motion of a batch; a single motion has none.
-
-    Returns
-    -------
-    Animation
-        It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")`` writes it. Both need the
-        extra ``plot``.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to draw, the index chooses no motion, or the arm has no point mass for each joint.
+    times a second, or more. It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")``
+    writes it. Both need the extra ``plot``. ValueError if there is nothing to draw, the index chooses no
+    motion, or the arm has no point mass for each joint.
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
@@ -145,10 +129,9 @@ def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
 # ---- energies -------------------------------------------------------------------------------------------
 
 
-def energies_figure(run: EnergyRun) -> Any:
+def energies_figure(motion: Trajectory, name: str) -> Any:
     """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
-    motion = run.trajectory
-    sliders = run.scene.robot.sliders()
+    sliders = motion.scene.robot.sliders()
     figure = new_figure(7.0, 5.4 if sliders else 3.6)
     ratios = [3, 2] if sliders else [1]
     panels = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
@@ -156,13 +139,13 @@ def energies_figure(run: EnergyRun) -> Any:
     energy.plot(motion.t, motion.kinetic_energy, color=KINETIC, lw=1.4, label="kinetic")
     energy.plot(motion.t, motion.potential_energy, color=POTENTIAL, lw=1.4, label="potential")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{run.name}: kinetic and potential energy", loc="left")
-    limits = stated_limits(run.scene)
+    energy.set_title(f"{name}: kinetic and potential energy", loc="left")
+    limits = stated_limits(motion.scene)
     for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
-        name = run.scene.robot.coordinates[k]
-        panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=name)
+        slider = motion.scene.robot.coordinates[k]
+        panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=slider)
         for i, limit in enumerate(limits.get(k, ())):
-            label = f"limits of {name}" if i == 0 else None
+            label = f"limits of {slider}" if i == 0 else None
             panels[1].axhline(limit, color=color, lw=1.0, ls=(0, (2 + 3 * (k > 1), 2)), label=label)
     if sliders:
         panels[1].set_ylabel("travel [m]")
@@ -170,25 +153,21 @@ def energies_figure(run: EnergyRun) -> Any:
     return figure
 
 
-def total_figure(run: EnergyRun) -> Any:
+def total_figure(motion: Trajectory, name: str) -> Any:
     """Figure 2: total energy on the scale of its parts; below, its relative departure."""
-    motion = run.trajectory
     figure = new_figure(7.0, 5.0)
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
-    low = min(motion.potential_energy.min(), run.balance.min())
-    high = max(motion.kinetic_energy.max(), run.balance.max(), run.total.max())
-    book = run.without_springs
+    parts = motion.potential_energy.min(), motion.kinetic_energy.max()
+    energy.update_datalim([(motion.t[0], part) for part in parts])
+    book = motion.without_springs
     if book is not None:
         energy.plot(motion.t, book, color=LEFT_OUT, lw=1.0, label="springs left out")
-        low, high = min(low, book.min()), max(high, book.max())
-    energy.plot(motion.t, run.total, color=TOTAL, lw=2.0, label="total")
-    if float(np.abs(motion.work).max()) > 1e-12 * run.scale:
-        energy.plot(motion.t, run.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
-    margin = 0.05 * (high - low)
-    energy.set_ylim(low - margin, high + margin)
+    energy.plot(motion.t, motion.total, color=TOTAL, lw=2.0, label="total")
+    if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
+        energy.plot(motion.t, motion.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{run.name}: total energy, relative drift {run.drift:.1e}", loc="left")
-    error.plot(motion.t, run.relative_error, color=ERROR, lw=1.2, label="relative error")
+    energy.set_title(f"{name}: total energy, relative drift {motion.drift:.1e}", loc="left")
+    error.plot(motion.t, motion.relative_error, color=ERROR, lw=1.2, label="relative error")
     error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
     _finish((energy, error), motion.t)
@@ -205,7 +184,7 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
     panels[-1].set_xlabel("time [s]")
 
 
-def save_figures(run: EnergyRun, folder: Path) -> list[Path]:
-    """Write both figures of a run as PNG; returns their paths."""
-    figures = {"energies": energies_figure(run), "total": total_figure(run)}
-    return [save_figure(figure, folder / f"{run.name}_{kind}.png") for kind, figure in figures.items()]
+def save_figures(motion: Trajectory, name: str, folder: Path) -> list[Path]:
+    """Write both figures of a motion as PNG; returns their paths."""
+    figures = {"energies": energies_figure(motion, name), "total": total_figure(motion, name)}
+    return [save_figure(figure, folder / f"{name}_{kind}.png") for kind, figure in figures.items()]

@@ -47,6 +47,38 @@ class Trajectory:
         """Position of the tip, (T, ..., 2), m."""
         return self.scene.robot.forward_kinematics(self.q)
 
+    @property
+    def total(self) -> Array:
+        """Kinetic plus potential energy, (T, ...), J."""
+        return self.kinetic_energy + self.potential_energy
+
+    @property
+    def balance(self) -> Array:
+        """Total energy minus the work done on the arm, (T, ...), J: constant but for integration error."""
+        return self.total - self.work
+
+    @property
+    def without_springs(self) -> Array | None:
+        """Kinetic energy plus that of gravity alone, (T, ...), J; None if that is the total."""
+        effects = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
+        gravity = potential_energy(dataclasses.replace(self.scene, effects=effects), self.q)
+        return None if np.array_equal(gravity, self.potential_energy) else self.kinetic_energy + gravity
+
+    @property
+    def scale(self) -> float:
+        """Scale of a drift, J: the energy that was exchanged."""
+        return float(max(self.kinetic_energy.max(), np.ptp(self.potential_energy), 1e-300))
+
+    @property
+    def relative_error(self) -> Array:
+        """Departure of the balance from its start, (T, ...), relative to ``scale``."""
+        return (self.balance - self.balance[0]) / self.scale
+
+    @property
+    def drift(self) -> float:
+        """Largest relative error."""
+        return float(np.abs(self.relative_error).max())
+
 
 def simulate(
     scene: Scene, q: ArrayLike, qd: ArrayLike, times: ArrayLike, efforts: Efforts = None
@@ -62,10 +94,6 @@ def simulate(
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
     efforts : None, (joints,) array, or callable(t, q, qd)
         Joint efforts, N m and N; a callable is called once per control instant.
-
-    Returns
-    -------
-    Trajectory
     """
     check_scene(scene)
     t = np.atleast_1d(numbers("times", times))
@@ -177,7 +205,7 @@ def _check(status: Status, time: float) -> None:
         )
 
 
-# ---- energies over time, as in figures 1 and 2 of the report --------------------------------------
+# ---- the experiment of the report, figures 1 and 2 ------------------------------------------------
 
 STARTS: dict[str, tuple[float, float, float, float]] = {
     "rprp_report_spring": (1.2, 0.25, 0.4, 0.2),
@@ -190,49 +218,6 @@ report states neither parameters nor a start; these are ours."""
 
 SAMPLE_INTERVAL = 0.005
 """Longest time between rows of a recorded motion, s."""
-
-
-@dataclass(frozen=True)
-class EnergyRun:
-    """A motion and its energies."""
-
-    name: str
-    scene: Scene
-    trajectory: Trajectory
-
-    @property
-    def total(self) -> Array:
-        """Kinetic plus potential energy, (T,), J."""
-        return self.trajectory.kinetic_energy + self.trajectory.potential_energy
-
-    @property
-    def balance(self) -> Array:
-        """Total energy minus the work done on the arm, (T,), J: constant but for integration error."""
-        return self.total - self.trajectory.work
-
-    @property
-    def without_springs(self) -> Array | None:
-        """Kinetic energy plus that of gravity alone, (T,), J; None if that is the total."""
-        field = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
-        gravity = potential_energy(dataclasses.replace(self.scene, effects=field), self.trajectory.q)
-        same = np.array_equal(gravity, self.trajectory.potential_energy)
-        return None if same else self.trajectory.kinetic_energy + gravity
-
-    @property
-    def scale(self) -> float:
-        """Scale of a drift, J: the energy that was exchanged."""
-        potential = self.trajectory.potential_energy
-        return float(max(self.trajectory.kinetic_energy.max(), np.ptp(potential), 1e-300))
-
-    @property
-    def relative_error(self) -> Array:
-        """Departure of the balance from its start, (T,), relative to ``scale``."""
-        return (self.balance - self.balance[0]) / self.scale
-
-    @property
-    def drift(self) -> float:
-        """Largest relative error."""
-        return float(np.abs(self.relative_error).max())
 
 
 def default_start(name: str, scene: Scene) -> tuple[float, ...]:
@@ -256,20 +241,18 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
             raise ValueError(f"{name} is {value!r}; give {joints} finite numbers")
 
 
-def energy_run(
-    name: str, scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None
-) -> EnergyRun:
+def energy_run(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> Trajectory:
     """The motion of an arm released at q, with velocities qd or at rest, without motor efforts."""
     qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
     check_start(scene, seconds, q, qd)
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
-    return EnergyRun(name, scene, simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1)))
+    return simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
 
 
-def write_csv(run: EnergyRun, path: Path) -> None:
+def write_csv(motion: Trajectory, path: Path) -> None:
     """Write t [s], states and energies [J], one row per recorded time."""
-    arm, motion = run.scene.robot, run.trajectory
+    arm = motion.scene.robot
     header = ["t", *arm.coordinates, *arm.rates, "kinetic", "potential", "work", "total"]
     columns = (motion.t, motion.q, motion.qd, motion.kinetic_energy, motion.potential_energy, motion.work)
-    values = np.column_stack([*columns, run.total]).tolist()
+    values = np.column_stack([*columns, motion.total]).tolist()
     write_rows([dict(zip(header, row, strict=True)) for row in values], header, path)

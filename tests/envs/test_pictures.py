@@ -276,25 +276,25 @@ def test_what_cannot_be_drawn_is_refused():
 @pytest.mark.parametrize("name", ["rprp_limit_springs", "rprp_report_spring"])
 def test_energies_of_a_run_and_their_figures(name):
     """The command ``simulate`` writes those of all presets; ``tests/test_cli.py`` reads them."""
-    run = energy.energy_run(name, rde.load_scene(name), 1.5, energy.STARTS[name])
+    run = energy.energy_run(rde.load_scene(name), 1.5, energy.STARTS[name])
     assert run.drift < 1e-6
-    assert np.abs(run.trajectory.work).max() < 1e-12 * run.scale
+    assert np.abs(run.work).max() < 1e-12 * run.scale
     if name == "rprp_limit_springs":  # sliders reach them
         for joint, (low, high) in animation.stated_limits(run.scene).items():
-            assert run.trajectory.q[:, joint].min() < low
-            assert run.trajectory.q[:, joint].max() > high
+            assert run.q[:, joint].min() < low
+            assert run.q[:, joint].max() > high
     else:  # without its spring the energy is not constant
         assert np.ptp(run.without_springs) > 0.1 * run.scale
-    for figure in (animation.energies_figure(run), animation.total_figure(run)):
+    for figure in (animation.energies_figure(run, name), animation.total_figure(run, name)):
         assert all("[" in axes.get_ylabel() for axes in figure.axes)
         assert figure.axes[-1].get_xlabel() == "time [s]"
     assert "relative drift" in figure.axes[0].get_title(loc="left")
-    is_picture(rde.animate(run.trajectory).frame(-1))
+    is_picture(rde.animate(run).frame(-1))
 
 
 def test_balance_closes_where_energy_is_lost():
     scene = dataclasses.replace(rde.load_scene("rprp_reach"), substeps=20, tolerance=None)
-    run = energy.energy_run("reach", scene, 0.5, (0.5, 0.1, 0.0, 0.1))
+    run = energy.energy_run(scene, 0.5, (0.5, 0.1, 0.0, 0.1))
     assert run.total[-1] < run.total[0] - 0.01
     assert run.drift < 1e-5
 
@@ -306,4 +306,4 @@ def test_starts_of_runs():
         (1.0, (0.0, np.inf, 0.0, 0.0), "q"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=f"^{name} is"):
-            energy.energy_run("free", rde.load_scene("four_r_free"), seconds, q)
+            energy.energy_run(rde.load_scene("four_r_free"), seconds, q)
