@@ -131,10 +131,9 @@ def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Arra
     return holding_poses(scene, goals, tolerance)[1]
 
 
-def holding_poses(
-    scene: Scene, goals: ArrayLike, tolerance: float = 0.0, grid: int = GRID
-) -> tuple[Array, Array]:
-    """The pose of least load at each goal.
+def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tuple[Array, Array]:
+    """The pose of least load at each goal; ValueError if the scene has effects whose part at rest is not
+    known, or another argument is not as below.
 
     Parameters
     ----------
@@ -143,8 +142,6 @@ def holding_poses(
     goals : (n, 2) m
     tolerance : float
         m. At 0 the tip is exactly at the goal; otherwise it is anywhere within this distance of it.
-    grid : int
-        Points of the grid along either parameter, at least 3.
 
     Returns
     -------
@@ -153,11 +150,6 @@ def holding_poses(
     load : (n,)
         Largest effort / limit of a joint in that pose, 1; inf where the goal is out of reach. It is an upper
         bound of the least, since it belongs to a pose.
-
-    Raises
-    ------
-    ValueError
-        If the scene has effects whose part at rest is not known, or another argument is not as above.
     """
     joints = len(scene.robot.joints)
     if joints - 2 != PARAMETERS:
@@ -174,20 +166,18 @@ def holding_poses(
     margin = number("tolerance", tolerance)
     if margin < 0.0:
         raise ValueError(f"tolerance is {margin} m; it must not be negative")
-    if isinstance(grid, bool) or not isinstance(grid, int) or grid < 3:
-        raise ValueError(f"grid is {shown(grid)}; give a whole number of at least 3")
 
     def load(q: Array) -> Array:
         loads: Array = (np.abs(motor_efforts(scene, q)) / limits).max(axis=-1)
         return np.where(np.isnan(loads), np.inf, loads)
 
     sheets = num_sheets(scene.robot)
-    per_goal = max(sheets * grid**2 * (1 + RING * (margin > 0.0)), CANDIDATES * DIRECTIONS)
+    per_goal = max(sheets * GRID**2 * (1 + RING * (margin > 0.0)), CANDIDATES * DIRECTIONS)
     size = max(1, CHUNK // per_goal)
     q, best = np.full((len(points), joints), np.nan), np.full(len(points), np.inf)
     for start in range(0, len(points), size):
         part = slice(start, start + size)
-        q[part], best[part] = _Search(scene.robot, travel, load, points[part], margin).run(sheets, grid)
+        q[part], best[part] = _Search(scene.robot, travel, load, points[part], margin).run(sheets)
     return q, best
 
 
@@ -203,13 +193,13 @@ class _Search(NamedTuple):
     def poses(self, x: Array, sheet: NDArray[np.int64], goals: Array) -> Array:
         return goal_poses(self.arm, self.travel, goals + self.margin * x[..., 2:], x[..., :2], sheet)
 
-    def run(self, sheets: int, grid: int) -> tuple[Array, Array]:
+    def run(self, sheets: int) -> tuple[Array, Array]:
         """q (n, joints) and load (n,)."""
-        psi = np.linspace(0.0, np.pi, grid)
+        psi = np.linspace(0.0, np.pi, GRID)
         turn = 2.0 * np.pi * np.arange(RING) / RING
         ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         near = np.concatenate([np.zeros((1, 2)), ring]) if self.margin > 0.0 else np.zeros((1, 2))
-        shape = (len(near), sheets, grid, grid)
+        shape = (len(near), sheets, GRID, GRID)
         x = np.empty((*shape, 4))
         x[..., 0], x[..., 1] = psi[:, None], psi
         x[..., 2:] = near[:, None, None, None]
