@@ -42,9 +42,9 @@ _NAMES = {
     "envs.registration": ("register_arm", "register_effect", "register_integrator", "register_task"),
     "tasks": ("Task", "ReachTask", "GoalReachTask"),
     "numerics.tableaus": ("Tableau",),
-    "": ("effects",),
 }
-_HOMES = {name: home for home, names in _NAMES.items() for name in names}
+_HOMES = {name: f"{home}:{name}" for home, names in _NAMES.items() for name in names}
+_HOMES["effects"] = "effects"  # a module itself
 __all__ = [
     "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
     "Scene", "Tableau", "Task", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",
@@ -64,12 +64,9 @@ def __getattr__(name: str) -> Any:
         )
     if name not in _HOMES:
         raise AttributeError(f"module 'redundant_envs' has no attribute {name!r}")
-    from importlib import import_module
+    from pkgutil import resolve_name
 
-    home = _HOMES[name]
-    if not home:
-        return import_module(f"redundant_envs.{name}")
-    return getattr(import_module(f"redundant_envs.{home}"), name)
+    return resolve_name(f"redundant_envs.{_HOMES[name]}")
 
 
 def __dir__() -> list[str]:

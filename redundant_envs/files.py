@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import stat
 from collections.abc import Iterator
+from os.path import exists as exists  # False for a text that cannot be a path
 from pathlib import Path
 from typing import Any
 
@@ -71,14 +72,6 @@ def config_folder(kind: str) -> Path:
     """A folder of configs/, such as that of the named scenes: package data in a wheel."""
     installed = Path(__file__).parent / "configs"
     return (installed if installed.is_dir() else Path(__file__).parents[1] / "configs") / kind
-
-
-def exists(path: Path) -> bool:
-    """Whether a path exists; False for a text that cannot be a path."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False
 
 
 # ---- the line of a mistake in a file -------------------------------------------------------------

@@ -6,10 +6,12 @@ Each rule has a name and one sentence; a violation raises :class:`BrokenRule` wi
 from __future__ import annotations
 
 import copy
+import functools
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -56,18 +58,11 @@ class BrokenRule(AssertionError):
 
 
 def check_vec_env(env: Any, seed: int = 123) -> None:
-    """Check a vector environment against the contract of its library.
+    """Check a vector environment against the contract of its library; a :class:`BrokenRule` names the first
+    rule that does not hold.
 
-    Parameters
-    ----------
-    env : gymnasium.vector.VectorEnv or stable_baselines3 VecEnv
-        It is reset and stepped until an episode ends (at most 1000 steps).
-    seed : int
-
-    Raises
-    ------
-    BrokenRule
-        Naming the first rule that does not hold.
+    It is a ``gymnasium.vector.VectorEnv`` or a ``VecEnv`` of stable-baselines3, and is reset with the seed
+    and stepped until an episode ends (at most 1000 steps).
     """
     if isinstance(env, VectorEnv):
         _VectorCheck(env, VECTOR_RULES, seed).run()
@@ -79,11 +74,7 @@ def check_vec_env(env: Any, seed: int = 123) -> None:
         )
 
 
-def same(a: Any, b: Any) -> bool:
-    """Whether two observations are equal to the last bit."""
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
-    return bool(np.array_equal(a, b))
+same = functools.partial(data_equivalence, exact=True)
 
 
 class _Check:
@@ -134,7 +125,6 @@ class _VectorCheck(_Check):
         self.check_ends(mode)
 
     def rollout(self, actions: list[Any]) -> list[Any]:
-        """Observations and rewards of some steps."""
         self.returned = []
         self.keep(self.env.reset(seed=self.seed)[0])
         steps = []
@@ -146,7 +136,6 @@ class _VectorCheck(_Check):
         return steps
 
     def step(self, action: Any) -> tuple[Any, ...]:
-        """A step whose results were checked."""
         result = self.env.step(action)
         self.need("step", isinstance(result, tuple) and len(result) == 5, "another shape")
         obs, reward, terminated, truncated, infos = result
@@ -222,7 +211,6 @@ class _SB3Check(_Check):
         self.check_kept()
 
     def begin(self, space: spaces.Space[Any]) -> Any:
-        """Observations of a reset with the seed."""
         self.env.seed(self.seed)
         obs = self.env.reset()
         self.need("reset", isinstance(obs, np.ndarray | dict) and space.contains(obs), obs)
