@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.algebra import arguments_of
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS, Autoreset, Operation
-from redundant_envs.envs import arguments
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.lane.episode import TIP, Episode
@@ -24,12 +24,16 @@ from redundant_envs.model.programs import Call, Copied, Simulator, Team, address
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
-from redundant_envs.tasks.base import range_of_starts
+from redundant_envs.tasks.base import full_reach, hard_stops, range_of_starts
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.values import check_keys, whole_number
+from redundant_envs.values import check_keys, shown, whole_number
 
 STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
+OPTION_KEYS = ["q", "qd", "goal", "parameters"]
+LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
+"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
+LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
 Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
@@ -64,23 +68,20 @@ class EpisodeKeys:
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
         for lane in lanes[self._left[lanes] == 0].tolist():
-            self._draw(lane)
+            if self._generators[lane] is None:
+                self.seed(lane, None)
+            generator, drawn = self._generators[lane], self._drawn[lane]
+            assert generator is not None
+            bits = generator.bit_generator
+            if type(bits) is np.random.PCG64:
+                drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
+                self._left[lane] = len(drawn)
+            else:
+                drawn[-1] = generator.integers(0, 2**32, size=KEY_WORDS, dtype=np.uint32)
+                self._left[lane] = 1
         keys = self._drawn[lanes, -self._left[lanes]]
         self._left[lanes] -= 1
         return keys
-
-    def _draw(self, lane: int) -> None:
-        if self._generators[lane] is None:
-            self.seed(lane, None)
-        generator, drawn = self._generators[lane], self._drawn[lane]
-        assert generator is not None
-        bits = generator.bit_generator
-        if type(bits) is np.random.PCG64:
-            drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
-            self._left[lane] = len(drawn)
-        else:
-            drawn[-1] = generator.integers(0, 2**32, size=KEY_WORDS, dtype=np.uint32)
-            self._left[lane] = 1
 
 
 class Core(Copied):
@@ -110,7 +111,7 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = environment_simulator(self.scene, self.task)
-        numbers = {**self.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
+        numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
         self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
@@ -128,7 +129,7 @@ class Core(Copied):
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
-        self.reach = arguments.reach_of(self.scene, self.scene.parameters())
+        self.reach = reach_of(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
@@ -199,7 +200,6 @@ class Core(Copied):
     def _run(
         self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
     ) -> Tables:
-        """An operation on all lanes."""
         n, count = self.num_envs, self.memory.blocks * LANES
         if actions is None:
             actions = np.zeros((n, len(self.actions)), dtype=np.float32)
@@ -257,10 +257,10 @@ class Core(Copied):
         if not options:
             return None, []
         scene, task, memory = self.scene, self.task, self.memory
-        check_keys("options", options, arguments.OPTION_KEYS)
+        check_keys("options", options, OPTION_KEYS)
         given, values = options.get("parameters"), None
         if task.goal_conditioned and isinstance(given, Mapping):
-            arguments.check_of_reward(scene, task, given)
+            check_of_reward(scene, task, given)
         if given is not None:
             values = parameters.lane_values(scene, memory, lanes, given, True, task)
         present = values or parameters.present(memory, lanes, scene.parameters())
@@ -272,14 +272,14 @@ class Core(Copied):
             if options.get(key) is None:
                 continue
             numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), len(names))
-            most, largest = float(np.abs(numbers).max(initial=0.0)), arguments.LARGEST_START[key]
+            most, largest = float(np.abs(numbers).max(initial=0.0)), LARGEST_START[key]
             if most > largest:
                 raise ValueError(f"options[{key!r}] has an entry of size {most:g}; give at most {largest:g}")
             writes.append((names, numbers))
             if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
                 parameters.check_stops(scene, numbers, present, "options['q']: ")
             elif key == "goal":
-                radius, reach = np.linalg.norm(numbers, axis=1), arguments.reach_of(scene, present)
+                radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
                 if (radius > reach).any():
                     lane = int(np.argmax(radius - reach))
                     raise ValueError(
@@ -352,7 +352,7 @@ class Core(Copied):
         parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
         finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
-        kept = arguments.numbers_of_reward(self.task)
+        kept = numbers_of_reward(self.task)
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
             parameters.check_array("state", key, state[key], own)
@@ -371,3 +371,49 @@ class Core(Copied):
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
             goal_conditioned=self.task.goal_conditioned,
         )  # fmt: skip
+
+
+# ---- what users give ------------------------------------------------------------------------------------
+
+
+def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
+    """Reach of the stretched arm, m, from all parameters of the scene."""
+    reach = full_reach(scene.robot)
+    ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
+    return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
+
+
+def numbers_of_reward(task: Task) -> list[str]:
+    """Numbers of a task on which the reward of goals depends: no reset of a goal environment changes them."""
+    if not task.goal_conditioned:
+        return []
+    taken = {name for f in task.goal_functions for name in arguments_of(f)}
+    return [name for name in task.parameters() if name in taken]
+
+
+def check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+    """Refuse parameters of a goal environment on which its reward depends."""
+    fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
+    of_reward = numbers_of_reward(task)
+    for name in (n for n in given if isinstance(n, str)):
+        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
+        if name in ("lengths", *of_reward) or fixed & entries:
+            what = name if name in of_reward else "lengths and travel"
+            raise ValueError(
+                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
+                "function of the two goals alone"
+                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
+            )
+
+
+def episode_limit(max_episode_steps: Any) -> float:
+    """Control steps until truncation; None and -1 mean never."""
+    given = max_episode_steps
+    if given is None or (isinstance(given, int | np.integer) and given == -1):
+        return float("inf")
+    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
+        raise ValueError(
+            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
+        )
+    return float(given)

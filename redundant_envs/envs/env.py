@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import Autoreset, Operation
-from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import Face
+from redundant_envs.envs.face import Face, check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
@@ -113,9 +112,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         return obs
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot; the continuation is the same to the last bit."""
-        self.core.set_state(state)
-        self._begin_trails()
+        super().set_state(state)
         self._begin()
         self._begun = self.core.begun_all
         if not self._begun or self.core.memory.read(("terminated",)).any():
@@ -182,7 +179,11 @@ class SingleLane:
         self._action: Any = self.action.data  # faster to write than the array itself
         obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
         self._copied_obs = obs[0].copy
-        self._buffer, self.outputs = _in_one_buffer(columns)
+        # Tables for the lanes of a block side by side in memory, so that one call reads all of them.
+        kinds = [(table, FORMATS[table], (len(names), LANES)) for table, names in columns.tables.items()]
+        rows: Any = np.zeros(1, kinds)
+        self._buffer = memoryview(rows.view(np.uint8))
+        self.outputs = Outputs(*(rows[table][0] for table in columns.tables))
         self.ends: Callable[[], tuple[bool, float]] = self._reading(columns, ("terminated", "reward"))
         """Whether the episode was terminated, and the reward, of the last step."""
         self.points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
@@ -227,13 +228,6 @@ class SingleLane:
         info = Info(self._unread)
         info.unread = self._shown, self._names, bytes(self._buffer)
         return info
-
-
-def _in_one_buffer(columns: Columns) -> tuple[memoryview, Outputs]:
-    """Tables for the lanes of a block side by side in memory, so that one call reads all of them."""
-    kinds = [(table, FORMATS[table], (len(names), LANES)) for table, names in columns.tables.items()]
-    tables: Any = np.zeros(1, kinds)
-    return memoryview(tables.view(np.uint8)), Outputs(*(tables[table][0] for table in columns.tables))
 
 
 def _reader(columns: Columns, names: Any) -> struct.Struct:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from gymnasium import spaces
@@ -14,18 +14,19 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import check_action, refuse_bad_action
-from redundant_envs.envs.core import Core
+from redundant_envs.envs.core import OPTION_KEYS, Core
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
+from redundant_envs.values import shown
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
 ON_BAD_ACTION = ("raise", "terminate")
+FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
 
@@ -170,6 +171,11 @@ class Face:
         """Snapshot of all environments, generators included; wrappers (TimeLimit) count for themselves."""
         return self.core.get_state()
 
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
+        self.core.set_state(state)
+        self._begin_trails()
+
     def _pictures(self) -> Any:
         """The renderer, made when it is first used."""
         if self._renderer is None:
@@ -190,22 +196,14 @@ class Face:
             self._see(self.core.observe()[1])
 
 
-class Stepped(NamedTuple):
-    """A control step of all lanes; ``last`` observations and outputs are those before an autoreset."""
-
-    observation: Any
-    reward: NDArray[np.float64]
-    terminated: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
-    out: Outputs
-    last: Any
-    last_out: Outputs
-
-
 class VectorFace(Face):
     """The same for many lanes."""
 
     _ready = False
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        super().set_state(state)
+        self._ready = self.core.begun_all
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""
@@ -224,22 +222,25 @@ class VectorFace(Face):
             self._see(out)
         return self.core.observation(obs, out), out
 
-    def _stepped(self, actions: NDArray[np.float32], autoreset: Autoreset) -> Stepped:
-        """A control step; where it ended an episode, the reward belongs to the last observation."""
+    def _stepped(
+        self, actions: NDArray[np.float32], autoreset: Autoreset
+    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], Outputs, Any, Outputs]:
+        """A control step: observations, rewards, which lanes ended an episode, outputs, and observations and
+        outputs before an autoreset. The reward of an end belongs to the observation before it."""
         core, columns = self.core, self.core.columns
         obs, out, last_obs, last_out = core.step(actions, autoreset)
-        terminated, truncated = columns.of(out, "terminated"), columns.of(out, "truncated")
-        observation, reward = core.observation(obs, out), columns.of(out, "reward")
-        last = observation
-        if autoreset == Autoreset.SAME_STEP and (terminated | truncated).any():
+        ended = columns.of(out, "terminated") | columns.of(out, "truncated")
+        last = observation = core.observation(obs, out)
+        reward = columns.of(out, "reward")
+        if autoreset == Autoreset.SAME_STEP and ended.any():
             last = core.observation(last_obs, last_out)
         if self.goal_conditioned:
-            ended = (terminated | truncated)[:, None]
             pair = ("achieved_goal", "desired_goal")
-            reward = core.goal_reward(*(np.where(ended, last[name], observation[name]) for name in pair))
+            told = (np.where(ended[:, None], last[name], observation[name]) for name in pair)
+            reward = core.goal_reward(*told)
         if self.render_mode is not None:
             self._see(out)
-        return Stepped(observation, reward, terminated, truncated, out, last, last_out)
+        return observation, reward, ended, out, last, last_out
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
         """Goal environments only: the compiled reward of (n, 2) pairs of goals."""
@@ -251,3 +252,45 @@ class VectorFace(Face):
 def observation_of(batch: Any, lane: int) -> Any:
     """One environment's part of a batch of observations, which are an array or a dictionary of arrays."""
     return {k: v[lane] for k, v in batch.items()} if isinstance(batch, dict) else batch[lane]
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
+    return dict(options)
+
+
+def checked_seed(name: str, seed: Any) -> int | None:
+    """A seed as Gymnasium takes it; a ValueError if it is neither a whole number from 0 on nor None."""
+    if seed is None:
+        return None
+    if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
+    return int(seed)
+
+
+def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Actions as float32, or a ValueError about their shape or dtype."""
+    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
+    if of_floats and actions.shape == shape and actions.flags.carray:
+        return actions  # type: ignore[no-any-return]
+    array = np.asarray(actions)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
+        array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action has dtype {array.dtype}; give numbers")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}; give {shape}")
+    return np.require(array, np.float32, ["C", "A", "W"])
+
+
+def refuse_bad_action(actions: NDArray[np.float32]) -> None:
+    """Raise for actions that are not finite."""
+    if not np.isfinite(actions).all():
+        raise ValueError(
+            f"action has non-finite entries: {actions.tolist()}; give finite numbers, or make the "
+            "environment with on_bad_action='terminate'"
+        )

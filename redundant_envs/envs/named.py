@@ -46,14 +46,14 @@ def __getattr__(name: str) -> type[Any]:
     *modules, name = name.split("/")
     for module in modules:
         importlib.import_module(module)
-    for env_id, (arm, task) in IDS.items():  # noqa: B007 - the last one is used
-        if name in (f"{arm}{task}Env", f"{arm}{task}VectorEnv"):
-            break
-    else:
+    classes = {f"{arm}{task}{kind}": i for i, (arm, task) in IDS.items() for kind in ("Env", "VectorEnv")}
+    if name not in classes:
         raise AttributeError(
             f"module {__name__!r} has no class {name!r}; if it is of an arm or task of yours, import the "
             "module that registers it first"
         )
+    env_id = classes[name]
+    task = IDS[env_id].task
     return _made(name, env_id, task, TASKS[task])  # type: ignore[arg-type]  # classes are hashable
 
 
@@ -77,7 +77,6 @@ def texts() -> dict[str, Any]:
 
 
 def action_table(scene: Scene) -> str:
-    """Actions with their limits."""
     values, arm, rows = scene.parameters(), scene.robot, []
     for k, (joint, limit) in enumerate(zip(arm.joints, scene.action_units(), strict=True)):
         unit = "N" if arm.prismatic[k] else "N m"
@@ -86,7 +85,6 @@ def action_table(scene: Scene) -> str:
 
 
 def observation_table(scene: Scene, task: Task) -> str:
-    """Observed quantities in order."""
     rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
     return markdown(("Num", "Observation", "Min", "Max"), rows)
 

@@ -285,7 +285,6 @@ class Renderer:
         self._window: Any = None
 
     def clear(self) -> None:
-        """Forget all trails."""
         self._count[:] = 0
         self._last[:] = -1.0
 
@@ -294,21 +293,16 @@ class Renderer:
 
         A trail starts again with each episode.
         """
-        newest = self._tips[np.arange(len(tips)), (self._count - 1) % TRAIL_LENGTH]
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
-        same = (steps == self._last) & (np.abs(newest - tips) < 1e-9).all(axis=1)
+        same = (steps == self._last) & (np.abs(self._tips[:, -1] - tips) < 1e-9).all(axis=1)
         self._count[~(stepped | same)] = 0
-        lanes = np.flatnonzero(~same)
-        self._tips[lanes, self._count[lanes] % TRAIL_LENGTH] = tips[lanes]
-        self._count[lanes] += 1
+        self._tips[~same] = np.concatenate([self._tips, tips[:, None]], axis=1)[~same, 1:]
+        self._count = np.minimum(self._count + ~same, TRAIL_LENGTH)
         self._last = steps.copy()
 
     def trail(self, lane: int) -> NDArray[np.float64]:
         """Positions of the tip of a lane at the last steps of its episode, (n, 2), the newest last."""
-        count = int(self._count[lane])
-        if count <= TRAIL_LENGTH:
-            return self._tips[lane, :count]
-        return np.roll(self._tips[lane], -(count % TRAIL_LENGTH), axis=0)
+        return self._tips[lane, TRAIL_LENGTH - self._count[lane] :]
 
     def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
         """The picture of a lane, (480, 480, 3) uint8, with time, efforts and how long the goal was held.
@@ -358,7 +352,6 @@ class Renderer:
         self._window.show(self.draw(lane))
 
     def close(self) -> None:
-        """Close the window if one is open."""
         if self._window is not None:
             self._window.close()
             self._window = None

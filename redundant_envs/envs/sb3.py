@@ -14,9 +14,8 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
+from redundant_envs.envs.face import LANE_VALUES, VectorFace, checked_options, checked_seed, observation_of
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
 from redundant_envs.extras import needs
 from redundant_envs.tasks import make_task
@@ -99,10 +98,8 @@ class SB3VecEnv(VectorFace, VecEnv):
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
-        core = self.core
-        step = self._stepped(self._actions, Autoreset.SAME_STEP)
-        out, last_out, columns = step.out, step.last_out, core.columns
-        dones = step.terminated | step.truncated
+        core, columns = self.core, self.core.columns
+        observation, reward, dones, out, last, last_out = self._stepped(self._actions, Autoreset.SAME_STEP)
         infos: list[dict[str, Any]]
         if "is_success" in core.task.metrics:
             held = columns.of(out, "is_success").tolist()
@@ -123,16 +120,15 @@ class SB3VecEnv(VectorFace, VecEnv):
                         "l": infos[n]["episode_steps"],
                         "t": round(time.time() - self._made, 6),
                     }
-                infos[n]["terminal_observation"] = observation_of(step.last, n)
+                infos[n]["terminal_observation"] = observation_of(last, n)
                 infos[n]["TimeLimit.truncated"] = bool(cut[n])
                 self.reset_infos[n] = columns.info(out, n)
-        return step.observation, step.reward.astype(np.float32), dones, infos
+        return observation, reward.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Nothing to release."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.check_state(state)
         memory = self.core.memory.holding(state["states"], state["parameters"])
         ended = np.flatnonzero(memory.read(("terminated",))[:, 0])
@@ -141,9 +137,7 @@ class SB3VecEnv(VectorFace, VecEnv):
                 f"state has environments whose episodes have ended, {ended.tolist()[:8]}; here they begin "
                 "anew at once: take a state of episodes that go on"
             )
-        self.core.set_state(state)
-        self._begin_trails()
-        self._ready = self.core.begun_all
+        super().set_state(state)
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
@@ -205,18 +199,16 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
     num_envs = whole_number("num_envs", num_envs)
     spec = gym.spec(full)
-    arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
+    arguments = {**spec.kwargs, **kwargs}
     valid = (*ARGUMENTS, "render_mode", "threads")
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    own = {name: arguments[name] for name in ("on_bad_action", "render_mode") if name in arguments}
-    of_core = {name: value for name, value in arguments.items() if name not in (*own, "task")}
-    task = make_task(arguments.get("task"), IDS[full].task)
-    env = SB3VecEnv(Core(num_envs=num_envs, task=task, env_id=full, **of_core), **own, monitor=monitor)
-    env.spec = dataclasses.replace(
-        spec,
-        kwargs={k: v for k, v in arguments.items() if k != "max_episode_steps"},
-        max_episode_steps=arguments["max_episode_steps"],
-    )
+    steps = arguments.pop("max_episode_steps", spec.max_episode_steps)
+    spec = dataclasses.replace(spec, kwargs={**arguments}, max_episode_steps=steps)
+    own = {name: arguments.pop(name) for name in ("on_bad_action", "render_mode") if name in arguments}
+    task = make_task(arguments.pop("task", None), IDS[full].task)
+    core = Core(num_envs=num_envs, task=task, env_id=full, max_episode_steps=steps, **arguments)
+    env = SB3VecEnv(core, **own, monitor=monitor)
+    env.spec = spec
     return env

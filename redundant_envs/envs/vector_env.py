@@ -11,9 +11,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
-from redundant_envs.envs.face import VectorFace, observation_of
+from redundant_envs.envs.face import VectorFace, checked_options, checked_seed, observation_of
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.model.parameters import check_array, check_keys
 from redundant_envs.values import whole_number
@@ -41,11 +40,10 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         accuracy: str | float | None = None,
         threads: int = 1,
     ) -> None:
-        num_envs = whole_number("num_envs", num_envs)
+        self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode)
         core = self._core_of(scene, num_envs, task, accuracy, max_episode_steps, threads)
-        self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -69,10 +67,8 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             gives "parameters" again ({} returns to the own ones).
         """
         options = checked_options(options)
-        mask = options.pop("reset_mask", None)
-        if mask is None:
-            mask = np.ones(self.num_envs, dtype=np.bool_)
-        mask = np.array(mask)
+        given = options.pop("reset_mask", None)
+        mask = np.ones(self.num_envs, dtype=np.bool_) if given is None else np.array(given)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(
                 f"options['reset_mask'] has shape {mask.shape} and dtype {mask.dtype}; "
@@ -100,28 +96,28 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
                 f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
-        step = self._stepped(self._checked_actions(actions), KERNEL_MODE[mode])
-        ended = step.terminated | step.truncated
-        infos = self._infos(step.out, None)
+        observation, reward, ended, out, last, last_out = self._stepped(
+            self._checked_actions(actions), KERNEL_MODE[mode]
+        )
+        infos = self._infos(out, None)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
-            step.reward[core.begun] = 0.0
+            reward[core.begun] = 0.0
         elif mode is AutoresetMode.SAME_STEP and ended.any():
             final = np.full(self.num_envs, None, dtype=object)
             for n in np.flatnonzero(ended).tolist():
-                final[n] = observation_of(step.last, n)
+                final[n] = observation_of(last, n)
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
-            infos["final_info"], infos["_final_info"] = self._infos(step.last_out, ended), ended.copy()
+            infos["final_info"], infos["_final_info"] = self._infos(last_out, ended), ended.copy()
         elif mode is AutoresetMode.DISABLED:
-            self._ended = ended.copy()
-        return step.observation, step.reward, step.terminated, step.truncated, infos
+            self._ended = ended
+        terminated, truncated = (core.columns.of(out, name) for name in ("terminated", "truncated"))
+        return observation, reward, terminated, truncated, infos
 
     def get_state(self) -> dict[str, Any]:
-        """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
         return {**super().get_state(), **own}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot; the continuation is the same to the last bit."""
         own = ("ended", "autoreset_mode")
         check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
         of_core = {key: value for key, value in state.items() if key not in own}
@@ -133,10 +129,8 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
                 f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane "
                 "that waits for its reset in one does not in the other: make the environment with the same"
             )
-        self.core.set_state(of_core)
-        self._begin_trails()
+        super().set_state(of_core)
         self._ended = state["ended"].copy()
-        self._ready = self.core.begun_all
 
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """One picture per environment, (height, width, 3) uint8."""

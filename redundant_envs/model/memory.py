@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,9 +61,6 @@ class Memory:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self.arrays = {name: _aligned_copy(array) for name, array in state["arrays"].items()}
-
-    def __copy__(self) -> Memory:
-        return copy.deepcopy(self)
 
     @property
     def parameter_stride(self) -> int:

@@ -89,16 +89,6 @@ class Simulator:
         """Name of the program's machine code for the first ``lanes`` of each block."""
         return cache.program_key(self.identity, lanes)
 
-    def check_same(self, identity: str) -> None:
-        """ValueError unless a copy was made of a simulator with this program."""
-        if identity != self.identity:
-            scene = self.dynamics.scene
-            names = ", ".join(type(x).__name__ for x in (scene.robot, *scene.effects))
-            raise ValueError(
-                f"the copy is of a simulator with other equations: {names}, or the task, are not what they "
-                "were when it was made; go on with the definitions of then, or make a new simulator"
-            )
-
     def kernels(self, count: int) -> dict[str, llvm.Entry]:
         """The kernels in machine code for a number of lanes, from this process, the folder of the user, or
         the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
@@ -141,12 +131,10 @@ def _kept_or_made(make: Callable[[str], Simulator], scene: Scene, *more: Any) ->
 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
-    """The simulator of a batch."""
     return _kept_or_made(lambda name: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
-    """The simulator of an environment."""
     return _kept_or_made(lambda name: _environment(scene, task, name), scene, task)
 
 
@@ -212,14 +200,13 @@ class Part(Call):
     """A call for some blocks of a memory: those from ``first`` to ``last``."""
 
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
-        self.lanes = slice(first * LANES, min(last * LANES, memory.count))
         super().__init__(simulator.arguments[name], simulator.kernels(memory.count)[name])
-        self.memory, self.first, self.last = memory, first, last
+        self.memory, self.first = memory, first
         scratch = aligned(simulator.scratch_size)
         queue = np.zeros(simulator.queue_size, dtype=np.int64)
         self.set(
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
-            count=self.lanes.stop - self.lanes.start,
+            count=min(last * LANES, memory.count) - first * LANES,
         )  # fmt: skip
         self.version = -1
         """That of the memory when the kernel got the addresses of its arrays."""
@@ -327,7 +314,13 @@ class Copied(ABC):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
-        simulator.check_same(state.get("_identity", ""))
+        if state.get("_identity", "") != simulator.identity:
+            scene = simulator.dynamics.scene
+            names = ", ".join(type(x).__name__ for x in (scene.robot, *scene.effects))
+            raise ValueError(
+                f"the copy is of a simulator with other equations: {names}, or the task, are not what they "
+                "were when it was made; go on with the definitions of then, or make a new simulator"
+            )
         self._take(state, simulator)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
