@@ -74,9 +74,6 @@ def config_folder(kind: str) -> Path:
     return (installed if installed.is_dir() else Path(__file__).parents[1] / "configs") / kind
 
 
-# ---- the line of a mistake in a file -------------------------------------------------------------
-
-
 @contextlib.contextmanager
 def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
     """Put the file before the message of a ValueError about its data, and the line if it is known, for which

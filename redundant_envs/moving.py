@@ -42,21 +42,18 @@ def _union(*kinks: Kinks) -> Kinks:
 def _arithmetic(of: Callable[[Any, Any], Any]) -> tuple[Operator, Operator]:
     """An operation on numbers, and the same with exchanged sides."""
 
-    def made(number: Moving, other: Any, value: Any) -> Moving:
-        o = moving(other)
-        return Moving(value, number.moves or o.moves, _union(number.kinks, o.kinks))
+    def operation(one: Any, other: Any) -> Moving:
+        a, b = moving(one), moving(other)
+        return Moving(of(a.value, b.value), a.moves or b.moves, _union(a.kinks, b.kinks))
 
-    return (
-        lambda self, other: made(self, other, of(self.value, _value(other))),
-        lambda self, other: made(self, other, of(_value(other), self.value)),
-    )
+    return operation, lambda self, other: operation(other, self)
 
 
 def _comparison(of: Callable[[Any, Any], Any]) -> Operator:
     def compare(self: Moving, other: Any) -> Choice:
-        moves = self.moves or moving(other).moves
-        kinks = (Kink(self.value - _value(other)),) if moves else ()
-        return Choice(of(self.value, _value(other)), kinks)
+        o = moving(other)
+        kinks = (Kink(self.value - o.value),) if self.moves or o.moves else ()
+        return Choice(of(self.value, o.value), kinks)
 
     return compare
 
@@ -115,10 +112,6 @@ class Choice:
 def moving(x: Any) -> Moving:
     """Such a number as it is, any other as one that does not move."""
     return x if isinstance(x, Moving) else Moving(x)
-
-
-def _value(x: Any) -> Any:
-    return x.value if isinstance(x, Moving) else x
 
 
 def _choice(x: Any) -> Choice:

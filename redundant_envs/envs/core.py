@@ -28,7 +28,8 @@ from redundant_envs.tasks.base import full_reach, hard_stops, range_of_starts
 from redundant_envs.tasks.checks import check_task
 from redundant_envs.values import check_keys, shown, whole_number
 
-STATE_KEYS = ("states", "parameters", "keys", "mask", "waiting", "generators", "simulator")
+OF_KEYS = ("keys", "mask", "waiting")
+STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 OPTION_KEYS = ["q", "qd", "goal", "parameters"]
 LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
@@ -326,9 +327,7 @@ class Core(Copied):
         """Everything that determines the continuation: numbers, keys and generators."""
         return {
             **self.memory.save(),
-            "keys": self.keys.copy(),
-            "mask": self.mask.copy(),
-            "waiting": self.waiting.copy(),
+            **{name: getattr(self, name).copy() for name in OF_KEYS},
             "generators": copy.deepcopy(self.generators),
             "simulator": self._facts,
         }
@@ -341,9 +340,8 @@ class Core(Copied):
         """
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
-        self.keys[:] = state["keys"]
-        self.mask[:] = state["mask"]
-        self.waiting[:] = state["waiting"]
+        for name in OF_KEYS:
+            getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
 
     def check_state(self, state: Mapping[str, Any]) -> None:
@@ -354,8 +352,8 @@ class Core(Copied):
         finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
         kept = numbers_of_reward(self.task)
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
-        for key, own in (("keys", self.keys), ("mask", self.mask), ("waiting", self.waiting)):
-            parameters.check_array("state", key, state[key], own)
+        for name in OF_KEYS:
+            parameters.check_array("state", name, state[name], getattr(self, name))
         generators = state["generators"]
         if not isinstance(generators, list) or len(generators) != self.num_envs:
             raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")

@@ -46,7 +46,6 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         core = self._core_of(scene, 1, task, accuracy)
         self.observation_space, self.action_space = self._take(core)
         self._lane = SingleLane(self.core)
-        self._begun = False
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
     def __getstate__(self) -> dict[str, Any]:
@@ -88,13 +87,12 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         return self._observation(obs), self._lane.info()
 
     def _begin(self) -> None:
-        self._begun = True
         self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
         if self._operation is None:
-            when = "after the end of the episode" if self._begun else "before reset"
+            when = "after the end of the episode" if self.core.begun_all else "before reset"
             raise ResetNeeded(f"step was called {when}; call reset() first")
         lane = self._lane
         obs = lane.step(action, self._operation)
@@ -114,8 +112,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         super().set_state(state)
         self._begin()
-        self._begun = self.core.begun_all
-        if not self._begun or self.core.memory.read(("terminated",)).any():
+        if not self.core.begun_all or self.core.memory.read(("terminated",)).any():
             self._operation = None
         generator = self.core.generators[0]
         if generator is not None:
@@ -135,7 +132,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        if not self._begun:
+        if not self.core.begun_all:
             raise ResetNeeded("render was called before reset; call reset() first")
         if self.render_mode == "human":
             self._pictures().show(0)

@@ -145,8 +145,6 @@ class SB3VecEnv(VectorFace, VecEnv):
             return [None] * self.num_envs
         return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
-    # ---- attributes and methods that SB3 uses ----------------------------------------------------
-
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute, once per environment asked for; q, qd, tip, goal, parameters each of its own."""
         value = getattr(self, attr_name)

@@ -137,8 +137,6 @@ class Memory:
         if "work" in self:
             self.write(("work",), 0.0, index)
 
-    # ---- snapshots -------------------------------------------------------------------------------------
-
     def save(self) -> dict[str, Array]:
         """Copies of all numbers, in one dimension."""
         states, log, parameters = (self.arrays[str(life)].reshape(-1) for life in KEPT)

@@ -87,8 +87,7 @@ def torch_step(scene: Scene) -> Step:
         lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
         interval.update_effect_states(lane)
         states += [number(lane[n]) for n in of_effects]
-        shape = torch.broadcast_shapes(*(x.shape for x in states))
-        wide = [x.expand(shape) for x in states]
+        wide = torch.broadcast_tensors(*states)
         moved = torch.stack(wide[:count], -1), torch.stack(wide[count : 2 * count], -1)
         return (*moved, torch.stack(wide[-len(of_effects) :], -1)) if of_effects else moved
 
