@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import stat
 from collections.abc import Iterator
 from os.path import exists as exists  # False for a text that cannot be a path
 from pathlib import Path
@@ -26,10 +25,9 @@ def read_yaml(path: Path, what: str) -> Any:
 def read_text(path: Path, what: str) -> str:
     """The text of a file, within bounds; see :func:`read_yaml`."""
     try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
+        if path.is_dir():
             raise ValueError(f"{what} is {shown(str(path))}, a folder; give a YAML file in it")
-        if not stat.S_ISREG(mode):
+        if exists(path) and not path.is_file():
             raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
         with path.open("rb") as file:
             raw = file.read(LARGEST_FILE + 1)

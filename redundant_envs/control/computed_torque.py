@@ -32,10 +32,10 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
     inverse = np.linalg.inv(b)  # q = B^-T phi
     phi = start @ b
     best, best_error = phi.copy(), np.full(len(phi), np.inf)
-    values, travel = scene.parameters(), {}
+    values, low, high = scene.parameters(), np.full(len(b), -np.inf), np.full(len(b), np.inf)
     for joint, (lower, upper) in scene.travel().items():
         margin = MARGIN * (values[upper] - values[lower])
-        travel[joint] = (values[lower] + margin, values[upper] - margin)
+        low[joint], high[joint] = values[lower] + margin, values[upper] - margin
     for _ in range(ITERATIONS):
         q = phi @ inverse
         error = goal - robot.forward_kinematics(q)
@@ -48,14 +48,9 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
             freed = jacobian * free[:, None, :]
             across = freed.transpose(0, 2, 1)  # damped least squares
             step = (across @ np.linalg.solve(freed @ across + DAMPING * np.eye(2), error[..., None]))[..., 0]
-            for joint, (low, high) in travel.items():
-                inward = (phi[:, joint] > low) | (step[:, joint] > 0.0)
-                inward &= (phi[:, joint] < high) | (step[:, joint] < 0.0)
-                free[:, joint] *= inward
+            free *= ((phi > low) | (step > 0.0)) & ((phi < high) | (step < 0.0))
         largest = np.abs(step).max(axis=-1, keepdims=True)
-        phi = phi + step * np.minimum(1.0, 0.3 / np.maximum(largest, 1e-12))
-        for joint, (low, high) in travel.items():
-            phi[:, joint] = np.clip(phi[:, joint], low, high)
+        phi = np.clip(phi + step * np.minimum(1.0, 0.3 / np.maximum(largest, 1e-12)), low, high)
     return best @ inverse
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import numbered
@@ -197,21 +198,17 @@ class _Search(NamedTuple):
         """q (n, joints) and load (n,)."""
         psi = np.linspace(0.0, np.pi, GRID)
         turn = 2.0 * np.pi * np.arange(RING) / RING
-        ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        near = np.concatenate([np.zeros((1, 2)), ring]) if self.margin > 0.0 else np.zeros((1, 2))
+        near = np.vstack([np.zeros(2), np.stack([np.cos(turn), np.sin(turn)], axis=-1)])
+        near = near if self.margin > 0.0 else near[:1]
         shape = (len(near), sheets, GRID, GRID)
         x = np.empty((*shape, 4))
         x[..., 0], x[..., 1] = psi[:, None], psi
         x[..., 2:] = near[:, None, None, None]
         sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
         load = self.load(self.poses(x, sheet, self.goals[:, None, None, None, None]))
-        least = load
-        for axis in (-2, -1):
-            sides = [np.roll(least, way, axis) for way in (-1, 1)]
-            for side, end in zip(sides, (-1, 0), strict=True):
-                np.moveaxis(side, axis, 0)[end] = np.inf
-            least = np.minimum(least, np.minimum(*sides))
-        minima = np.where(load <= least, load, np.inf).reshape(len(self.goals), -1)
+        edges = [(0, 0)] * (load.ndim - 2) + [(1, 1)] * 2
+        around = sliding_window_view(np.pad(load, edges, constant_values=np.inf), (3, 3), (-2, -1))
+        minima = np.where(load <= around.min(axis=(-2, -1)), load, np.inf).reshape(len(self.goals), -1)
         chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
         best = np.take_along_axis(minima, chosen, axis=-1)
         return self.descend(x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best, psi[1])
