@@ -69,9 +69,6 @@ class Absent:
     def __add__(self, other: Any) -> Any:
         return other
 
-    def __rsub__(self, other: Any) -> Any:
-        return other
-
     def __sub__(self, other: Any) -> Any:
         return -other
 
@@ -82,7 +79,7 @@ class Absent:
     __gt__, __ge__ = _as_zero(operator.gt), _as_zero(operator.ge)
     __eq__, __ne__ = _as_zero(operator.eq), _as_zero(operator.ne)
     __hash__ = None  # type: ignore[assignment]
-    __radd__ = __add__
+    __radd__ = __rsub__ = __add__
     __mul__ = __rmul__ = __truediv__ = __pow__ = __neg__ = __abs__ = _same
 
 

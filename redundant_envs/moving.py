@@ -66,6 +66,10 @@ def _connection(of: Callable[[Any, Any], Any]) -> Operator:
     return connect
 
 
+def _smooth(function: Callable[[Any], Any]) -> Callable[[Moving], Moving]:
+    return lambda x: Moving(function(x.value), x.moves, x.kinks)
+
+
 class Moving:
     """A number of any kind: whether it ``moves``, that is changes with the motion, and the kinks of it."""
 
@@ -83,12 +87,10 @@ class Moving:
     __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
     __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
     __eq__, __ne__ = _comparison(operator.eq), _comparison(operator.ne)
+    __neg__ = _smooth(operator.neg)
 
     def __pow__(self, exponent: int) -> Moving:
         return Moving(self.value**exponent, self.moves, self.kinks)
-
-    def __neg__(self) -> Moving:
-        return Moving(-self.value, self.moves, self.kinks)
 
     def __abs__(self) -> Moving:
         own = (Kink(self.value),) if self.moves else ()
@@ -142,10 +144,6 @@ def where(condition: Any, a: Any, b: Any) -> Any:
         a.moves or b.moves or bool(choice.kinks),
         _union(choice.kinks, tuple(branches)),
     )
-
-
-def _smooth(function: Callable[[Any], Any]) -> Callable[[Moving], Moving]:
-    return lambda x: Moving(function(x.value), x.moves, x.kinks)
 
 
 def _floor(x: Moving) -> Moving:

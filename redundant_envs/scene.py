@@ -27,12 +27,9 @@ MOST_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
 """Allowed control intervals, s."""
-
 ACTUATIONS = ("joint", "generalized")
-
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-13, 1e-2
 """Allowed tip errors per control interval, m."""
-
 ACCURACIES = {"standard": 1e-6, "exact": 1e-12}
 """Named tolerances: tip error per control interval, m."""
 

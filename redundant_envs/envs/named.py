@@ -185,7 +185,7 @@ def page(kind: type[Any], scene_name: Any) -> str:
     if arm.schematic:
         slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
         drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider)
-    text: str = texts()["page"].format(
+    return texts()["page"].format(  # type: ignore[no-any-return]
         arm=arm,
         task=task,
         joints=joints,
@@ -214,4 +214,3 @@ def page(kind: type[Any], scene_name: Any) -> str:
         arguments=argument_table(kind),
         numbers=task_table(task),
     )
-    return text
