@@ -10,8 +10,8 @@ fifth of a second need not be at rest. So an arm may hold a few more goals than 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -29,7 +29,10 @@ from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 Travel = dict[int, tuple[float, float]]
-Load = Callable[[Array], Array]  # poses (..., joints) -> largest effort / limit (...)
+Sheet = NDArray[np.int64]
+Load = Callable[[Array, Sheet, Array], Array]
+"""Largest effort / limit (...), of x = (psi1, psi2, and with a tolerance the point near the goal), sheets and
+goals (..., 2)."""
 
 # ---- efforts at rest: the loads of gravity and springs on the motors, and the share of the stops ---------
 
@@ -168,74 +171,66 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
     if margin < 0.0:
         raise ValueError(f"tolerance is {margin} m; it must not be negative")
 
-    def load(q: Array) -> Array:
-        loads: Array = (np.abs(motor_efforts(scene, q)) / limits).max(axis=-1)
+    def pose(x: Array, sheet: Sheet, near: Array) -> Array:
+        return goal_poses(scene.robot, travel, near + margin * x[..., 2:], x[..., :2], sheet)
+
+    def load(x: Array, sheet: Sheet, near: Array) -> Array:
+        loads: Array = (np.abs(motor_efforts(scene, pose(x, sheet, near))) / limits).max(axis=-1)
         return np.where(np.isnan(loads), np.inf, loads)
 
-    sheets = num_sheets(scene.robot)
-    per_goal = max(sheets * GRID**2 * (1 + RING * (margin > 0.0)), CANDIDATES * DIRECTIONS)
-    size = max(1, CHUNK // per_goal)
+    sheets, ring = num_sheets(scene.robot), RING if margin > 0.0 else 0
+    size = max(1, CHUNK // max(sheets * GRID**2 * (1 + ring), CANDIDATES * DIRECTIONS))
     q, best = np.full((len(points), joints), np.nan), np.full(len(points), np.inf)
     for start in range(0, len(points), size):
         part = slice(start, start + size)
-        q[part], best[part] = _Search(scene.robot, travel, load, points[part], margin).run(sheets)
+        x, sheet, loads = _candidates(load, points[part], sheets, ring)
+        x, loads = _descended(load, points[part], x, sheet, loads, ring)
+        least = np.arange(len(x)), loads.argmin(axis=-1)
+        q[part], best[part] = pose(x[least], sheet[least], points[part]), loads[least]
     return q, best
 
 
-class _Search(NamedTuple):
-    """Least load over the poses at some goals: x = (psi1, psi2, and with a tolerance the point near it)."""
+def _candidates(load: Load, goals: Array, sheets: int, ring: int) -> tuple[Array, Sheet, Array]:
+    """Local minima of the grid at each goal: x (n, m, 4), sheets and loads (n, m)."""
+    psi = np.linspace(0.0, np.pi, GRID)
+    turn = 2.0 * np.pi * np.arange(ring) / RING
+    near = np.vstack([np.zeros(2), np.stack([np.cos(turn), np.sin(turn)], axis=-1)])
+    shape = (len(near), sheets, GRID, GRID)
+    x = np.empty((*shape, 4))
+    x[..., 0], x[..., 1] = psi[:, None], psi
+    x[..., 2:] = near[:, None, None, None]
+    sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
+    loads = load(x, sheet, goals[:, None, None, None, None])
+    edges = [(0, 0)] * (loads.ndim - 2) + [(1, 1)] * 2
+    around = sliding_window_view(np.pad(loads, edges, constant_values=np.inf), (3, 3), (-2, -1))
+    minima = np.where(loads <= around.min(axis=(-2, -1)), loads, np.inf).reshape(len(goals), -1)
+    chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
+    best = np.take_along_axis(minima, chosen, axis=-1)
+    return x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best
 
-    arm: Arm
-    travel: Travel
-    load: Load
-    goals: Array
-    margin: float
 
-    def poses(self, x: Array, sheet: NDArray[np.int64], goals: Array) -> Array:
-        return goal_poses(self.arm, self.travel, goals + self.margin * x[..., 2:], x[..., :2], sheet)
-
-    def run(self, sheets: int) -> tuple[Array, Array]:
-        """q (n, joints) and load (n,)."""
-        psi = np.linspace(0.0, np.pi, GRID)
-        turn = 2.0 * np.pi * np.arange(RING) / RING
-        near = np.vstack([np.zeros(2), np.stack([np.cos(turn), np.sin(turn)], axis=-1)])
-        near = near if self.margin > 0.0 else near[:1]
-        shape = (len(near), sheets, GRID, GRID)
-        x = np.empty((*shape, 4))
-        x[..., 0], x[..., 1] = psi[:, None], psi
-        x[..., 2:] = near[:, None, None, None]
-        sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
-        load = self.load(self.poses(x, sheet, self.goals[:, None, None, None, None]))
-        edges = [(0, 0)] * (load.ndim - 2) + [(1, 1)] * 2
-        around = sliding_window_view(np.pad(load, edges, constant_values=np.inf), (3, 3), (-2, -1))
-        minima = np.where(load <= around.min(axis=(-2, -1)), load, np.inf).reshape(len(self.goals), -1)
-        chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
-        best = np.take_along_axis(minima, chosen, axis=-1)
-        return self.descend(x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best, psi[1])
-
-    def descend(self, x: Array, sheet: NDArray[np.int64], best: Array, cell: float) -> tuple[Array, Array]:
-        """Pattern search from candidates x (n, m, 4) with loads (n, m): random directions find creases."""
-        generator = np.random.default_rng(0)
-        step = np.full(best.shape, cell)
-        goals = self.goals[:, None]
-        for _ in range(ROUNDS):
-            way = generator.normal(size=(DIRECTIONS, 4))
-            if self.margin == 0.0:
-                way[:, 2:] = 0.0
-            way /= np.linalg.norm(way, axis=-1, keepdims=True)
-            trial = x[:, :, None] + step[:, :, None, None] * way
-            trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are reached exactly
-            trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
-            load = self.load(self.poses(trial, sheet[:, :, None], goals[:, :, None]))
-            least = load.argmin(axis=-1)[..., None]
-            found = np.take_along_axis(load, least, axis=-1)[..., 0]
-            better = found < best
-            x = np.where(better[..., None], np.take_along_axis(trial, least[..., None], axis=2)[:, :, 0], x)
-            best = np.where(better, found, best)
-            step = np.minimum(step * np.where(better, WIDER, NARROWER), cell)
-        first = best.argmin(axis=-1)[:, None]
-        q = np.take_along_axis(self.poses(x, sheet, goals), first[..., None], axis=1)[:, 0]
-        return q, np.take_along_axis(best, first, axis=-1)[:, 0]
+def _descended(
+    load: Load, goals: Array, x: Array, sheet: Sheet, best: Array, ring: int
+) -> tuple[Array, Array]:
+    """Pattern search from candidates x (n, m, 4) with loads (n, m): random directions find creases."""
+    generator, cell = np.random.default_rng(0), np.pi / (GRID - 1)
+    step = np.full(best.shape, cell)
+    for _ in range(ROUNDS):
+        way = generator.normal(size=(DIRECTIONS, 4))
+        if not ring:
+            way[:, 2:] = 0.0
+        way /= np.linalg.norm(way, axis=-1, keepdims=True)
+        trial = x[:, :, None] + step[:, :, None, None] * way
+        trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are reached exactly
+        trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
+        loads = load(trial, sheet[:, :, None], goals[:, None, None])
+        least = loads.argmin(axis=-1)[..., None]
+        found = np.take_along_axis(loads, least, axis=-1)[..., 0]
+        better = found < best
+        x = np.where(better[..., None], np.take_along_axis(trial, least[..., None], axis=2)[:, :, 0], x)
+        best = np.where(better, found, best)
+        step = np.minimum(step * np.where(better, WIDER, NARROWER), cell)
+    return x, best
 
 
 # ---- all poses of an arm with its tip at a goal, as a function of parameters and a sheet -----------------
@@ -264,9 +259,7 @@ def _links(arm: Arm) -> int:
     )
 
 
-def goal_poses(
-    arm: Arm, travel: Mapping[int, tuple[float, float]], goals: Array, psi: Array, sheet: NDArray[np.int64]
-) -> Array:
+def goal_poses(arm: Arm, travel: Travel, goals: Array, psi: Array, sheet: Sheet) -> Array:
     """Poses (..., joints) with the tip at goals (..., 2) [m], NaN where these are out of reach.
 
     psi (..., joints - 2) is from 0 to pi: at 0 a slider is at the lower end of the range the goal allows, and
