@@ -108,7 +108,8 @@ def _check_values(scene: Scene, task: Task | None, values: Table, changed: list[
     """ValueError unless all numbers of the arm, and those of each effect and of the task of which some
     change, are valid and fit together."""
     for kind in ("masses", "lengths"):
-        _check_positive(kind, np.stack([values[p] for p in names_of(scene, kind)], axis=1))
+        if names := names_of(scene, kind):  # an arm of sliders alone has no lengths
+            _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)

@@ -268,3 +268,11 @@ def test_a_refused_call_names_the_field_and_changes_nothing(call, said):
     with pytest.raises(ValueError, match=said):
         call(batch)
     assert unchanged(batch, before)
+
+
+def test_an_arm_without_lengths_takes_masses_and_snapshots_of_others():
+    scene = rde.Scene(rde.Chain("PP", masses=(1.0, 2.0), lengths=()))
+    one, other = started(scene, 2), started(scene, 2)
+    one.set_parameters({"masses": [[1.0, 2.0], [3.0, 2.0]]})
+    other.restore(one.save())
+    assert unchanged(other, one.save())
