@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from llvmlite import ir
@@ -21,7 +22,10 @@ DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
 EXPONENT_BIAS, MANTISSA_BITS, SIGN_BIT = 1023, 52, 63
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
-ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "and": "and_", "or": "or_", "xor": "xor"}
+ARITHMETIC = {
+    "+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "neg": "fneg", "and": "and_", "or": "or_",
+    "xor": "xor", "select": "select",
+}  # fmt: skip
 INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
 
 
@@ -93,19 +97,15 @@ def signature(function: LaneFunction) -> dict[str, ir.Type]:
     return arguments
 
 
+@dataclass(eq=False)
 class Emitter:
     """Emits the operations of a graph into a block, each when it is first needed."""
 
-    def __init__(
-        self,
-        builder: ir.IRBuilder,
-        load: Callable[[str, int], Any],
-        vectors: Vectors,
-        stages: EmittedStages | None = None,
-    ) -> None:
-        """``load`` emits the load of number k of a space."""
-        self.builder, self.load, self.vectors, self.stages = builder, load, vectors, stages
-        self.values: dict[Operation, Any] = {}
+    builder: ir.IRBuilder
+    load: Callable[[str, int], Any]  # emits the load of number k of a space
+    vectors: Vectors
+    stages: EmittedStages | None = None
+    values: dict[Operation, Any] = field(default_factory=dict)
 
     def value(self, node: Value) -> Any:
         if isinstance(node, bool):
@@ -134,12 +134,8 @@ class Emitter:
             return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
-        if node.name == "neg":
-            return b.fneg(arguments[0])
         if node.name == "not":
             return b.xor(arguments[0], v.same(v.truths, 1))
-        if node.name == "select":
-            return b.select(*arguments)
         if node.name == "bit":
             return b.shl(b.bitcast(arguments[0], v.whole), v.same(v.whole, SIGN_BIT - node.extra))
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
@@ -218,7 +214,6 @@ class EmittedStages:
     def emit(self, emitter: Emitter, node: Operation) -> Any:
         """The call of a stage; the first is preceded by the earlier part of its own."""
         stages, b = self.stages, emitter.builder
-        i = stages.calls.index(node)
         if not self.memory:
             carried, told = len(stages.carried), len(stages.told) * len(stages.calls)
             sizes = [len(stages.shared), max(stages.kept, default=0) + 1, carried, carried, told]
@@ -226,10 +221,8 @@ class EmittedStages:
             self.memory = {name: self._memory(b, n) for name, n in zip(names, sizes, strict=True)}
             for j, k in stages.kept.items():
                 store_block(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
-            self._call(emitter, "first", 1, node, None)
-        if i + 1 == len(stages.calls):
-            return self._call(emitter, "last", i, None, node)
-        return self._call(emitter, "middle", i, stages.calls[i + 1], node)
+            self._call(emitter, -1)
+        return self._call(emitter, stages.calls.index(node))
 
     def _memory(self, builder: ir.IRBuilder, vectors: int) -> Any:
         memory = builder.alloca(DOUBLE, ir.Constant(INT32, LANES * max(1, vectors)))
@@ -240,20 +233,18 @@ class EmittedStages:
         """Address for the results that a call does not return."""
         return builder.gep(self.memory["told"], [integer(LANES * len(self.stages.told) * call)])
 
-    def _call(
-        self, emitter: Emitter, part: str, number: int, upcoming: Operation | None, present: Operation | None
-    ) -> Any:
-        stages = self.stages
+    def _call(self, emitter: Emitter, number: int) -> Any:
+        """Call the later part of a stage, but for number -1, with the earlier part of the next, if any."""
+        stages, calls = self.stages, dict(enumerate(self.stages.calls))
+        present, upcoming = calls.get(number), calls.get(number + 1)
+        part = "first" if present is None else "last" if upcoming is None else "middle"
         values = []
         for k in stages.given:
             stage = upcoming if k < stages.subroutine.positions else present
-            values.append(
-                emitter.value(stage.arguments[k])
-                if stage
-                else ir.Constant(self.vectors.numbers, ir.Undefined)
-            )
-        before, after = ("even", "odd") if number % 2 == 0 else ("odd", "even")
-        told = self._told(emitter.builder, stages.calls.index(present) if present else 0)
+            missing = ir.Constant(self.vectors.numbers, ir.Undefined)
+            values.append(emitter.value(stage.arguments[k]) if stage else missing)
+        before, after = ("odd", "even") if number % 2 else ("even", "odd")
+        told = self._told(emitter.builder, max(number, 0))
         memories = [self.memory[n] for n in ("shared", "kept", before, after)]
         return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
 

@@ -96,7 +96,7 @@ class Stages:
         needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
         self.kept = {j: k for j, k in enumerate(kept) if j in needed}
         """Positions in the caller's memory -> numbers of the arguments that it keeps there."""
-        self.results, self.carried, self.shared = self._split(results)
+        self.results, self.carried, carried_on, self.shared = self._split(results)
         # Equal results are passed once.
         keys = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
         self.first = [keys.index(r) for r in keys]
@@ -106,44 +106,35 @@ class Stages:
         told = _stores("told", [self.results[k] for k in self.told])
         self.parts = {
             "first": Part([], _stores("after", self.carried) + _stores("shared", self.shared)),
-            "middle": Part(later, _stores("after", self._with_shared(self.carried)) + told),
+            "middle": Part(later, _stores("after", carried_on) + told),
             "last": Part(later, told),
         }
 
-    def _split(self, results: list[Value]) -> tuple[list[Value], list[Operation], list[Operation]]:
-        """The results as functions of velocities, carried and shared values, and these values."""
+    def _split(self, results: list[Value]) -> tuple[list[Any], ...]:
+        """The results as functions of velocities, carried and shared values; the carried values, first as
+        functions of positions alone, then of these and shared values; and the shared values."""
         early: dict[Operation, bool] = {}
         given: dict[Operation, bool] = {}
         for n in reached(results):
             given[n] = _is_given(n) or any(given[a] for a in n.operands)
             position = _is_given(n) and n.extra[1] < self.subroutine.positions
             early[n] = position if _is_given(n) else all(early[a] for a in n.operands)
-        graph = Graph()
         carried: list[Operation] = []
-        shared = {n for n in given if not given[n] and _kept_in_memory(n)}
-        used: list[Operation] = []
+        shared: dict[Operation, int] = {}
 
-        def loaded(n: Operation) -> Operation | None:
-            if not (_is_given(n) and early[n]) and not _kept_in_memory(n):
+        def load_shared(n: Operation, graph: Graph) -> Operation | None:
+            if given[n] or not _kept_in_memory(n):
                 return None
-            if n in shared:
-                if n not in used:
-                    used.append(n)
-                return graph.load("shared", used.index(n))
-            if early[n]:
+            return graph.load("shared", shared.setdefault(n, len(shared)))
+
+        def load(n: Operation, graph: Graph) -> Operation | None:
+            if early[n] and (_is_given(n) or (given[n] and _kept_in_memory(n))):
                 carried.append(n)
                 return graph.load("before", len(carried) - 1)
-            return None
+            return load_shared(n, graph)
 
-        later = _replaced(results, loaded)
-        # Carried values follow from shared values, too.
-        _replaced(carried, lambda n: loaded(n) if n in shared else None)
-        return later, carried, used
-
-    def _with_shared(self, nodes: Sequence[Operation]) -> list[Value]:
-        """Operations that load what all stages share."""
-        graph, places = Graph(), {n: k for k, n in enumerate(self.shared)}
-        return _replaced(nodes, lambda n: graph.load("shared", places[n]) if n in places else None)
+        later = _replaced(results, load)
+        return later, carried, _replaced(carried, load_shared), [*shared]
 
     def in_order(self, results: Iterable[Value]) -> list[Operation]:
         """Operations that some results of the caller need, with sums for the next call before the present
@@ -186,9 +177,12 @@ def _kept_in_memory(node: Operation) -> bool:
     return node.name not in (*CONDITIONS, "load", "neg")
 
 
-def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operation | None]) -> list[Value]:
+def _replaced(
+    nodes: Sequence[Value], replacement: Callable[[Operation, Graph], Operation | None]
+) -> list[Value]:
     """Rebuild operations, with some of their operands replaced by those that ``replacement`` returns."""
     made: dict[Operation, Operation] = {}
+    graph = Graph()
 
     def anew(n: Value) -> Value:
         return made[n] if isinstance(n, Operation) else n
@@ -199,7 +193,7 @@ def _replaced(nodes: Sequence[Value], replacement: Callable[[Operation], Operati
         if complete:
             made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
         elif n not in made:
-            other = replacement(n) or (n if n.name == "load" else None)
+            other = replacement(n, graph) or (n if n.name == "load" else None)
             if other is not None:
                 made[n] = other
             else:
