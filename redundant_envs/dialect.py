@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.algebra import PRIMITIVES, arguments_of, is_physics
-from redundant_envs.tracing.graph import Graph, reached
-from redundant_envs.tracing.listing import outline
+from redundant_envs.tracing.graph import Graph
+from redundant_envs.tracing.listing import result_lines
 from redundant_envs.tracing.number import Condition, Number, value_of
 
 ALLOWED = (
@@ -96,7 +96,7 @@ def computed_by(function: Any) -> str:
 
 
 def _traced(function: Any) -> tuple[int, str]:
-    """Number of the values that a function returns, and an outline of its operations."""
+    """Number of the values that a function returns, and the text of its operations."""
     if is_own(function) and getattr(function, "__closure__", function) is None:
         return _traced_once(function)  # what it computes cannot change
     return _trace(function)
@@ -133,7 +133,7 @@ def _trace(function: Any) -> tuple[int, str]:
                 f"{name} returns a {type(value).__name__}; return numbers: one, or a tuple, such as a, b"
             )
     found = [value_of(value) for value in values]
-    return len(values), repr(outline(reached(found), found))
+    return len(values), "\n".join(result_lines(found))
 
 
 _traced_once = functools.lru_cache(maxsize=512)(_trace)

@@ -20,7 +20,7 @@ from typing import Any
 
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
-from redundant_envs.tracing.listing import fingerprints
+from redundant_envs.tracing.listing import lines
 
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_PROGRAMS = 1000
@@ -69,7 +69,7 @@ def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 def identity(program: Program) -> str:
     """A digest of a program: equal for equal ones, on every machine."""
-    return hashlib.sha256("\n".join(fingerprints(program)).encode()).hexdigest()
+    return hashlib.sha256("\n".join(lines(program)).encode()).hexdigest()
 
 
 def program_key(program: str, lanes: int) -> str:

@@ -8,20 +8,28 @@ from typing import Any
 from llvmlite import ir
 
 from redundant_envs.backends import llvm_lanes as lanes
-from redundant_envs.backends.llvm_lanes import ARITHMETIC, DOUBLE, ELEMENT, INT32, INT64, address, integer
-from redundant_envs.tracing.flow import ELEMENTS, Instruction, Kernel, Program
+from redundant_envs.backends.llvm_lanes import (
+    ARITHMETIC,
+    DOUBLE,
+    ELEMENT,
+    INT32,
+    INT64,
+    Vectors,
+    address,
+    integer,
+)  # fmt: skip
+from redundant_envs.tracing.flow import ELEMENTS, Kernel, Program, Scalar
 
-Method = Callable[[Any], Any]
+Functions = dict[str, tuple[ir.Function, dict[str, ir.Type]]]
+"""Functions of lanes and their arguments, by name."""
 INTEGERS = {**ARITHMETIC, "+": "add", "-": "sub", "*": "mul", "<<": "shl", ">>": "lshr"}
 
 SIMPLE: dict[str, Callable[..., Any]] = {
-    "offset": lambda b, base, k: b.gep(base, [k]),
     "not": lambda b, x: b.not_(x),
     "select": lambda b, condition, x, y: b.select(condition, x, y),
     "float": lambda b, x: (b.uitofp if x.type == lanes.BIT else b.sitofp)(x, DOUBLE),
     "int": lambda b, x: (b.fptosi if x.type == DOUBLE else b.zext)(x, INT64),
-    "get": lambda b, place: b.load(place),
-    "set": lambda b, place, x: b.store(x, place),
+    "lowest": lambda b, x: b.cttz(x, ir.Constant(lanes.BIT, 1)),
     "leave": lambda b: b.ret_void(),
 }
 """Instructions of one operation on their operands."""
@@ -31,13 +39,7 @@ class KernelEmitter:
     """Emits the tree of a kernel: each instruction as :data:`SIMPLE` says, by the method of its name, or as
     arithmetic."""
 
-    def __init__(
-        self,
-        module: ir.Module,
-        kernel: Kernel,
-        functions: dict[str, tuple[ir.Function, Any]],
-        vectors: lanes.Vectors,
-    ) -> None:
+    def __init__(self, module: ir.Module, kernel: Kernel, functions: Functions, vectors: Vectors) -> None:
         self.functions, self.vectors = functions, vectors
         made = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
         self.function = lanes.widened(made)
@@ -50,48 +52,47 @@ class KernelEmitter:
         self.entry.branch(body)
 
     def value(self, x: Any, kind: str = "int") -> Any:
-        if hasattr(x, "index"):
+        if isinstance(x, Scalar):
             return self.values[x.index]
         return ir.Constant(DOUBLE, float(x)) if kind == "float" else integer(int(x))
 
-    def operands(self, i: Instruction, kind: str = "int") -> list[Any]:
+    def operands(self, i: Scalar, kind: str = "int") -> list[Any]:
         return [self.value(x, kind) for x in i.arguments]
 
-    def run(self, body: Sequence[Instruction]) -> None:
+    def run(self, body: Sequence[Scalar]) -> None:
         for i in body:
             if i.name in SIMPLE:
-                self.values[i.result] = SIMPLE[i.name](self.builder, *self.operands(i, i.kind))
-            elif i.name != "counter":  # its loop has set it
-                self.values[i.result] = getattr(self, f"_{i.name}", self._arithmetic)(i)
+                self.values[i.index] = SIMPLE[i.name](self.builder, *self.operands(i, i.kind))
+            else:
+                self.values[i.index] = getattr(self, f"_{i.name}", self._arithmetic)(i)
 
-    def _arithmetic(self, i: Instruction) -> Any:
+    def _arithmetic(self, i: Scalar) -> Any:
         b = self.builder
         floats = any(getattr(x, "kind", None) == "float" for x in i.arguments)
         operands = self.operands(i, "float" if floats else "int")
         if i.name in ("<", "<=", ">", ">=", "==", "!="):
             return lanes.compared(b, i.name, *operands) if floats else b.icmp_signed(i.name, *operands)
+        if i.kind in ELEMENT:  # of an address
+            return b.gep(operands[0], operands[1:])
         return getattr(b, (ARITHMETIC if floats else INTEGERS)[i.name])(*operands)
 
-    def _argument(self, i: Instruction) -> Any:
+    def _argument(self, i: Scalar) -> Any:
         type_ = ELEMENT[i.kind].as_pointer() if i.kind in ELEMENT else INT64
         return self.builder.load(address(self.builder, self.function.args[0], i.extra, type_))
 
-    def _space(self, i: Instruction) -> Any:
+    def _space(self, i: Scalar) -> Any:
         memory = self.entry.alloca(ELEMENT[i.kind], ir.Constant(INT32, i.extra))
         memory.align = 64
         return memory
 
-    def _variable(self, i: Instruction) -> Any:
-        return self.entry.alloca(DOUBLE if i.kind == "float" else INT64)
-
-    def _load(self, i: Instruction) -> Any:
+    def _load(self, i: Scalar) -> Any:
         b, (base, index) = self.builder, self.operands(i)
         value = b.load(b.gep(base, [index]))
         if i.extra == "f32":
             return b.fpext(value, DOUBLE)
         return value if i.extra in ("f64", "i64") else b.zext(value, INT64)
 
-    def _store(self, i: Instruction) -> None:
+    def _store(self, i: Scalar) -> None:
         b, type_ = self.builder, ELEMENT[i.extra]
         array, index, x = i.arguments
         value = self.value(x, ELEMENTS[i.extra])
@@ -101,47 +102,15 @@ class KernelEmitter:
             value = b.trunc(value, type_)
         b.store(value, b.gep(self.value(array), [self.value(index)]))
 
-    def _mask(self, i: Instruction) -> Any:
+    def _mask(self, i: Scalar) -> Any:
         b, v = self.builder, self.vectors
         values = v.load(b, self.value(i.arguments[0]), i.extra)
         bits = lanes.compared(b, "!=", values, v.same(v.numbers, 0.0))
         return b.zext(b.bitcast(bits, ir.IntType(v.lanes)), INT64)
 
-    def _blocks(self, *names: str) -> list[ir.Block]:
-        return [self.function.append_basic_block(name) for name in names]
-
-    def _each(self, i: Instruction) -> None:
-        b, (start, stop) = self.builder, self.operands(i)
-        below, following = lambda k: b.icmp_signed("<", k, stop), lambda k: b.add(k, integer(1))
-        self._loop(i, start, below, lambda k: k, following)
-
-    def _each_set(self, i: Instruction) -> None:
-        b, (mask,) = self.builder, self.operands(i)
-        self._loop(
-            i, mask, lambda rest: b.icmp_signed("!=", rest, integer(0)),
-            lambda rest: b.cttz(rest, ir.Constant(lanes.BIT, 1)),
-            lambda rest: b.and_(rest, b.sub(rest, integer(1))),
-        )  # fmt: skip
-
-    def _loop(self, i: Instruction, start: Any, test: Method, counter: Method, following: Method) -> None:
-        """A loop over the values of a number, which ends when a test fails."""
-        b, before = self.builder, self.builder.block
-        head, inside, after = self._blocks("head", i.name, "after")
-        b.branch(head)
-        b.position_at_end(head)
-        k = b.phi(INT64)
-        k.add_incoming(start, before)
-        b.cbranch(test(k), inside, after)
-        b.position_at_end(inside)
-        self.values[i.extra] = counter(k)
-        self.run(i.bodies[0])
-        k.add_incoming(following(k), b.block)
-        b.branch(head)
-        b.position_at_end(after)
-
-    def _while(self, i: Instruction) -> None:
+    def _while(self, i: Scalar) -> None:
         b = self.builder
-        head, inside, after = self._blocks("head", "while", "after")
+        head, inside, after = (b.append_basic_block(name) for name in ("head", "while", "after"))
         b.branch(head)
         b.position_at_end(head)
         self.run(i.bodies[0])
@@ -151,17 +120,11 @@ class KernelEmitter:
         b.branch(head)
         b.position_at_end(after)
 
-    def _when(self, i: Instruction) -> None:
-        b = self.builder
-        inside, after = self._blocks("when", "after")
-        b.cbranch(*self.operands(i), inside, after)
-        b.position_at_end(inside)
-        self.run(i.bodies[0])
-        if not b.block.is_terminated:
-            b.branch(after)
-        b.position_at_end(after)
+    def _when(self, i: Scalar) -> None:
+        with self.builder.if_then(*self.operands(i)):
+            self.run(i.bodies[0])
 
-    def _call(self, i: Instruction) -> None:
+    def _call(self, i: Scalar) -> None:
         name, places = i.extra
         function, arguments = self.functions[name]
         given = dict(zip(places, self.operands(i), strict=True))

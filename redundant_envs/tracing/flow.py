@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -66,29 +65,29 @@ def _operator(name: str, kind: str | None = None, swapped: bool = False) -> Call
     return method
 
 
+@dataclass(eq=False)
 class Scalar:
-    """A value of a kernel: the result of one of its instructions.
+    """An instruction of a kernel, which stands for its result.
 
-    Its kind is that of a number, or the type of elements of memory whose address it is.
+    The kind is that of a number, or the type of elements of memory whose address it is; an address + n is
+    that of the element n elements on.
     """
 
-    __slots__ = ("index", "kernel", "kind")
+    kernel: Kernel
+    index: int  # of the instruction
+    name: str
+    arguments: tuple[Any, ...]
+    kind: str
+    extra: Any
+    bodies: tuple[list[Scalar], ...]  # of a loop or a branch
 
-    def __init__(self, kernel: Kernel, index: int, kind: str) -> None:
-        self.kernel, self.index, self.kind = kernel, index, kind
-
-    __radd__ = _operator("+", swapped=True)
+    __add__, __radd__ = _operator("+"), _operator("+", swapped=True)
     __sub__, __rsub__ = _operator("-"), _operator("-", swapped=True)
     __mul__, __rmul__ = _operator("*"), _operator("*")
     __and__, __or__, __xor__ = _operator("and"), _operator("or"), _operator("xor")
     __rshift__, __lshift__ = _operator(">>"), _operator("<<")
     __lt__, __le__, __gt__ = _operator("<", TRUTH), _operator("<=", TRUTH), _operator(">", TRUTH)
     __ge__, __eq__, __ne__ = _operator(">=", TRUTH), _operator("==", TRUTH), _operator("!=", TRUTH)  # type: ignore[assignment]
-
-    def __add__(self, other: Any) -> Scalar:
-        """A sum; of an address, that of the element so many elements on."""
-        name = "offset" if self.kind in ELEMENTS else "+"
-        return self.kernel.record(name, self, other, kind=self.kind)
 
     def __invert__(self) -> Scalar:
         return self.kernel.record("not", self, kind=self.kind)
@@ -97,30 +96,20 @@ class Scalar:
         raise TypeError("a scalar of a kernel is not known yet: write with p.when(condition)")
 
 
-@dataclass
 class Variable:
-    """A scalar that changes."""
+    """A whole number that changes."""
 
-    place: Scalar
+    def __init__(self, kernel: Kernel, initial: Any) -> None:
+        self._kernel, self._place = kernel, kernel.space(1, "i64")
+        self.value = initial
 
     @property
     def value(self) -> Scalar:
-        return self.place.kernel.record("get", self.place, kind=self.place.kind)
+        return self._kernel.load(self._place)
 
     @value.setter
     def value(self, new: Any) -> None:
-        self.place.kernel.record("set", self.place, new, kind=self.place.kind)
-
-
-class Instruction(NamedTuple):
-    """A step of a kernel."""
-
-    result: int  # the number of its result
-    name: str
-    arguments: tuple[Any, ...]
-    kind: str  # of its result
-    extra: Any
-    bodies: tuple[list[Any], ...]  # of a loop or a branch
+        self._kernel.store(self._place, 0, new)
 
 
 class Kernel:
@@ -130,7 +119,7 @@ class Kernel:
         self.name = name
         self.arguments = dict(arguments)
         self.functions: dict[str, LaneFunction] = {}
-        self.body: list[Instruction] = []
+        self.body: list[Scalar] = []
         self._open = [self.body]
         self._count = 0
         self._given = {
@@ -143,18 +132,17 @@ class Kernel:
 
     def record(
         self, name: str, *arguments: Any, kind: str = INT, extra: Any = None,
-        bodies: tuple[list[Any], ...] = (),
+        bodies: tuple[list[Scalar], ...] = (),
     ) -> Scalar:  # fmt: skip
-        self._open[-1].append(Instruction(self._count, name, arguments, kind, extra, bodies))
+        made = Scalar(self, self._count, name, arguments, kind, extra, bodies)
+        self._open[-1].append(made)
         self._count += 1
-        return Scalar(self, self._count - 1, kind)
+        return made
 
     # ---- scalars ---------------------------------------------------------------------------------
 
-    def variable(self, initial: Any, kind: str = INT) -> Variable:
-        variable = Variable(self.record("variable", kind=kind))
-        variable.value = initial
-        return variable
+    def variable(self, initial: Any) -> Variable:
+        return Variable(self, initial)
 
     def load(self, array: Scalar, index: Any = 0) -> Scalar:
         return self.record("load", array, index, kind=ELEMENTS[array.kind], extra=array.kind)
@@ -184,8 +172,8 @@ class Kernel:
     # ---- loops, branches and calls ---------------------------------------------------------------
 
     @contextlib.contextmanager
-    def _inside(self) -> Iterator[list[Any]]:
-        body: list[Any] = []
+    def _inside(self) -> Iterator[list[Scalar]]:
+        body: list[Scalar] = []
         self._open.append(body)
         try:
             yield body
@@ -193,19 +181,20 @@ class Kernel:
             self._open.pop()
 
     @contextlib.contextmanager
-    def _loop(self, name: str, *arguments: Any) -> Iterator[Scalar]:
-        with self._inside() as body:
-            i = self.record("counter")
-            yield i
-        self.record(name, *arguments, extra=i.index, bodies=(body,))
-
-    def each(self, count: Any, start: Any = 0) -> AbstractContextManager[Scalar]:
+    def each(self, count: Any, start: Any = 0) -> Iterator[Scalar]:
         """for i in range(start, count)"""
-        return self._loop("each", start, count)
+        i = self.variable(start)
+        with self.loop_while(lambda: i.value < count):
+            yield i.value
+            i.value = i.value + 1
 
-    def each_set(self, mask: Scalar) -> AbstractContextManager[Scalar]:
+    @contextlib.contextmanager
+    def each_set(self, mask: Scalar) -> Iterator[Scalar]:
         """for i in the indices of the bits that are set in a mask"""
-        return self._loop("each_set", mask)
+        rest = self.variable(mask)
+        with self.loop_while(lambda: rest.value != 0):
+            yield self.record("lowest", rest.value)
+            rest.value = rest.value & (rest.value - 1)
 
     @contextlib.contextmanager
     def loop_while(self, condition: Callable[[], Scalar]) -> Iterator[None]:

@@ -113,9 +113,9 @@ def test_numbers_are_compared_as_python_compares_them(a, b):
 def test_floats_and_whole_numbers_become_each_other_and_a_truth_is_one_or_zero():
     def record(p):
         x, n = p.load(p["x"], 0), p["n"]
-        half = p.variable(0.5, kind="float")
-        half.value = half.value * 3.0
-        yield from (x + half.value, 1.0 - x, p.number(n) * 0.5, p.number(p.whole(x)), p.number(n - 9))
+        half = p.space(1)
+        p.store(half, 0, 0.5)
+        yield from (x + p.load(half) * 3.0, 1.0 - x, p.number(n) * 0.5, p.number(p.whole(x)), p.number(n - 9))
         yield from (p.select(x > 2.0, 7.0, 8.0, kind="float"), p.number(n > 2), p.number(n > 3))
 
     expected = [4.25, -1.75, 1.5, 2.0, -6.0, 7.0, 1.0, 0.0]

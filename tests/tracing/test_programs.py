@@ -13,7 +13,7 @@ from redundant_envs.lane.direct import evaluate
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
-from redundant_envs.tracing.listing import fingerprints
+from redundant_envs.tracing.listing import lines
 from redundant_envs.tracing.number import value_of
 from redundant_envs.tracing.program import ENDED, Machine
 
@@ -254,7 +254,7 @@ def fingerprint(traced):
         stores = [(*traced.layout.row_of(n), value_of(x)) for n, x in written.items()]
         function = LaneFunction(f"after_{ask}", ("state", "scratch"), stores)
         kernel.call(function, **{space: kernel[space] for space in ("state", "scratch")})
-    return list(fingerprints(Program([kernel])))
+    return list(lines(Program([kernel])))
 
 
 def test_states_and_the_fingerprint_of_a_program_do_not_depend_on_its_bytecode():
