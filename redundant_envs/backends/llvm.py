@@ -7,7 +7,6 @@ import functools
 import threading
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from typing import Any, NamedTuple
 
@@ -51,9 +50,8 @@ AVX2 = Processor("haswell", "+fma,+avx2")
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
 
 
-def target(chosen: Processor) -> AbstractContextManager[None]:
-    """Within this context programs are made for another processor, whose code this one can run."""
-    return setting(_target, chosen)
+target = functools.partial(setting, _target)
+"""Within this context programs are made for another processor, its argument, whose code this one can run."""
 
 
 @functools.cache

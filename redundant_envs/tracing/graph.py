@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
 import operator
 import struct
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -55,14 +56,10 @@ def setting(variable: ContextVar[T], value: T) -> Iterator[None]:
         variable.reset(token)
 
 
-def located() -> AbstractContextManager[None]:
-    """Within this context graphs keep the origins of their operations."""
-    return setting(_located, True)
-
-
-def owned(owner: str) -> AbstractContextManager[None]:
-    """Operations recorded within this context are attributed to an owner."""
-    return setting(_owner, owner)
+located = functools.partial(setting, _located, True)
+"""Within this context graphs keep the origins of their operations."""
+owned = functools.partial(setting, _owner)
+"""Operations recorded within this context are attributed to an owner, its argument."""
 
 
 @contextlib.contextmanager
@@ -90,15 +87,14 @@ def _origin() -> Origin:
     return Origin(_owner.get(), functions[-1], frame.f_code.co_filename, frame.f_lineno)
 
 
+@dataclass(eq=False, slots=True)
 class Operation:
-    """One operation of a graph; ``extra`` is its data beside the values of its arguments."""
+    """One operation of a graph."""
 
-    __slots__ = ("arguments", "extra", "name", "origin")
-
-    def __init__(
-        self, name: str, arguments: list[Value], extra: Any = None, origin: Origin | None = None
-    ) -> None:
-        self.name, self.arguments, self.extra, self.origin = name, arguments, extra, origin
+    name: str
+    arguments: list[Value]
+    extra: Any = None  # its data beside the values of its arguments
+    origin: Origin | None = None
 
     @property
     def operands(self) -> list[Operation]:
@@ -178,15 +174,12 @@ class Graph:
         condition again: without that, a value between two limits is a minimum and a maximum."""
         if type(b) is Operation and b.name == "select":
             inner, *values = b.arguments
-            known = {"or": condition, "and": self._known_negation(condition)}.get(inner.name)
+            negation = self._known.get(("not", None, 0, condition))  # if it was recorded
+            known = {"or": condition, "and": negation}.get(inner.name)
             rest = [x for x in inner.arguments if x is not known] if known else []
             if len(rest) == 1:
                 b = self.record("select", rest[0], *values)
         return self.record("select", condition, a, b)
-
-    def _known_negation(self, condition: Operation) -> Operation | None:
-        """The negation of a condition, if it was recorded."""
-        return self._known.get(("not", None, 0, condition))
 
 
 def reached(results: Iterable[Value]) -> list[Operation]:

@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Callable, Collection
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from redundant_envs import algebra
@@ -17,7 +18,6 @@ deciding: ContextVar[Callable[[Any], bool] | None] = ContextVar("deciding", defa
 OPERATORS = {
     "add": operator.add, "subtract": operator.sub, "multiply": operator.mul, "divide": operator.truediv,
 }  # fmt: skip
-PLAIN = (float, int)
 Method = Callable[..., Any]
 
 
@@ -30,7 +30,7 @@ def _binary(name: str, swapped: bool = False) -> Method:
             if other.graph is not self.graph:
                 outlives()
             b = other.value
-        elif isinstance(other, PLAIN):
+        elif isinstance(other, (float, int)):
             b = float(other)
         else:
             return NotImplemented
@@ -80,13 +80,12 @@ def _refused(what: str) -> Callable[..., NoReturn]:
     return lambda *_: _refuse(what)
 
 
+@dataclass(eq=False, slots=True)
 class Traced:
     """A value of a graph."""
 
-    __slots__ = ("graph", "value")
-
-    def __init__(self, graph: Graph, value: Value) -> None:
-        self.graph, self.value = graph, value
+    graph: Graph
+    value: Value
 
 
 class Number(Traced):
@@ -215,27 +214,27 @@ ROUND = 6755399441055744.0
 
 
 def exp(x: Number) -> Any:
-    """Exponential function to one unit in the last place, without a branch.
-
-    Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), a polynomial, and two
-    powers of two, from -1022 to 1023, neither of which overflows.
-    """
+    """Exponential function to one unit in the last place, without a branch."""
     if x.graph.whole:
         return _unary("exp")(x)
+    return exponential(x, fma, lambda n: _unary("power")(n + ROUND))
+
+
+def exponential(x: Any, fma: Method, power_of_two: Method) -> Any:
+    """Exponential function, by a sum with a product and by powers of two.
+
+    Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), the Taylor polynomial
+    of degree 13 for |r| <= ln 2 / 2, and two powers of two, from -1022 to 1023, neither of which overflows.
+    """
     x = algebra.minimum(algebra.maximum(x, -746.0), 746.0)
     k = fma(x, 1.4426950408889634, ROUND) - ROUND
     r = fma(-k, 6.93147180369123816490e-01, x)
     r = fma(-k, 1.90821492927058770002e-10, r)
-    half, power_of_two = algebra.floor(0.5 * k), _unary("power")
-    return exp_of_rest(r) * power_of_two(half + ROUND) * power_of_two(k - half + ROUND)
-
-
-def exp_of_rest(r: Any) -> Any:
-    """The Taylor polynomial of degree 13 of the exponential function, for |r| <= ln 2 / 2."""
     p: Any = 1.0 / math.factorial(13)
     for n in range(12, 1, -1):
         p = 1.0 / math.factorial(n) + r * p
-    return 1.0 + (r + r * r * p)
+    half = algebra.floor(0.5 * k)
+    return (1.0 + (r + r * r * p)) * power_of_two(half) * power_of_two(k - half)
 
 
 algebra.register_numbers(

@@ -7,6 +7,7 @@ a vector of lanes. On floats the same function simply runs.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -20,7 +21,6 @@ MOST_WAYS = 256
 
 MERGING = ("select", "and", "or", "not")
 """Operations that merge ways."""
-CONDITIONS, NUMBERS = (Condition, bool), (Number, float, int)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -111,12 +111,10 @@ def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
 
     It must do the same as long as its conditions have the same answers.
     """
-    count = 0
+    count = itertools.count(1)
 
     def way(ahead: list[bool]) -> Tree:
-        nonlocal count
-        count += 1
-        if count > MOST_WAYS:
+        if next(count) > MOST_WAYS:
             raise ValueError(
                 f"{what} has more than {MOST_WAYS} ways; let a function marked with @branches decide a part "
                 "of it, whose ways are merged where it returns"
@@ -176,9 +174,9 @@ def merged(tree: Tree, values: Sequence[Any]) -> Any:
     """The value, of one for each leaf of a tree, of the way that is taken: numbers, conditions, or tuples and
     lists of them."""
     first = values[0]
-    if all(isinstance(x, CONDITIONS) for x in values):
+    if all(isinstance(x, Condition | bool) for x in values):
         return _folded(tree, iter(values), either)
-    if all(isinstance(x, NUMBERS) for x in values):
+    if all(isinstance(x, Number | float | int) for x in values):
         return _folded(tree, iter(values), _selection)
     alike = all(type(x) is type(first) for x in values)
     if alike and isinstance(first, tuple | list) and len({len(x) for x in values}) == 1:
