@@ -79,11 +79,16 @@ def widened(function: ir.Function) -> ir.Function:
     return function
 
 
-def internal(module: ir.Module, result: ir.Type, arguments: list[ir.Type], name: str) -> ir.Function:
-    """A function that only this module calls."""
-    function = widened(ir.Function(module, ir.FunctionType(result, arguments), name))
+def internal(
+    module: ir.Module, name: str, arguments: dict[Any, ir.Type], result: ir.Type
+) -> tuple[ir.IRBuilder, dict[Any, Any]]:
+    """A function that only this module calls, to be built, and its arguments; memories do not overlap."""
+    function = widened(ir.Function(module, ir.FunctionType(result, list(arguments.values())), name))
     function.linkage = "internal"
-    return function
+    for argument in function.args:
+        if isinstance(argument.type, ir.PointerType):
+            argument.add_attribute("noalias")
+    return ir.IRBuilder(function.append_basic_block()), dict(zip(arguments, function.args, strict=True))
 
 
 def signature(function: LaneFunction) -> dict[str, ir.Type]:
@@ -123,11 +128,14 @@ class Emitter:
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
         b, v = self.builder, self.vectors
         arguments = [self.value(a) for a in node.arguments]
+        # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
+        # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.
         signs = [a.type == v.whole for a in arguments]
         if node.name == "select" and signs[0]:
             return self._selected_by_sign(node, *arguments)
         if any(signs) and not (all(signs) and node.name == "xor"):
-            arguments = [self._truths(a) if sign else a for a, sign in zip(arguments, signs, strict=True)]
+            pairs = zip(arguments, signs, strict=True)
+            arguments = [b.icmp_signed("<", a, v.same(v.whole, 0)) if sign else a for a, sign in pairs]
         if node.name in INTRINSICS:
             name = f"{INTRINSICS[node.name]}.v{v.lanes}f64"
             kind = ir.FunctionType(v.numbers, [v.numbers] * len(arguments))
@@ -142,12 +150,6 @@ class Emitter:
             biased = b.add(b.bitcast(arguments[0], v.whole), v.same(v.whole, EXPONENT_BIAS))
             return b.bitcast(b.shl(biased, v.same(v.whole, MANTISSA_BITS)), v.numbers)
         return compared(b, node.name, *arguments)
-
-    # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
-    # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.
-
-    def _truths(self, signs: Any) -> Any:
-        return self.builder.icmp_signed("<", signs, self.vectors.same(self.vectors.whole, 0))
 
     def _selected_by_sign(self, node: Operation, signs: Any, a: Any, b: Any) -> Any:
         """``a`` where the sign is set, else ``b``."""
@@ -181,35 +183,31 @@ class EmittedStages:
         """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
         result = self.returned if part.returned else ir.VoidType()
         pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
-        types = [DOUBLE.as_pointer()] * len(pointers) + [self.vectors.numbers] * len(self.stages.given)
-        function = internal(caller.module, result, types, f"{caller.name}_{name}_stage")
-        set.add(function.attributes, "noinline")
-        bases = dict(zip(pointers, function.args, strict=False))
-        for base in bases.values():
-            base.add_attribute("noalias")
-        given = dict(zip(self.stages.given, function.args[len(pointers) :], strict=True))
-        builder = ir.IRBuilder(function.append_basic_block())
+        arguments = dict.fromkeys(pointers, DOUBLE.as_pointer())
+        arguments |= dict.fromkeys(self.stages.given, self.vectors.numbers)
+        builder, values = internal(caller.module, f"{caller.name}_{name}_stage", arguments, result)
+        set.add(builder.function.attributes, "noinline")
 
         def load(space: str, k: int) -> Any:
-            return given[k] if space == "given" else self.vectors.load(builder, bases[space], k)
+            return values[k] if space == "given" else self.vectors.load(builder, values[space], k)
 
         emitter = Emitter(builder, load, self.vectors)
         places: dict[Any, list[tuple[str, int]]] = {}
         for space, k, value in part.stores:
             places.setdefault(value, []).append((space, k))
-        values = [*part.returned, *(v for _, _, v in part.stores)]
-        for node in [*(in_order(values, self.vectors.lanes) if ordered else reached(values)), *places]:
+        results = [*part.returned, *(v for _, _, v in part.stores)]
+        for node in [*(in_order(results, self.vectors.lanes) if ordered else reached(results)), *places]:
             emitted = emitter.value(node)
             for space, k in places.pop(node, ()):  # at once, so that it needs no register
-                store_block(builder, emitted, bases[space], k)
+                store_block(builder, emitted, values[space], k)
         if not part.returned:
             builder.ret_void()
-            return function
+            return builder.function
         returned: Any = ir.Constant(result, ir.Undefined)
         for k, r in enumerate(part.returned):
             returned = builder.insert_value(returned, emitter.value(r), k)
         builder.ret(returned)
-        return function
+        return builder.function
 
     def emit(self, emitter: Emitter, node: Operation) -> Any:
         """The call of a stage; the first is preceded by the earlier part of its own."""
@@ -270,20 +268,14 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
     calls = [n for n in reached(results) if n.name == "stage"]
     stages = Stages(calls, function.spaces, function.known) if calls else None
     results = specialise(results, function.known)
-    arguments = signature(function)
-    made = internal(module, ir.VoidType(), list(arguments.values()), f"lanes_{function.name}")
-    bases = dict(zip(arguments, made.args, strict=True))
-    for name, base in bases.items():
-        if not name.endswith("_stride"):
-            base.add_attribute("noalias")
-    builder = ir.IRBuilder(made.append_basic_block())
+    builder, bases = internal(module, f"lanes_{function.name}", signature(function), ir.VoidType())
     tables = {n: _columns(builder, bases[n], vectors, *shape) for n, shape in function.inputs.items()}
 
     def load(space: str, k: int) -> Any:
         return tables[space](k) if space in tables else vectors.load(builder, bases[space], k)
 
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
-    emitted = EmittedStages(stages, made, spaces, ordered, vectors) if stages else None
+    emitted = EmittedStages(stages, builder.function, spaces, ordered, vectors) if stages else None
     emitter = Emitter(builder, load, vectors, emitted)
     if stages:
         order = stages.in_order(results)
@@ -296,7 +288,7 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
         store_block(builder, value, bases[space], k)
     _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases, vectors)
     builder.ret_void()
-    return made
+    return builder.function
 
 
 def _columns(

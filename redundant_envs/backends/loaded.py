@@ -72,7 +72,11 @@ def _tell(told: list[Any], module: str, names: Mapping[str, Any], inside: str = 
             if home == module or home.partition(".")[0] != ROOT:  # otherwise its own module tells it
                 told += function.__code__, _plain(function.__defaults__), _plain(function.__kwdefaults__)
         else:
-            told += name, kind.__qualname__, _home(value)
+            told += (
+                name,
+                kind.__qualname__,
+                *(getattr(value, n, None) for n in ("__module__", "__qualname__")),
+            )
 
 
 def _function(value: Any) -> Any:
@@ -80,11 +84,6 @@ def _function(value: Any) -> Any:
     for attribute in ("fget", "func", "__func__", "__wrapped__"):
         value = getattr(value, attribute, value)
     return value
-
-
-def _home(value: Any) -> tuple[Any, ...]:
-    """Where a class or a function in C is from."""
-    return getattr(value, "__module__", None), getattr(value, "__qualname__", None)
 
 
 def _plain(value: Any) -> Any:
