@@ -20,12 +20,15 @@ def flat(result):
     return [where(result, 1.0, 0.0) if isinstance(result, Condition | bool | np.bool_) else result]
 
 
+def rows_of(graph, count):
+    """Numbers in rows 0, 1, ..."""
+    return [Number(graph, graph.load("row", k)) for k in range(count)]
+
+
 def recorded(function, count=None, graph=None):
     """The results of a function of rows 0, 1, ... as values of a graph."""
-    graph = graph or Graph()
     count = count or len(inspect.signature(function).parameters)
-    results = function(*(Number(graph, graph.load("row", k)) for k in range(count)))
-    return [value_of(r) for r in flat(results)]
+    return [value_of(r) for r in flat(function(*rows_of(graph or Graph(), count)))]
 
 
 def compiled(kernel):
