@@ -1,5 +1,6 @@
 """A batch of lanes: parameters of their own and status. Bits of any scene: ``test_properties.py``."""
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -11,13 +12,6 @@ from redundant_envs import algebra
 from redundant_envs.algebra import sqrt, where
 from redundant_envs.effects.hooks import Effect, Field
 from redundant_envs.verify.checks import random_states
-
-FIXED = on(
-    "4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8", "RPRP gravity euler", "RPRP generalized rk8"
-)
-LOCAL = on(
-    "4R all 1e-6", "4R free 1e-12", "stops 1e-6, inelastic", "RPRP limit springs 1e-6", "*R* gravity dop853"
-)
 
 
 def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
@@ -33,27 +27,21 @@ def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
 # ---- separate parameters of a lane -----------------------------------------------------------------
 
 
-def own_masses_are_those_of_own_scenes(scene, count):
-    """Of every second lane; the others are the scene's."""
-    states, arm = random_states(scene, count, 1), scene.robot
-    masses = arm.masses * np.random.default_rng(2).uniform(0.5, 2.0, (count, 4))
-    masses[::2] = arm.masses
-    whole, status = run(scene, *states, parameters={"masses": masses})
-    for k in range(count):
-        own = dataclasses.replace(scene, robot=dataclasses.replace(arm, masses=tuple(masses[k])))
-        assert_same_bits(run(own, *(x[[k]] for x in states))[0], whole[[k]])
-    return status.evaluations
-
-
-@FIXED
+@on(
+    "4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8", "RPRP generalized rk8", "4R all 1e-6",
+    "4R free 1e-12", "stops 1e-6, inelastic", "RPRP limit springs 1e-6", "*R* gravity dop853",
+)  # fmt: skip
 def test_a_lanes_own_parameters_equal_those_of_its_own_scene(scene):
-    own_masses_are_those_of_own_scenes(scene, 11)
-
-
-@LOCAL
-def test_lanes_with_steps_of_their_own_have_their_own_parameters(scene):
-    """They go through slots, eight at a time, whose numbers are not those of their blocks."""
-    assert own_masses_are_those_of_own_scenes(scene, 11).max() > 12
+    """Lanes with steps of their own go through slots, eight at a time, whose numbers are not those of their
+    blocks."""
+    states, arm = random_states(scene, 11, 1), scene.robot
+    own = arm.masses * np.array([[1.0] * 4, [0.6, 0.8, 1.7, 1.1], [1.9, 0.5, 0.7, 1.3]])
+    whole, status = run(scene, *states, parameters={"masses": own[np.arange(11) % 3]})
+    for k, masses in enumerate(own):
+        alone = dataclasses.replace(scene, robot=dataclasses.replace(arm, masses=tuple(masses)))
+        assert_same_bits(run(alone, *states)[0][k::3], whole[k::3])
+    if scene.tolerance or scene.integrator == "dop853":
+        assert status.evaluations.max() > 12
 
 
 @pytest.mark.parametrize("value", [2.0, (1, 2, 3, 4), np.arange(1, 13).reshape(3, 4)], ids=str)
@@ -91,29 +79,21 @@ def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
 # ---- status ----------------------------------------------------------------------------------------
 
 
-@on("4R limits, 3 substeps, rk4", "4R all rk8")
-@pytest.mark.parametrize(("count", "threads"), [(1, 1), (7, 1), (17, 3)])
-def test_status_of_a_partly_filled_block(scene, count, threads):
-    q, qd, u = random_states(scene, 24, 0)
-    qd[count - 1, 2] = np.nan
-    _, whole = run(scene, q, qd, u)
-    _, part = run(scene, q[:count], qd[:count], u[:count], threads=threads)
-    assert_same_bits(part, [column[:count] for column in whole])
-    assert part.finite.tolist() == [True] * (count - 1) + [False]
-    assert part.numerics[-1] == rde.Numerics.NON_FINITE
+@on("4R limits, 3 substeps, rk4", "4R all rk8", "4R all 1e-6", "stops 1e-6, inelastic")
+def test_few_lanes_have_the_bits_and_the_status_of_many(scene):
+    """A program for at most four lanes computes half a block; the last lane of each batch is not finite."""
+    q, qd, u = random_states(scene, 24, 3)
+    qd[[0, 2, 3, 4, 16], 2] = np.nan
+    whole, status = run(scene, q, qd, u, steps=2)
+    for count, threads in ((1, 1), (3, 1), (4, 1), (5, 1), (17, 3)):
+        states, part = run(scene, q[:count], qd[:count], u[:count], steps=2, threads=threads)
+        assert_same_bits([states, *part], [whole[:count], *(column[:count] for column in status)])
+        assert not part.finite[-1]
+        assert part.numerics[-1] == rde.Numerics.NON_FINITE
+    assert status.finite.sum() == 24 - 5
 
 
-@on("4R all rk8", "4R all 1e-6", "stops 1e-6, inelastic")
-def test_few_lanes_have_the_bits_of_many(scene):
-    """A program for at most four lanes computes half a block; here it is compiled before that for all."""
-    states = random_states(scene, 24, 3)
-    few = [run(scene, *(x[:count] for x in states), steps=3) for count in (1, 3, 4, 5)]
-    whole, status = run(scene, *states, steps=3)
-    for q, part in few:
-        assert_same_bits([q, *part], [whole[: len(q)], *(column[: len(q)] for column in status)])
-
-
-@FIXED
+@on("4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8")
 def test_status_of_each_method(scene):
     _, status = run(scene, *random_states(scene, 4, 0))
     stages = {"euler": 1, "rk4": 4, "rk8": 12}[scene.integrator]
@@ -146,11 +126,12 @@ def test_an_effort_that_is_no_number_is_reported(integrator):
         assert status.numerics[5] == rde.Numerics.NON_FINITE
 
 
-def test_what_is_the_same_in_every_interval_is_read_only():
+def test_what_is_the_same_in_every_interval_is_read_only_in_a_copy_too():
     """One array serves all calls: an in-place addition to it must not change later results."""
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
-    status = batch.advance()
-    for shared in (status.evaluations, status.events, status.error_estimate):
-        with pytest.raises(ValueError, match="read-only"):
-            shared += 1
-    assert batch.advance().evaluations.tolist() == [4] * 5
+    made = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
+    for batch in (made, copy.deepcopy(made)):
+        status = batch.advance()
+        for shared in (status.evaluations, status.events, status.error_estimate):
+            with pytest.raises(ValueError, match="read-only"):
+                shared += 1
+        assert batch.advance().evaluations.tolist() == [4] * 5

@@ -1,7 +1,5 @@
 """Copies of simulators: the same bits, independent, in another process too."""
 
-import copy
-import io
 import multiprocessing
 import os
 import pickle
@@ -21,7 +19,10 @@ FIXED, STOPS = SCENES["4R all rk8"], SCENES["stops 1e-6, inelastic"]
 @pytest.mark.parametrize("way", COPIES.values(), ids=COPIES)
 def test_a_copy_is_independent(way):
     batch = started(STOPS, varied=True)
+    batch.remark = ["a user's"]
     twin = way(batch)
+    twin.remark.append("of the twin")
+    assert batch.remark == ["a user's"]
     snapshot, before = batch.save(), batch.q
     twin.set_parameters({"masses": 3.0, "prismatic_stop.upper": (0.4, 0.4)})
     twin.set_state((0.1, 0.2, 0.3, 0.1), np.zeros(4))
@@ -32,16 +33,6 @@ def test_a_copy_is_independent(way):
     assert_same_bits(motion(batch), expected)
     twin.restore(snapshot)
     assert_same_bits(motion(twin), expected)
-
-
-def test_attributes_that_a_user_adds_are_copied_and_shown_numbers_are_read_only_too():
-    batch = started(FIXED)
-    batch.remark = ["a"]
-    twin = copy.deepcopy(batch)
-    twin.remark.append("b")
-    assert batch.remark == ["a"]
-    with pytest.raises(ValueError, match="read-only"):
-        twin.advance().evaluations[0] = 1
 
 
 def test_records_are_copied_and_pickled():
@@ -118,4 +109,4 @@ def test_a_pickle_is_not_much_larger_than_the_numbers():
     small, large = (rde.BatchSimulator(FIXED, n) for n in (8, 80_008))
     of_a_lane = (len(pickle.dumps(large)) - len(pickle.dumps(small))) / 80_000
     assert of_a_lane < 1.01 * 8 * (8 + 1)  # eight states and its number; the parameters are shared
-    assert io.BytesIO(pickle.dumps(FIXED)).getbuffer().nbytes < 4000
+    assert len(pickle.dumps(FIXED)) < 4000
