@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -45,11 +43,6 @@ class Vectors:
     def __init__(self, lanes: int) -> None:
         self.lanes, self.numbers = lanes, ir.VectorType(DOUBLE, lanes)
         self.truths, self.whole = ir.VectorType(BIT, lanes), ir.VectorType(INT64, lanes)
-        self.number = functools.lru_cache(maxsize=1024)(self._number)
-
-    def _number(self, bits: bytes) -> ir.Constant:
-        """One number, given by its bits, in all lanes."""
-        return ir.Constant(self.numbers, struct.unpack("<d", bits) * self.lanes)
 
     def same(self, type_: ir.VectorType, k: float) -> ir.Constant:
         """One constant of a type in all lanes."""
@@ -110,23 +103,24 @@ class Emitter:
     load: Callable[[str, int], Any]  # emits the load of number k of a space
     vectors: Vectors
     stages: EmittedStages | None = None
-    values: dict[Operation, Any] = field(default_factory=dict)
+    values: dict[Any, Any] = field(default_factory=dict)  # of operations, and of the bits of constants
 
     def value(self, node: Value) -> Any:
-        if isinstance(node, bool):
-            return self.vectors.same(self.vectors.truths, int(node))
-        if isinstance(node, float):
-            return self.vectors.number(bits_of(node))
-        if node not in self.values:
-            self.values[node] = self._emit(node)
-        return self.values[node]
+        key = bits_of(node) if isinstance(node, float) else node
+        if key not in self.values:
+            self.values[key] = self._emit(node)
+        return self.values[key]
 
-    def _emit(self, node: Operation) -> Any:
+    def _emit(self, node: Value) -> Any:
+        b, v = self.builder, self.vectors
+        if isinstance(node, bool):
+            return v.same(v.truths, int(node))
+        if isinstance(node, float):
+            return v.same(v.numbers, node)
         if node.name == "load":
             return self.load(*node.extra)
         if self.stages and node.name in ("stage", "result"):
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
-        b, v = self.builder, self.vectors
         arguments = [self.value(a) for a in node.arguments]
         # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
         # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.

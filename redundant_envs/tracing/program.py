@@ -140,13 +140,10 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
     condition = forks[0].condition
     sides = [tree.yes for tree in forks], [tree.no for tree in forks]
     for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
-        if all(isinstance(way, Way) and _alike(way.result, ends[0].result) for way in ends):  # type: ignore[union-attr]
+        written = [sorted(way.result.items()) for way in ends if isinstance(way, Way)]
+        if len(written) == len(ends) and all(same(w, written[0]) for w in written):
             return end, ends[0], rest  # type: ignore[return-value]
     return None
-
-
-def _alike(a: Writes, b: Writes) -> bool:
-    return a.keys() == b.keys() and all(same(a[n], b[n]) for n in a)
 
 
 def _place(frame: Any) -> tuple[Any, ...]:
