@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.algebra import arguments_of
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS, Autoreset, Operation
+from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.lane.episode import TIP, Episode
@@ -24,21 +24,15 @@ from redundant_envs.model.programs import Call, Copied, Simulator, Team, address
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
-from redundant_envs.tasks.base import full_reach, hard_stops, range_of_starts
+from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.values import check_keys, shown, whole_number
+from redundant_envs.values import whole_number
 
 OF_KEYS = ("keys", "mask", "waiting")
 STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
-OPTION_KEYS = ["q", "qd", "goal", "parameters"]
-LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
-"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
-LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
-Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
-"""The validated content of reset options: parameters, and fields with their numbers."""
 
 
 class EpisodeKeys:
@@ -255,39 +249,7 @@ class Core(Copied):
 
     def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
         """Validated parameters and rows that options of a reset of some lanes set."""
-        if not options:
-            return None, []
-        scene, task, memory = self.scene, self.task, self.memory
-        check_keys("options", options, OPTION_KEYS)
-        given, values = options.get("parameters"), None
-        if task.goal_conditioned and isinstance(given, Mapping):
-            check_of_reward(scene, task, given)
-        if given is not None:
-            values = parameters.lane_values(scene, memory, lanes, given, True, task)
-        present = values or parameters.present(memory, lanes, scene.parameters())
-        if options.get("goal") is not None and not self.goal_fields:
-            raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
-        rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": self.goal_fields}
-        writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-        for key, names in rows.items():
-            if options.get(key) is None:
-                continue
-            numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), len(names))
-            most, largest = float(np.abs(numbers).max(initial=0.0)), LARGEST_START[key]
-            if most > largest:
-                raise ValueError(f"options[{key!r}] has an entry of size {most:g}; give at most {largest:g}")
-            writes.append((names, numbers))
-            if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
-                parameters.check_stops(scene, numbers, present, "options['q']: ")
-            elif key == "goal":
-                radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
-                if (radius > reach).any():
-                    lane = int(np.argmax(radius - reach))
-                    raise ValueError(
-                        f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                        f"{reach[lane]:.6g} m: choose a goal within it"
-                    )
-        return values, writes
+        return checked_reset(self.episode, self.memory, options, lanes)
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
@@ -369,49 +331,3 @@ class Core(Copied):
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
             goal_conditioned=self.task.goal_conditioned,
         )  # fmt: skip
-
-
-# ---- what users give ------------------------------------------------------------------------------------
-
-
-def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
-    """Reach of the stretched arm, m, from all parameters of the scene."""
-    reach = full_reach(scene.robot)
-    ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
-    return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
-
-
-def numbers_of_reward(task: Task) -> list[str]:
-    """Numbers of a task on which the reward of goals depends: no reset of a goal environment changes them."""
-    if not task.goal_conditioned:
-        return []
-    taken = {name for f in task.goal_functions for name in arguments_of(f)}
-    return [name for name in task.parameters() if name in taken]
-
-
-def check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
-    """Refuse parameters of a goal environment on which its reward depends."""
-    fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
-    of_reward = numbers_of_reward(task)
-    for name in (n for n in given if isinstance(n, str)):
-        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
-        if name in ("lengths", *of_reward) or fixed & entries:
-            what = name if name in of_reward else "lengths and travel"
-            raise ValueError(
-                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
-                "function of the two goals alone"
-                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
-            )
-
-
-def episode_limit(max_episode_steps: Any) -> float:
-    """Control steps until truncation; None and -1 mean never."""
-    given = max_episode_steps
-    if given is None or (isinstance(given, int | np.integer) and given == -1):
-        return float("inf")
-    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
-    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
-        raise ValueError(
-            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
-        )
-    return float(given)

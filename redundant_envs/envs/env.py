@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import Autoreset, Operation
+from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import Face, check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.face import Face
 from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part

@@ -14,19 +14,18 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.core import OPTION_KEYS, Core
+from redundant_envs.envs.arguments import check_action, refuse_bad_action
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
-from redundant_envs.values import shown
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
 ON_BAD_ACTION = ("raise", "terminate")
-FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
 
@@ -252,45 +251,3 @@ class VectorFace(Face):
 def observation_of(batch: Any, lane: int) -> Any:
     """One environment's part of a batch of observations, which are an array or a dictionary of arrays."""
     return {k: v[lane] for k, v in batch.items()} if isinstance(batch, dict) else batch[lane]
-
-
-def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
-    if options is None:
-        return {}
-    if not isinstance(options, Mapping):
-        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
-    return dict(options)
-
-
-def checked_seed(name: str, seed: Any) -> int | None:
-    """A seed as Gymnasium takes it; a ValueError if it is neither a whole number from 0 on nor None."""
-    if seed is None:
-        return None
-    if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
-    return int(seed)
-
-
-def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Actions as float32, or a ValueError about their shape or dtype."""
-    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
-    if of_floats and actions.shape == shape and actions.flags.carray:
-        return actions  # type: ignore[no-any-return]
-    array = np.asarray(actions)
-    if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
-        array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"action has dtype {array.dtype}; give numbers")
-    if array.shape != shape:
-        raise ValueError(f"action has shape {array.shape}; give {shape}")
-    return np.require(array, np.float32, ["C", "A", "W"])
-
-
-def refuse_bad_action(actions: NDArray[np.float32]) -> None:
-    """Raise for actions that are not finite."""
-    if not np.isfinite(actions).all():
-        raise ValueError(
-            f"action has non-finite entries: {actions.tolist()}; give finite numbers, or make the "
-            "environment with on_bad_action='terminate'"
-        )

@@ -14,8 +14,9 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import LANE_VALUES, VectorFace, checked_options, checked_seed, observation_of
+from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
 from redundant_envs.extras import needs
 from redundant_envs.tasks import make_task

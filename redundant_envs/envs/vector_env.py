@@ -11,8 +11,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
-from redundant_envs.envs.face import VectorFace, checked_options, checked_seed, observation_of
+from redundant_envs.envs.face import VectorFace, observation_of
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.model.parameters import check_array, check_keys
 from redundant_envs.values import whole_number

@@ -165,8 +165,7 @@ class BatchSimulator(Copied):
         lanes = self._lanes(index)
         arm = self.scene.robot
         positions, rates = (self._table(name, x, len(lanes)) for name, x in (("q", q), ("qd", qd)))
-        present = parameters.present(self._memory, lanes, self.scene.parameters())
-        parameters.check_stops(self.scene, positions, present)
+        parameters.check_stops(self.scene, positions, parameters.stops_of(self._memory, lanes))
         self._memory.write(arm.coordinates, positions, lanes)
         self._memory.write(arm.rates, rates, lanes)
         self._memory.begin(lanes)

@@ -104,11 +104,18 @@ def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Ta
     return dict(zip(fields, memory.read([*fields.values()], lanes).T, strict=True))
 
 
+def stops_of(memory: Memory, lanes: NDArray[np.intp]) -> Table:
+    """The hard ends of travel that some lanes have."""
+    ends = [name for _, *names in hard_stops(memory.dynamics.scene) for name in names]
+    return present(memory, lanes, ends) if ends else {}
+
+
 def _check_values(scene: Scene, task: Task | None, values: Table, changed: list[str]) -> None:
-    """ValueError unless all numbers of the arm, and those of each effect and of the task of which some
-    change, are valid and fit together."""
+    """ValueError unless the numbers of the arm, of each effect and of the task of which some change are valid
+    and fit together."""
     for kind in ("masses", "lengths"):
-        if names := names_of(scene, kind):  # an arm of sliders alone has no lengths
+        names = names_of(scene, kind)
+        if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
@@ -330,11 +337,11 @@ def check_numbers(
                 "it belongs to the scene and not to a state"
             )
     taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
-    values = present(taken, taken.index, nominal)
     try:
         if not np.array_equal(given, own["parameters"]):
+            values = present(taken, taken.index, nominal)
             changed = [p for p, number in nominal.items() if (values[p] != number).any()]
             _check_values(scene, task, values, changed)
-        check_stops(scene, taken.read(scene.robot.coordinates), values)
+        check_stops(scene, taken.read(scene.robot.coordinates), stops_of(taken, taken.index))
     except ValueError as error:
         raise ValueError(f"{name} holds an impossible state: {error}") from None

@@ -1,0 +1,149 @@
+"""Checks of arguments that users pass to environments: reset options, seeds, actions, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.algebra import arguments_of
+from redundant_envs.lane.episode import Episode
+from redundant_envs.model import parameters
+from redundant_envs.model.memory import Memory
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.base import Task, full_reach, hard_stops
+from redundant_envs.values import check_keys, shown
+
+OPTION_KEYS = ["q", "qd", "goal", "parameters"]
+LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
+"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
+LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
+FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
+Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
+"""The validated content of reset options: parameters, and fields with their numbers."""
+
+
+def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
+    """Reach of the stretched arm, m, from all parameters of the scene."""
+    reach = full_reach(scene.robot)
+    ends = {f"high{joint + 1}": high for joint, (_, high) in scene.travel().items()}
+    return reach(*(values[ends.get(name, name)] for name in arguments_of(reach)))
+
+
+def numbers_of_reward(task: Task) -> list[str]:
+    """Numbers of a task on which the reward of goals depends: no reset of a goal environment changes them."""
+    if not task.goal_conditioned:
+        return []
+    taken = {name for f in task.goal_functions for name in arguments_of(f)}
+    return [name for name in task.parameters() if name in taken]
+
+
+def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+    """Refuse parameters of a goal environment on which its reward depends."""
+    fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
+    of_reward = numbers_of_reward(task)
+    for name in (n for n in given if isinstance(n, str)):
+        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
+        if name in ("lengths", *of_reward) or fixed & entries:
+            what = name if name in of_reward else "lengths and travel"
+            raise ValueError(
+                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
+                "function of the two goals alone"
+                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
+            )
+
+
+def checked_reset(
+    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: NDArray[np.intp]
+) -> Checked:
+    """Validated parameters and rows that the options of a reset of some lanes set."""
+    if not options:
+        return None, []
+    scene, task = episode.dynamics.scene, episode.task
+    check_keys("options", options, OPTION_KEYS)
+    given, values = options.get("parameters"), None
+    if task.goal_conditioned and isinstance(given, Mapping):
+        _check_of_reward(scene, task, given)
+    if given is not None:
+        values = parameters.lane_values(scene, memory, lanes, given, True, task)
+    present = values or parameters.present(memory, lanes, scene.parameters())
+    if options.get("goal") is not None and not episode.goal:
+        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+    rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
+    writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
+    for key, names in rows.items():
+        if options.get(key) is None:
+            continue
+        numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), len(names))
+        most, largest = float(np.abs(numbers).max(initial=0.0)), LARGEST_START[key]
+        if most > largest:
+            raise ValueError(f"options[{key!r}] has an entry of size {most:g}; give at most {largest:g}")
+        writes.append((names, numbers))
+        if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
+            parameters.check_stops(scene, numbers, present, "options['q']: ")
+        elif key == "goal":
+            radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
+            if (radius > reach).any():
+                lane = int(np.argmax(radius - reach))
+                raise ValueError(
+                    f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
+                    f"{reach[lane]:.6g} m: choose a goal within it"
+                )
+    return values, writes
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
+    return dict(options)
+
+
+def checked_seed(name: str, seed: Any) -> int | None:
+    """A seed as Gymnasium takes it; a ValueError if it is neither a whole number from 0 on nor None."""
+    if seed is None:
+        return None
+    if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
+    return int(seed)
+
+
+def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Actions as float32, or a ValueError about their shape or dtype."""
+    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
+    if of_floats and actions.shape == shape and actions.flags.carray:
+        return actions  # type: ignore[no-any-return]
+    array = np.asarray(actions)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 4:  # finite actions must stay finite as float32
+        array = np.where(np.isfinite(array), np.clip(array, -1e30, 1e30), array)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action has dtype {array.dtype}; give numbers")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}; give {shape}")
+    return np.require(array, np.float32, ["C", "A", "W"])
+
+
+def refuse_bad_action(actions: NDArray[np.float32]) -> None:
+    """Raise for actions that are not finite."""
+    if not np.isfinite(actions).all():
+        raise ValueError(
+            f"action has non-finite entries: {actions.tolist()}; give finite numbers, or make the "
+            "environment with on_bad_action='terminate'"
+        )
+
+
+def episode_limit(max_episode_steps: Any) -> float:
+    """Control steps until truncation; None and -1 mean never."""
+    given = max_episode_steps
+    if given is None or (isinstance(given, int | np.integer) and given == -1):
+        return float("inf")
+    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
+        raise ValueError(
+            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
+        )
+    return float(given)
