@@ -18,8 +18,14 @@ from redundant_envs.modules import OPTION, take_imports
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns 0, or 1 if verify found a broken promise; 2, after a message, for a mistake in
-    the command or a missing package; 130 for Ctrl-C."""
+    """Run a command.
+
+    Returns
+    -------
+    int
+        0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
+        missing package; 130 for Ctrl-C.
+    """
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
         options = parser().parse_args(words)
@@ -154,6 +160,7 @@ def simulate(options: argparse.Namespace) -> None:
 
 
 def no_studies(options: argparse.Namespace) -> None:
+    """Say where the studies are."""
     raise ValueError(
         "the studies are in the source tree, not in the wheel; run python -m redundant_envs study there"
     )

@@ -111,11 +111,13 @@ class Blocks:
         return self.p.mask(pointers[space], row)
 
     def load(self, pointers: Mapping[str, Scalar], lane: Any, name: str) -> Scalar:
+        """A field of a lane of a block."""
         space, row = self.layout.row_of(name)
         self.read.add((space, row))
         return self.p.load(pointers[space], lane + row * LANES)
 
     def store(self, pointers: Mapping[str, Scalar], lane: Any, name: str, value: Any) -> None:
+        """Set a field of a lane of a block."""
         space, row = self.layout.row_of(name)
         self.p.store(pointers[space], lane + row * LANES, value)
 

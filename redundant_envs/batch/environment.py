@@ -39,6 +39,7 @@ EPISODE_KEY = KEY_WORDS + 1
 """Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
 begun."""
 DUE, BEGUN = 1, 2
+ROUNDS = 10
 ARGUMENTS = {
     "actions": "f32",
     "obs": "f32",
@@ -175,7 +176,7 @@ def philox(key: list[Any], counter: list[Any]) -> list[Any]:
     low, (k0, k1), (c0, c1, c2, c3) = 0xFFFFFFFF, key, counter
     zero = k0 & 0
     c0, c1 = zero + c0, zero + c1
-    for _ in range(10):
+    for _ in range(ROUNDS):
         a = c0 * 0xD2511F53
         b = c2 * 0xCD9E8D57
         c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low

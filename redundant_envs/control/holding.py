@@ -136,8 +136,7 @@ def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Arra
 
 
 def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tuple[Array, Array]:
-    """The pose of least load at each goal; ValueError if the scene has effects whose part at rest is not
-    known, or another argument is not as below.
+    """The pose of least load at each goal.
 
     Parameters
     ----------
@@ -154,6 +153,11 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
     load : (n,)
         Largest effort / limit of a joint in that pose, 1; inf where the goal is out of reach. It is an upper
         bound of the least, since it belongs to a pose.
+
+    Raises
+    ------
+    ValueError
+        If the scene has effects whose part at rest is not known, or another argument is not as above.
     """
     joints = len(scene.robot.joints)
     if joints - 2 != PARAMETERS:

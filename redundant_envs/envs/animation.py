@@ -26,12 +26,28 @@ SLIDERS = ("#34496e", "#7c9dcd")
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
-    """A moving picture of a motion, in real time; of a batch, of the motion that ``index`` chooses.
+    """A moving picture of a motion, in real time.
 
     Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many
-    times a second, or more. It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")``
-    writes it. Both need the extra ``plot``. ValueError if there is nothing to draw, the index chooses no
-    motion, or the arm has no point mass for each joint.
+    times a second, or more.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        What ``simulate`` gave.
+    index : int or tuple of ints, optional
+        Which motion of a batch; a single motion has none.
+
+    Returns
+    -------
+    Animation
+        It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")`` writes it. Both need the
+        extra ``plot``.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to draw, the index chooses no motion, or the arm has no point mass for each joint.
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")

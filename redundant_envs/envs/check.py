@@ -58,11 +58,18 @@ class BrokenRule(AssertionError):
 
 
 def check_vec_env(env: Any, seed: int = 123) -> None:
-    """Check a vector environment against the contract of its library; a :class:`BrokenRule` names the first
-    rule that does not hold.
+    """Check a vector environment against the contract of its library.
 
-    It is a ``gymnasium.vector.VectorEnv`` or a ``VecEnv`` of stable-baselines3, and is reset with the seed
-    and stepped until an episode ends (at most 1000 steps).
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv or stable_baselines3 VecEnv
+        It is reset and stepped until an episode ends (at most 1000 steps).
+    seed : int
+
+    Raises
+    ------
+    BrokenRule
+        Naming the first rule that does not hold.
     """
     if isinstance(env, VectorEnv):
         _VectorCheck(env, VECTOR_RULES, seed).run()
@@ -125,6 +132,7 @@ class _VectorCheck(_Check):
         self.check_ends(mode)
 
     def rollout(self, actions: list[Any]) -> list[Any]:
+        """Observations and rewards of some steps."""
         self.returned = []
         self.keep(self.env.reset(seed=self.seed)[0])
         steps = []
@@ -136,6 +144,7 @@ class _VectorCheck(_Check):
         return steps
 
     def step(self, action: Any) -> tuple[Any, ...]:
+        """A step whose results were checked."""
         result = self.env.step(action)
         self.need("step", isinstance(result, tuple) and len(result) == 5, "another shape")
         obs, reward, terminated, truncated, infos = result
@@ -211,6 +220,7 @@ class _SB3Check(_Check):
         self.check_kept()
 
     def begin(self, space: spaces.Space[Any]) -> Any:
+        """Observations of a reset with the seed."""
         self.env.seed(self.seed)
         obs = self.env.reset()
         self.need("reset", isinstance(obs, np.ndarray | dict) and space.contains(obs), obs)

@@ -195,6 +195,7 @@ class Core(Copied):
     def _run(
         self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
     ) -> Tables:
+        """An operation on all lanes."""
         n, count = self.num_envs, self.memory.blocks * LANES
         if actions is None:
             actions = np.zeros((n, len(self.actions)), dtype=np.float32)

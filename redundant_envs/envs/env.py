@@ -111,6 +111,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         return obs
 
     def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
         super().set_state(state)
         self._begin()
         if not self.core.begun_all or self.core.memory.read(("terminated",)).any():

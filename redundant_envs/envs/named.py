@@ -77,6 +77,7 @@ def texts() -> dict[str, Any]:
 
 
 def action_table(scene: Scene) -> str:
+    """Actions with their limits."""
     values, arm, rows = scene.parameters(), scene.robot, []
     for k, (joint, limit) in enumerate(zip(arm.joints, scene.action_units(), strict=True)):
         unit = "N" if arm.prismatic[k] else "N m"
@@ -85,6 +86,7 @@ def action_table(scene: Scene) -> str:
 
 
 def observation_table(scene: Scene, task: Task) -> str:
+    """Observed quantities in order."""
     rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
     return markdown(("Num", "Observation", "Min", "Max"), rows)
 

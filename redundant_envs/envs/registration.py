@@ -41,6 +41,7 @@ another process must import it for an environment, and entry points begin with i
 
 
 def ids() -> list[str]:
+    """All registered ids."""
     return list(IDS)
 
 
@@ -129,8 +130,7 @@ def _check_name(what: str, name: Any) -> None:
 
 
 def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = None) -> None:
-    """Let scenes name an arm, and ``gymnasium.make`` its environments; ValueError if another arm has the name
-    or one of the ids, or the scene is not one of this arm.
+    """Let scenes name an arm, and ``gymnasium.make`` its environments.
 
     Parameters
     ----------
@@ -138,6 +138,11 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         Its ``kind``, by default the name of the class, is its name in scenes and ids.
     scene : mapping or path of a YAML file, optional
         For its environments ``redundant_envs/<kind><task>-v0``, one per task; without a scene it has none.
+
+    Raises
+    ------
+    ValueError
+        If another arm has the name or one of the ids, or the scene is not one of this arm.
     """
     from redundant_envs import robots
     from redundant_envs.scene import load_scene
@@ -183,8 +188,13 @@ def _check_scene(scene: Scene, kind: str) -> None:
 
 
 def register_task(task: type[Task]) -> None:
-    """Let ``gymnasium.make`` know a task: ``redundant_envs/<arm><name>-v0`` for every arm with a scene;
-    ValueError if another task has the name, or one of its ids is taken."""
+    """Let ``gymnasium.make`` know a task: ``redundant_envs/<arm><name>-v0`` for every arm with a scene.
+
+    Raises
+    ------
+    ValueError
+        If another task has the name, or one of its ids is taken.
+    """
     from redundant_envs import tasks
 
     if not (isinstance(task, type) and issubclass(task, tasks.Task)):
@@ -198,7 +208,13 @@ def register_task(task: type[Task]) -> None:
 
 
 def register_effect(effect: type[Effect]) -> None:
-    """Let scene files name an effect by its class; ValueError if another effect has the name."""
+    """Let scene files name an effect by its class.
+
+    Raises
+    ------
+    ValueError
+        If another effect has the name.
+    """
     from redundant_envs import effects
 
     if not (isinstance(effect, type) and issubclass(effect, effects.Effect)):
@@ -209,8 +225,13 @@ def register_effect(effect: type[Effect]) -> None:
 
 
 def register_integrator(method: Tableau) -> None:
-    """Let scenes name an explicit Runge-Kutta method, which takes steps of equal length; ValueError if
-    another method has the name, or the tableau is not that of an explicit method."""
+    """Let scenes name an explicit Runge-Kutta method; it takes steps of equal length.
+
+    Raises
+    ------
+    ValueError
+        If another method has the name, or the tableau is not that of an explicit method.
+    """
     from redundant_envs.numerics import tableaus
 
     if not isinstance(method, tableaus.Tableau):

@@ -285,6 +285,7 @@ class Renderer:
         self._window: Any = None
 
     def clear(self) -> None:
+        """Forget all trails."""
         self._count[:] = 0
         self._last[:] = -1.0
 
@@ -352,6 +353,7 @@ class Renderer:
         self._window.show(self.draw(lane))
 
     def close(self) -> None:
+        """Close the window if one is open."""
         if self._window is not None:
             self._window.close()
             self._window = None

@@ -130,6 +130,7 @@ class SB3VecEnv(VectorFace, VecEnv):
         """Nothing to release."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.check_state(state)
         memory = self.core.memory.holding(state["states"], state["parameters"])
         ended = np.flatnonzero(memory.read(("terminated",))[:, 0])

@@ -115,10 +115,12 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         return observation, reward, terminated, truncated, infos
 
     def get_state(self) -> dict[str, Any]:
+        """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
         return {**super().get_state(), **own}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit."""
         own = ("ended", "autoreset_mode")
         check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
         of_core = {key: value for key, value in state.items() if key not in own}

@@ -23,6 +23,8 @@ NO_LIMIT = 1e300
 """Larger limits count as absent: infinite ones must not make every position close to them."""
 MARGIN = 1e-13
 """m or rad, relative above 1: if a force changes its law this much later, the error is below tolerances."""
+SMALLEST_SCALE = 1e-280
+"""Smallest scale of rounding, for positions and limits that are all 0."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class BoundedCoordinate(NamedTuple):
 
     @property
     def free(self) -> Any:
+        """Whether it rests at no stop."""
         return self.active_stop == 0.0
 
     @property
@@ -82,7 +85,7 @@ class BoundedCoordinate(NamedTuple):
         largest = maximum(size_of(self.lower), size_of(self.upper))
         if not isinstance(self.scale, float):
             largest = maximum(largest, self.scale)
-        return ROUNDING * maximum(largest, maximum(abs(self.start_position), 1e-280))
+        return ROUNDING * maximum(largest, maximum(abs(self.start_position), SMALLEST_SCALE))
 
     @property
     def side_beyond(self) -> Any:
@@ -90,6 +93,7 @@ class BoundedCoordinate(NamedTuple):
         return where(self.free, side_beyond(self.position, self.lower, self.upper), 0.0)
 
     def limit(self, side: Any) -> Any:
+        """The limit of a side."""
         return where(side > 0.0, self.upper, self.lower)
 
 

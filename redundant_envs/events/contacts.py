@@ -54,10 +54,12 @@ class Contact(NamedTuple):
 
     @property
     def free(self) -> Any:
+        """Whether it rests at no stop."""
         return self.active_stop == 0.0
 
     @property
     def resting(self) -> Any:
+        """Whether it rests at a stop."""
         return self.active_stop != 0.0
 
     @property

@@ -171,8 +171,14 @@ class BatchSimulator(Copied):
         self._memory.begin(lanes)
 
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
-        """Set physical parameters of lanes: "masses", "lengths", or an effect's number such as "gravity.g" or
-        "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries)."""
+        """Set physical parameters of lanes.
+
+        Parameters
+        ----------
+        values : mapping
+            "masses", "lengths", or an effect's number such as "gravity.g" or
+            "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries).
+        """
         lanes = self._lanes(index)
         given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
         parameters.check_stops(self.scene, self._memory.read(self.scene.robot.coordinates, lanes), given)
@@ -205,8 +211,13 @@ class BatchSimulator(Copied):
         return simulator_facts(self.simulator, self.num_envs)
 
     def advance(self, efforts: ArrayLike | None = None) -> Status:
-        """Advance all lanes by one control interval under constant efforts at the joints, (num_envs, joints),
-        N m and N (``Scene.actuation``); zero by default."""
+        """Advance all lanes by one control interval under constant efforts.
+
+        Parameters
+        ----------
+        efforts : (num_envs, joints) array, optional
+            N m and N at the joints (``Scene.actuation``); zero by default.
+        """
         n = self.num_envs
         if efforts is None:
             efforts = np.zeros(self.simulator.dynamics.count)

@@ -131,10 +131,12 @@ def _kept_or_made(make: Callable[[str], Simulator], scene: Scene, *more: Any) ->
 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
+    """The simulator of a batch."""
     return _kept_or_made(lambda name: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task) -> Simulator:
+    """The simulator of an environment."""
     return _kept_or_made(lambda name: _environment(scene, task, name), scene, task)
 
 

@@ -19,8 +19,7 @@ Step = Callable[..., tuple[Any, ...]]
 
 
 def torch_step(scene: Scene) -> Step:
-    """A differentiable control interval of a scene; ValueError if it has stops or chooses its steps while it
-    runs.
+    """A differentiable control interval of a scene.
 
     The steps are those of the compiled simulator, run on tensors of float64; motions agree to rounding.
     With a tolerance the number of steps of each lane is found first, without gradients, and then taken as
@@ -40,6 +39,11 @@ def torch_step(scene: Scene) -> Step:
         (..., entries), or (...) of a single number. If effects of the scene have states,
         ``step(q, qd, efforts, parameters=None, z=...) -> (q, qd, z)`` takes and returns these, too,
         (..., states) in the order of ``Scene.states()``.
+
+    Raises
+    ------
+    ValueError
+        If the scene has stops or chooses its steps while it runs.
     """
     check_scene(scene)
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws

@@ -94,6 +94,10 @@ def simulate(
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
     efforts : None, (joints,) array, or callable(t, q, qd)
         Joint efforts, N m and N; a callable is called once per control instant.
+
+    Returns
+    -------
+    Trajectory
     """
     check_scene(scene)
     t = np.atleast_1d(numbers("times", times))
