@@ -72,8 +72,10 @@ def _run(
     for name in run_folder.RESULTS:  # of the policy at the stop
         (folder / name).unlink(missing_ok=True)
     if not resumed:
-        (folder / run_folder.SCENE).write_text(yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False))
-        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False))
+        (folder / run_folder.SCENE).write_text(
+            yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False), "utf-8"
+        )
+        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), "utf-8")
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     monitor.results_writer = ResultsWriter(
         str(folder / "monitor.csv"), header=header, extra_keys=KEYWORDS, override_existing=not resumed
