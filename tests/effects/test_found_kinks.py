@@ -63,6 +63,10 @@ def lag(**what):
 
 
 LAG, HELD, CHAIN = lag(derivative=towards), lag(update=towards), motor(at_most, "number")
+BRAKE = e.Actuation(
+    0, physics(lambda command, rate, number: command - number * rate),
+    {"rate": "phid1", "number": ".number", "command": "command1"},
+)  # fmt: skip
 DECLARED = motor(at_most, "number", kink=physics(lambda command, number: command - number))
 HOOKS = {
     "a held command in a force": (0, force(ramp, "command2")),
@@ -77,6 +81,7 @@ HOOKS = {
     "levels, and 0": (2, force(size, "phi2"), force(steps, "phi2")),
     "the derivative of a state": (1, LAG),
     "a limit behind a state": (2, LAG, CHAIN),
+    "a limit behind a link without a kink": (1, BRAKE, CHAIN),
     "one that is declared": (1, force(ramp, "phi2", **END)),
     "one of two declared": (2, force(two_kinks, "phi2", **END)),
     "one that is chosen from": (1, force(ramp, "phi2", **ABOVE)),

@@ -17,6 +17,7 @@ from redundant_envs.numerics.error_control import (
     Crossed,
     blended_error,
     confirmed,
+    judge_adaptive,
     steps_allowed,
     steps_for_error,
     tip_error,
@@ -209,6 +210,12 @@ def test_an_estimate_that_overflows_does_not_pass():
             assert (tip_error(*estimates) <= 1e-6) == (huge not in estimates), estimates
     for e6, e5 in itertools.product((0.0, 1e-9, np.nan), repeat=2):  # a stage that e3 uses, e5 uses, too
         assert (tip_error(e6, e5, 0.0) <= 1e-6) == bool(e6 + e5 < 1.0)
+
+
+def test_the_next_step_of_dop853_is_no_longer_than_springs_and_rates_allow():
+    for least, longest in ((0.0, 6e-3), (3.0, 6e-3), (8.0, 2.5e-3)):  # six times as long as the last
+        verdict = judge_adaptive(1e-12, 1e-3, 1e-3, least, 0.02, 1.0)
+        assert verdict.following == pytest.approx(longest, rel=1e-12)
 
 
 def test_one_estimate_that_is_0_by_chance_hides_no_error():
