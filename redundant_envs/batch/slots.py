@@ -104,7 +104,7 @@ class Slots:
             forces = boundaries.update_constraint_forces
             self.common_held = make("common_held", step.common_step, forces, step.judge)
             self.released = make("release", boundaries.release)
-        if i.boundaries:
+        if i.bounded:
             self.confirmed = make("confirm_crossings", boundaries.confirm_crossings)
         if i.controlled:
             self.skipped = make("skip_common_step", step.skip_common_step)
@@ -181,7 +181,7 @@ class Slots:
                 self._held_or_free(block)
             else:
                 p.call(self.common, **pointers)
-            if i.boundaries:
+            if i.bounded:
                 with p.when(self.blocks.mask(pointers, "reason") != 0):
                     p.call(self.confirmed, **pointers)
 

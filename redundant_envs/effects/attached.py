@@ -15,9 +15,11 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from redundant_envs.algebra import arguments_of, numbered
+from redundant_envs import dialect
+from redundant_envs.algebra import arguments_of, numbered, where
 from redundant_envs.effects import REGISTRY, hooks
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, State, states_of
+from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
 from redundant_envs.robots.arm import Arm
@@ -68,7 +70,8 @@ class Attached(Generic[Kind]):
     hook: Kind
     functions: Functions
     states: Mapping[str, Functions]  # field of each of its states -> functions of the state
-    law: str  # name of the boundary at which a force changes its law; "" without one
+    law: str  # name of the boundary at which a force with a switch changes its law; "" without one
+    guards: tuple[str, ...]  # names of the boundaries at which the values of its guard change their signs
 
     @property
     def key(self) -> str:
@@ -79,6 +82,24 @@ class Attached(Generic[Kind]):
     def side(self) -> str:
         """The field with the law of a force that holds; see :attr:`Boundary.side`."""
         return f"side_{self.law}"
+
+    @property
+    def has_laws(self) -> bool:
+        """Whether it has more than one law."""
+        return bool(self.law or self.guards)
+
+    def guard_values(self, x: Quantities) -> tuple[Any, ...]:
+        """The values of its guard, from quantities."""
+        found = self.functions["guard"](x) if self.guards else ()
+        return found if isinstance(found, tuple) else (found,)
+
+    def settle_law(self, x: Quantities) -> None:
+        """Let the quantities themselves decide which of its laws holds."""
+        if self.law:
+            hook: Any = self.hook
+            x[self.side] = side_beyond(*x.each((hook.motion[0], *map(self.parameter, hook.switch))))
+        for name, value in zip(self.guards, self.guard_values(x), strict=True):
+            x[f"side_{name}"] = side_of_guard(value)
 
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
@@ -91,6 +112,11 @@ class Attached(Generic[Kind]):
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
         """Results of the functions of its states that are the "derivative" or the "update", by field."""
         return {field: own[what](x) for field, own in self.states.items() if what in own}
+
+
+def side_of_guard(value: Any) -> Any:
+    """The side of a guard: 1 where it is positive or 0, else -1."""
+    return where(value >= 0.0, 1.0, -1.0)
 
 
 class EffectStates(dict[str, State]):
@@ -121,8 +147,9 @@ class Attachments(tuple[Attached[Hook], ...]):
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
         """The hooks of effects on an arm."""
-        laws = itertools.count(1)
-        made = cls(_attached(effect, hook, laws) for effect in effects for hook in effect.hooks(arm))
+        switches, guards = itertools.count(1), itertools.count(1)
+        every = ((effect, hook) for effect in effects for hook in effect.hooks(arm))
+        made = cls(_attached(effect, hook, switches, guards) for effect, hook in every)
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
 
@@ -206,12 +233,15 @@ class Attachments(tuple[Attached[Hook], ...]):
         return with_inertias(arm, self.inertias, found) if found else arm
 
 
-def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:
-    key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(laws)}"
+def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
+    key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
+    guard = getattr(hook, "guard", None)
+    guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
+    laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
 
     def name_of(source: str) -> str:
-        if source == hooks.SIDE and law:
-            return f"side_{law}"
+        if laws.get(source):
+            return f"side_{laws[source]}"
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
@@ -223,4 +253,4 @@ def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:
         }
 
     states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
-    return Attached(effect, hook, bound(hook), states, law)
+    return Attached(effect, hook, bound(hook), states, law, guards)

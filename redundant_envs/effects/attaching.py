@@ -16,6 +16,7 @@ from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
+    MOST_GUARDS,
     SIDE,
     Actuation,
     Effect,
@@ -31,6 +32,7 @@ from redundant_envs.effects.hooks import (
     Reading,
     Sensing,
     State,
+    sides,
     states_of,
 )
 from redundant_envs.quantities import Quantities
@@ -53,7 +55,7 @@ class May(enum.Enum):
 class Rule(NamedTuple):
     """The rule of a function of a hook or a state."""
 
-    values: int = 1  # that it returns
+    values: int = 1  # that it returns; at most so many for a guard
     may: May = May.ANYTHING
     refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
 
@@ -64,12 +66,13 @@ RULES: dict[type, dict[str, Rule]] = {
     Force: {
         "function": Rule(),
         "kink": Rule(),
+        "guard": Rule(MOST_GUARDS),
         "potential": Rule(1, May.POSITION),
         "conservative": Rule(1, May.POSITION),
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
-    Actuation: {"function": Rule(), "kink": Rule()},
+    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
                            "numbers")},
     Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
@@ -224,13 +227,14 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
     for part in (hook, *states_of(hook)):
+        allowed = _Allowed(part, hook, own, arm)
         if isinstance(part, State):
             if (part.derivative is None) == (part.update is None):
                 raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
             number(f"initial of the state {part.name!r}", part.initial)
         for field, rule in RULES.get(type(part), {}).items():
             if getattr(part, field) is not None:
-                _check_function(field, rule, part, own, arm)
+                _check_function(field, rule, allowed)
 
 
 def _check_place(hook: Hook, arm: Arm) -> None:
@@ -256,6 +260,8 @@ def _check_place(hook: Hook, arm: Arm) -> None:
             f"joints is {joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
     if isinstance(hook, Force) and hook.switch is not None:
+        if hook.guard is not None:
+            raise ValueError("switch and guard are given, and both say which law holds; give the guard alone")
         if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
             raise ValueError(
                 f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')"
@@ -271,14 +277,26 @@ def _is_one_of(count: int, index: Any) -> bool:
     return isinstance(index, int) and not isinstance(index, bool) and 0 <= index < count
 
 
-def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> None:
+class _Allowed(NamedTuple):
+    """A hook or one of its states, and what the functions of it may take."""
+
+    part: Any
+    hook: Any
+    own: Own
+    arm: Arm
+
+
+def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     """Check a function of a hook or a state: its text, the names that it takes, and its rule."""
+    part, arm = known.part, known.arm
     function = getattr(part, field)
     values, name = dialect.check(function), name_of(function)
-    roots = dict(_roots(field, function, part, own, arm))
+    if field == "guard" and values > MOST_GUARDS:
+        raise ValueError(f"guard {name} returns {values} values; it may return {MOST_GUARDS} at most")
+    roots = dict(_roots(field, function, known))
     at_point = isinstance(part, Force) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
-    if values != wanted:
+    if values != wanted and field != "guard":
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
         if field == "function":
             raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
@@ -300,10 +318,9 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
         raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
 
 
-def _roots(
-    field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm
-) -> Iterator[tuple[str, Set[str]]]:
+def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterator[tuple[str, Set[str]]]:
     """What each quantity that a function takes depends on; refuses names that nothing has."""
+    part, _, own, arm = known
     if not isinstance(part.bind, Mapping):
         raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
     values = [getattr(x, field.name) for x in (part, *states_of(part)) for field in dataclasses.fields(x)]
@@ -323,15 +340,25 @@ def _roots(
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
             continue
-        chosen = source == SIDE and getattr(part, "switch", None) is not None
         try:
-            yield source, roots_of(part.motion[0] if chosen else source, arm)
+            yield source, _roots_of_side(source, field, known) or roots_of(source, arm)
         except ValueError:
             raise ValueError(
                 f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
                 "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
                 "s1, c1, m1, l1, or bind a number of the effect by '.name'"
             ) from None
+
+
+def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
+    """What a side depends on, which says which law of a hook holds; nothing if a quantity is no side."""
+    hook, arm = known.hook, known.arm
+    if source == SIDE and getattr(hook, "switch", None) is not None:
+        return roots_of(hook.motion[0], arm)
+    guard = getattr(hook, "guard", None)
+    if guard is None or field == "guard" or source not in sides(dialect.check(guard)):
+        return frozenset()
+    return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
 
 
 def _check_own(where: str, source: Any, own: Iterable[str]) -> None:

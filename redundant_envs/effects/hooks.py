@@ -55,7 +55,14 @@ class Point:
 
 
 SIDE = "side"
-"""Argument of a force's functions that selects which of its laws holds."""
+"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
+MOST_GUARDS = 4
+"""Most values of the guard of one hook: its functions have as many sides."""
+
+
+def sides(count: int) -> list[str]:
+    """Arguments that are the sides of a guard with some values: "side", or "side1", "side2", ..."""
+    return [SIDE] if count == 1 else [f"{SIDE}{k + 1}" for k in range(count)]
 
 
 @dataclass(frozen=True)
@@ -86,6 +93,12 @@ class Force:
     contains two laws: the change is located in time, as an impact is. So each law must be smooth beyond its
     own positions, too, and both must give the same force where they meet.
 
+    ``guard`` is the same for a law that changes where any function changes its sign, of positions, rates,
+    states and commands: its functions then may take ``side``, 1 where the guard is positive or 0, and -1
+    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Under
+    error control each change of a sign is located in time, so each law must be smooth beyond its own range,
+    and the guard, too. With fixed steps the sign at each stage selects the law.
+
     Other kinks are found by running the function on numbers that know whether they move (comparisons,
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
     same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
@@ -103,6 +116,7 @@ class Force:
     states: tuple[State, ...] = ()
     switch: tuple[str, str] | None = None
     kink: Callable[..., Any] | None = None
+    guard: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:
@@ -140,7 +154,8 @@ class Actuation:
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
     ``bind`` says what arguments stand for, see :class:`Effect`.
 
-    Kinks and ``kink`` are as in :class:`Force`, if a rate or a state comes before them in the chain.
+    Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
+    chain.
     """
 
     joint: int
@@ -149,6 +164,7 @@ class Actuation:
     link: Link = Link.LIMITS
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
+    guard: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)

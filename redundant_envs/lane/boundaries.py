@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.algebra import ABSENT, any_of, cases, maximum, minimum, total, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events import boundary, contacts, crossings
-from redundant_envs.events.boundary import Boundary, BoundedCoordinate
+from redundant_envs.events.boundary import Boundary, BoundedCoordinate, side_beyond
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
@@ -84,7 +84,7 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *(b.side for b in dynamics.laws))}
+    return {name: lane[name] for name in (*names, *dynamics.sides)}
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
@@ -129,15 +129,15 @@ class Boundaries:
             BoundedCoordinate(
                 *motion(self.dynamics, b, lane),
                 *motion(self.dynamics, b, lane, origin),
-                Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
+                self.watched(lane, b), self.active(lane, b),
                 *self.limits(lane, b), b.bounces, size if b.joint is None else 0.0,
             )
-            for b in self.dynamics.boundaries
+            for b in self.dynamics.bounded
         ]  # fmt: skip
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
-        for b, s in zip(self.dynamics.boundaries, self.in_step(lane, origin), strict=True):
+        for b, s in zip(self.dynamics.bounded, self.in_step(lane, origin), strict=True):
             lane[f"crossing_{b.name}"] = crossings.crossing_of(s, h, self.dynamics.overshoot)
             lane[f"turning_{b.name}"] = crossings.turning_time(s, h)
 
@@ -168,7 +168,7 @@ class Boundaries:
         starts = dict(zip(self.dynamics.stops, self.at_start(lane, boundary.starts_at_stop), strict=True))
         meets = any_of(
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
-            for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)
+            for b, s in zip(self.dynamics.bounded, self.in_step(lane, "{}_start"), strict=True)
         )
         near = lane.reason == Reason.NEAR_BOUNDARY
         lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
@@ -177,6 +177,40 @@ class Boundaries:
         """Whether an instant that is known beforehand lies within the common step."""
         times = [time - lane.span_start for time in lane.get(self.dynamics.instants)]
         return any_of((time > 0.0) & (time < lane.h) for time in times)
+
+    # ---- guards ------------------------------------------------------------------------------------------
+
+    def begin_laws(self, lane: Lane) -> None:
+        """Before a common step: which laws the state selects."""
+        for b in self.dynamics.laws:
+            position, _ = motion(self.dynamics, b, lane)
+            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
+        if self.dynamics.guards:
+            self._settle_guards(lane, True)
+            for b in self.dynamics.guards:
+                lane.copy((b.side, b.pull), to="{}_start")
+
+    def _settle_guards(self, lane: Lane, here: Any) -> None:
+        """Let the state of some lanes decide which laws of guards hold."""
+        numbers = known_numbers(self.dynamics, lane)
+        x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+        for name, value in self.dynamics.guard_values(x, begins=True).items():
+            side, pull = f"side_{name}", f"pull_{name}"
+            lane[side] = where(here, x[side], lane[side])
+            lane[pull] = where(here, -abs(value), lane[pull])
+
+    def record_pulls(self, lane: Lane) -> None:
+        """After a step: the values of guards in the present state."""
+        if self.dynamics.guards:
+            numbers = known_numbers(self.dynamics, lane)
+            x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+            for name, value in self.dynamics.pulls(x).items():
+                lane[f"pull_{name}"] = value
+
+    def watched(self, lane: Lane, b: Boundary) -> Watched:
+        """Values at the stages of a step: accelerations, or pulls of stops and guards."""
+        names = (*WATCHED, "middle") if b.guards else WATCHED
+        return Watched(*lane.get(names, of=f"{{}}_{b.name}"))
 
     # ---- stops that hold sliders -------------------------------------------------------------------------
 
@@ -223,6 +257,8 @@ class Boundaries:
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
+        if self.dynamics.guards:  # an impulse may have changed the signs of guards
+            self._settle_guards(lane, lane.resolving)
         x, dynamics = self.quantities(lane), self.dynamics
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
-from redundant_envs.events.boundary import Boundary, side_beyond
+from redundant_envs.events.boundary import Boundary
 from redundant_envs.lane import boundaries, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.dynamics import Dynamics
@@ -39,7 +39,9 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
         known = dict(zip(numbers, values[width:], strict=True))
         x = boundaries.contact_quantities(dynamics, values[:width], known)
         results = dynamics.accelerations(x)
-        results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
+        results += [watched_acceleration(dynamics, b, x) for b in dynamics.bounded]
+        pulls = dynamics.pulls(x) if dynamics.guards else {}
+        results += [pulls[b.name] for b in dynamics.guards]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(values[count + k] for k in sliders)]
 
@@ -157,9 +159,7 @@ class CommonStep:
         lane.copy(self.dynamics.kept, to="{}_start")
         lane.error_start = lane.error
         lane.copy(self.dynamics.counted, to="{}_start")
-        for b in self.dynamics.laws:
-            position, _ = boundaries.motion(self.dynamics, b, lane)
-            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
+        self.boundaries.begin_laws(lane)
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
@@ -181,6 +181,7 @@ class CommonStep:
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes."""
         self._set_step(lane, lane.h, None)
+        self.boundaries.record_pulls(lane)
 
     def trial_step(self, lane: Lane) -> None:
         """A trial step of the lanes that ask for one."""
@@ -188,8 +189,8 @@ class CommonStep:
 
     def record_step(self, lane: Lane) -> None:
         """After a trial step: count it, and determine how it meets the boundaries."""
-        if self.dynamics.boundaries:
-            self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        self.boundaries.record_pulls(lane)
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
@@ -209,7 +210,9 @@ class CommonStep:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
         for b, watched in zip(self.dynamics.boundaries, step.watched, strict=False):
-            lane.set(WATCHED, watched, of=f"{{}}_{b.name}")
+            lane.set(WATCHED, watched[: len(WATCHED)], of=f"{{}}_{b.name}")
+            if b.guards:
+                lane[f"middle_{b.name}"] = watched.middle
 
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Record whether the error of a step may exceed its estimate."""
@@ -246,11 +249,18 @@ class CommonStep:
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
         reason: Any = Reason.NONE
-        if self.dynamics.boundaries:
+        if self.dynamics.bounded:
             moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot
             pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
             near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
             reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
+        if self.dynamics.guards:
+            passes = [
+                (lane[b.pull] > 0.0)
+                | crossings.may_pass(self.boundaries.watched(lane, b), self.dynamics.overshoot)
+                for b in self.dynamics.guards
+            ]
+            reason = where(any_of(passes), Reason.EVENT, reason)
         if self.dynamics.instants:
             reason = where(self.boundaries.is_cut(lane), Reason.EVENT, reason)
         stages = float(self.dynamics.method.stages)

@@ -80,7 +80,7 @@ def common_procedures(interval: Interval) -> list[Procedure]:
         return [step.start, step.skip_common_step]
     held = [boundaries.release] if dynamics.holding else []
     forces = [boundaries.update_constraint_forces] if dynamics.holding else []
-    confirm = [boundaries.confirm_crossings] if dynamics.boundaries else []
+    confirm = [boundaries.confirm_crossings] if dynamics.bounded else []
     return [step.start, *held, step.common_step, *forces, step.judge, *confirm]
 
 

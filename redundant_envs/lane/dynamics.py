@@ -11,7 +11,7 @@ from typing import Any
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
 from redundant_envs.effects.attached import Attached, EffectStates
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
-from redundant_envs.events.boundary import Boundary, side_beyond
+from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
@@ -67,7 +67,12 @@ class Dynamics:
 
     @cached_property
     def boundaries(self) -> tuple[Boundary, ...]:
-        """Boundaries at which the motion has events: stops, walls, and changes of forces' laws."""
+        """Boundaries at which the motion has events: stops, walls, and changes of laws; guards come last."""
+        return (*self.bounded, *self.guards)
+
+    @property
+    def bounded(self) -> tuple[Boundary, ...]:
+        """Those that bound a coordinate."""
         return (*self.stops, *self.laws)
 
     @cached_property
@@ -112,14 +117,50 @@ class Dynamics:
     @cached_property
     def laws(self) -> tuple[Boundary, ...]:
         """Those of these that are located."""
-        return tuple(self.law_of.values()) if self.controlled and self.located else ()
+        return tuple(self.law_of.values()) if self.locates_laws else ()
+
+    @cached_property
+    def guarded(self) -> tuple[Attached[Any], ...]:
+        """Forces and links with guards whose changes of sign are located."""
+        return tuple(a for a in self.scene.attached if a.guards) if self.locates_laws else ()
+
+    @cached_property
+    def guards(self) -> tuple[Boundary, ...]:
+        """Guards that are located."""
+        names = ((name, a.key) for a in self.guarded for name in a.guards)
+        return tuple(Boundary(name, "", "", key, bounces=False, guards=True) for name, key in names)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Fields that say which laws hold, where their changes are located."""
+        return tuple(b.side for b in (*self.laws, *self.guards))
+
+    @property
+    def locates_laws(self) -> bool:
+        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
+        return self.controlled and self.located
+
+    def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
+        the sides in ``x``."""
+        found: dict[str, Any] = {}
+        for a in self.scene.attached.along(x, self.guarded):
+            if a in self.guarded:
+                if begins:
+                    a.settle_law(x)
+                found |= zip(a.guards, a.guard_values(x), strict=True)
+        return found
+
+    def pulls(self, x: Quantities) -> dict[str, Any]:
+        """The same, but positive where the present law does not hold any more."""
+        return {name: -(x[f"side_{name}"] * value) for name, value in self.guard_values(x).items()}
 
     @cached_property
     def kinks(self) -> kinks.Watches:
         """Kinks that are watched, but not located, if an estimate decides on steps."""
         if self.scene.tolerance is None or not self.located:
             return {}
-        constant = (*self.numbers, *self.effect_states.updated, *(b.side for b in self.laws))
+        constant = (*self.numbers, *self.effect_states.updated, *self.sides)
         return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
 
     # ---- steps ---------------------------------------------------------------------------------------
@@ -260,6 +301,8 @@ class Dynamics:
             given = efforts[k]
             for link in chain:
                 x[command] = efforts[k]
+                if link.guards and not self.locates_laws:
+                    link.settle_law(x)
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
             x[command] = given
@@ -300,9 +343,8 @@ class Dynamics:
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
         for a in self.scene.attached.of(Force):
-            if a.law and not self.laws:
-                law = self.law_of[a]
-                x[law.side] = side_beyond(*x.each((a.hook.motion[0], law.lower, law.upper)))
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
             force = _components(a, "function", x)
             changes |= a.changes("derivative", x)
             for rate, component in force.items():

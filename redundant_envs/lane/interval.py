@@ -78,11 +78,20 @@ class Interval:
             for name in WATCHED:
                 doc = f"{name} acceleration at the stages, or pull of the stop"
                 yield Field(f"{name}_{b.name}", "m/s^2 or N", doc, SCRATCH)
+        for b in dynamics.bounded:
             yield Field(f"crossing_{b.name}", "", "how the trial step meets a limit (Crossing)", SCRATCH)
             yield Field(f"turning_{b.name}", "s", "when the coordinate turns in the trial step", SCRATCH)
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
+        for b in dynamics.guards:
+            yield Field(b.side, "", "which law of an effect holds: 1 or -1", SCRATCH)
+            yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
+            yield from copies((b.side, b.pull), "{}_start", "before the common step")
+            yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
+            yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+        if dynamics.guards:
+            yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
         if not dynamics.stops:
             return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)

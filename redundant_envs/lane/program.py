@@ -11,10 +11,10 @@ import enum
 from collections.abc import Generator
 from typing import Any
 
-from redundant_envs.algebra import any_of, logical_not, where
+from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
-from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.boundary import ROUNDING, guarded, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.first_event import Encounter, first_event, first_passage
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.features import Fault
@@ -24,6 +24,8 @@ from redundant_envs.lane.step_control import End, StepControl
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 SEARCH = Search._fields
+SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
+"""Fraction of a planned step by which a change of a law may be found late."""
 
 
 class Request(enum.Enum):
@@ -78,7 +80,7 @@ class LaneProgram:
 
     def step_or_event(self, lane: Lane) -> Generator[Request, None, Found]:
         """Take trial steps to the end of the planned one, or to the first event before it."""
-        for b in self.dynamics.boundaries:
+        for b in self.dynamics.bounded:
             lane[f"cleared_{b.name}"] = False
         lane.searched = 0.0
         while True:
@@ -122,7 +124,7 @@ class LaneProgram:
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
             lane.set(SEARCH, after)
             if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
-                for b, is_sought in zip(self.dynamics.boundaries, sought.chosen, strict=True):
+                for b, is_sought in zip(self.dynamics.bounded, sought.chosen, strict=False):
                     lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
                 self.retry(lane, trial.left)
                 return Found.NOTHING
@@ -151,11 +153,15 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
+        if self.dynamics.guards:
+            lane.resolving = True
         while True:
             yield Request.FORCES
             if lane.changes >= contacts.MOST_CHANGES or lane.impacts > contacts.MOST_IMPACTS:
                 return False
             if self.boundaries.resolve(lane):
+                if self.dynamics.guards:
+                    lane.resolving = False
                 self.start_here(lane)
                 return True
 
@@ -165,16 +171,34 @@ class LaneProgram:
         """The trial step, and the first event of each coordinate in it."""
         h, encounters = lane.step, []
         moved = self.boundaries.in_step(lane, "{}_trial")
-        for k, (b, motion) in enumerate(zip(self.dynamics.boundaries, moved, strict=True)):
+        for k, (b, motion) in enumerate(zip(self.dynamics.bounded, moved, strict=True)):
             known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
             forces, mobility = [0.0, 0.0], 0.0
             if b in self.dynamics.holding:
                 forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
                 mobility = self.boundaries.mobility(lane, b, b)
             encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
-        events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
+        for k, b in enumerate(self.dynamics.guards, start=len(moved)):
+            pulls = lane.get((b.pull, f"{b.pull}_trial"))
+            motion = guarded(self.boundaries.watched(lane, b))
+            still = 0.0, h, False, 0.0
+            encounters.append(Encounter(float(k), motion, *pulls, *still, self.late_share(lane)))  # type: ignore[call-arg]
+        method = self.dynamics.method
+        events = [
+            first_passage(e, h, method.c[method.middle])
+            if e.motion.guards
+            else first_event(e, h, 1.0 / h, method.stages > 1)
+            for e in encounters
+        ]
         impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
         return Trial(h, lane.left, lane.interval, impacts, encounters, events)
+
+    def late_share(self, lane: Lane) -> Any:
+        """Fraction of a step by which a change of law may be late: metres of the tolerance, of a step that
+        moves the tip by a metre at most by what the laws differ."""
+        if self.dynamics.scene.tolerance is None:
+            return SMALLEST_LATE_SHARE
+        return maximum(minimum(lane.tip_tolerance, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last
@@ -204,6 +228,8 @@ class LaneProgram:
         lane.error_trial, lane.step = lane.error, lane.left
         for b in self.dynamics.holding:
             lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
+        for b in self.dynamics.guards:
+            lane[f"{b.pull}_trial"] = lane[b.pull]
 
     def moved(self, lane: Lane) -> Found:
         """End a trial step without an event."""
@@ -262,6 +288,10 @@ class LaneProgram:
                 # It comes to its stop, even if by rounding it seems to move away.
                 leaves = self.boundaries.at_stop(lane, b, leaves_stop)
                 lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
+            elif b.guards:
+                passed = is_sought | (lane[b.pull] > 0.0)
+                lane[b.side] = where(passed, -lane[b.side], lane[b.side])
+                lane[b.pull] = where(passed, -lane[b.pull], lane[b.pull])
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
 
@@ -316,8 +346,12 @@ class LaneProgram:
         """The trial start, and what is counted, at the start of the interval."""
         lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
         lane.error_trial, lane.elapsed = lane.error_start, 0.0
-        for b in self.dynamics.laws:
+        for b in (*self.dynamics.laws, *self.dynamics.guards):
             lane[b.side] = lane[f"{b.side}_start"]
+        for b in self.dynamics.guards:
+            lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
+        if self.dynamics.guards:
+            lane.resolving = False
         if self.dynamics.stops:
             lane.changes = 0.0
         lane.copy((*self.dynamics.active, *self.dynamics.counted), of="{}_start")

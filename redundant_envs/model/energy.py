@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Field, Force, Point
-from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
 
@@ -44,8 +43,8 @@ def scene_quantities(
         known |= {} if numbers is None else {name: numbers[..., k] for k, name in enumerate(names)}
     x = Quantities(known, arm.functions, arm.sincos)
     for a in scene.attached.of(Force):
-        if a.hook.switch is not None:
-            x[a.side] = side_beyond(*x.each((a.hook.motion[0], *map(a.parameter, a.hook.switch))))
+        if a.law or "conservative" in a.functions:
+            a.settle_law(x)
     for field in scene.attached.of(Field):
         x["ax"], x["ay"] = field.functions["function"](x)
     return x

@@ -172,7 +172,7 @@ def simulate(
 
 def motor_efforts(batch: BatchSimulator, command: Array) -> Array:
     """Efforts of the motors under commands, (num_envs, joints) both, in the present states."""
-    dynamics = batch.simulator.dynamics
+    dynamics = dataclasses.replace(batch.simulator.dynamics, located=False)  # the state selects the laws
     if not any(batch.scene.attached.chains.values()):
         return command
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))

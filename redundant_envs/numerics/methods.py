@@ -21,6 +21,7 @@ class Watched(NamedTuple):
     last: Any
     least: Any
     most: Any
+    middle: Any = 0.0  # at the stage that is nearest to the middle of the step
 
 
 class Step(NamedTuple):
@@ -46,9 +47,10 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
     return factor, total
 
 
-def watch(values: Numbers) -> Watched:
-    """A quantity from its values at the stages."""
-    return Watched(values[0], values[-1], reduce(minimum, values), reduce(maximum, values))
+def watch(values: Numbers, middle: int = 0) -> Watched:
+    """A quantity from its values at the stages, of which one is the ``middle``."""
+    extremes = reduce(minimum, values), reduce(maximum, values)
+    return Watched(values[0], values[-1], *extremes, values[middle])
 
 
 def explicit_step(
@@ -76,7 +78,7 @@ def explicit_step(
         watched.append(list(results[n + m :]))
     totals = [weighted(method.b, slope) for slope in slopes]
     new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
-    seen = [watch(values) for values in zip(*watched, strict=True)]
+    seen = [watch(values, method.middle) for values in zip(*watched, strict=True)]
     parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
         return Step(*parts, ())

@@ -13,7 +13,6 @@ import numpy as np
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Force, Point
-from redundant_envs.events.boundary import side_beyond
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
@@ -51,10 +50,10 @@ class Motion:
             slopes = np.zeros(len(names)) if joint is None else back[joint]
             along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
             known |= dict(zip(names, along, strict=True))
-        for switch in d.law_of.values():
-            position = self.joints[:, switch.joint]
-            known[switch.side] = side_beyond(position, known[switch.lower], known[switch.upper])
-        return Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        for a in d.scene.attached.of(Force):
+            a.settle_law(x)
+        return x
 
     def slopes(self, a: Attached[Force], of_rate: bool) -> Array:
         """Derivatives of a force by its own position or rate: their largest sum of squares, a root of it."""
