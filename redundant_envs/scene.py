@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
+from redundant_envs.effects.hooks import Effect, Field, Friction, Gap, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
@@ -77,6 +77,13 @@ class Scene:
             )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
+        dry, hard = self.attached.of(Friction), (*impacts, *self.attached.of(Gap))
+        if dry and hard:
+            raise ValueError(
+                f"effects has {type(dry[0].effect).__name__} and {type(hard[0].effect).__name__}: joints "
+                "that stick and hard stops do not go together yet; give one a smooth form, such as "
+                "SmoothCoulombFriction or LimitSpring"
+            )
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)

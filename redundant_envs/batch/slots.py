@@ -115,7 +115,7 @@ class Slots:
         of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
         after = [f for f in self.goes_on.values() if f not in of_entry]
         of_slots = [*after, self.stepped, self.recorded]
-        if i.stops:
+        if i.resolves:
             self.contact = make("find_contact_forces", boundaries.find_contact_forces)
             of_slots.append(self.contact)
         self.name_fields(of_blocks, of_entry, of_slots)
@@ -204,7 +204,7 @@ class Slots:
         p, i, slots, mask = self.p, self.dynamics, self.slots.pointers, self.blocks.mask
         if not i.boundaries:
             self.begin(self.slots)
-        if i.stops:
+        if i.resolves:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)
                 p.call(self.goes_on[Request.FORCES], **slots)
@@ -212,7 +212,7 @@ class Slots:
                     self.log()
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
-        if i.stops:
+        if i.resolves:
             p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 

@@ -18,10 +18,12 @@ from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
     MOST_GUARDS,
     SIDE,
+    SPEED,
     Actuation,
     Effect,
     Field,
     Force,
+    Friction,
     Gap,
     Hook,
     Impact,
@@ -73,6 +75,8 @@ RULES: dict[type, dict[str, Rule]] = {
         "damping": Rule(1, May.OWN_JOINT),
     },
     Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
+    Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
+                             "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
                            "numbers")},
     Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
@@ -339,6 +343,8 @@ def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterato
         if source.startswith("."):
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
+            continue
+        if source == SPEED and isinstance(part, Friction):
             continue
         try:
             yield source, _roots_of_side(source, field, known) or roots_of(source, arm)

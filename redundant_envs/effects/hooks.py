@@ -167,6 +167,27 @@ class Actuation:
     guard: Callable[..., Any] | None = None
 
 
+SPEED = "speed"
+"""Argument of the limit of a friction: the size of the rate of its joint."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Dry friction in a joint: a set-valued force that holds the joint as long as that takes no more than its
+    limit, and that opposes its rate with the limit while it moves.
+
+    ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
+    rate of the joint; at the speed 0 it is the limit of static friction. A joint that sticks has the rate 0
+    exactly, and keeps its position. When joints stick and slip is located in time, with every integrator.
+    The limits of several frictions in one joint add up. ``bind`` says what arguments stand for, see
+    :class:`Effect`.
+    """
+
+    joint: int
+    limit: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class Impact:
     """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there:
@@ -240,7 +261,7 @@ class Sensing:
     reading: Reading = Reading.POSITION
 
 
-Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
+Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing
 
 
 def states_of(hook: Any) -> tuple[State, ...]:

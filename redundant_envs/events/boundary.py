@@ -46,6 +46,11 @@ class Boundary:
     guards: bool = False  # whether a law holds as long as a value keeps its sign; then there is no coordinate
 
     @property
+    def sticks(self) -> bool:
+        """Whether it is that of a joint with dry friction, whose law is the way in which it slips, or 0."""
+        return self.guards and self.joint is not None
+
+    @property
     def number(self) -> int:
         """Number of its joint, from 1 on, as quantities have it."""
         assert self.joint is not None
@@ -60,6 +65,11 @@ class Boundary:
     def pull(self) -> str:
         """The field of a guard with its value, positive where the present law does not hold any more."""
         return f"pull_{self.name}"
+
+    @property
+    def rest(self) -> str:
+        """The field with the position at which a joint with dry friction sticks."""
+        return f"rest_{self.name}"
 
     @property
     def active(self) -> str:

@@ -206,6 +206,11 @@ class CommonStep:
         if self.dynamics.doubts:
             self._doubt(lane, step, h, moving)
         new = [*step.positions, *step.velocities, *step.others]
+        if dynamics.sticking:
+            before = dict(zip(dynamics.states, lane.get(dynamics.states), strict=True))
+            now = dict(zip(dynamics.states, new, strict=True))
+            self.boundaries.keep_sticking(lane, before, now)
+            new = list(now.values())
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)

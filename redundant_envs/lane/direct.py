@@ -86,7 +86,7 @@ def common_procedures(interval: Interval) -> list[Procedure]:
 
 def trial_procedures(interval: Interval) -> list[Procedure]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.stops else []
+    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.resolves else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
@@ -140,7 +140,7 @@ def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, A
         fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
         fields |= {"moving": 0.0, "touching": 0.0}
         call(program[None])
-        if interval.dynamics.boundaries:
+        if FIRST in program:
             call(program[FIRST])
         while some("moving") or some("touching"):
             while some("touching"):

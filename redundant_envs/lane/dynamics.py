@@ -10,7 +10,7 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
 from redundant_envs.effects.attached import Attached, EffectStates
-from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
+from redundant_envs.effects.hooks import SPEED, Field, Force, Friction, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
@@ -19,9 +19,13 @@ from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRING
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
+from redundant_envs.robots.held_joints import held_joint_dynamics
+from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
+TORN_LOOSE = 1.0 + 1e-12
+"""A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
 OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
 
 
@@ -126,9 +130,46 @@ class Dynamics:
 
     @cached_property
     def guards(self) -> tuple[Boundary, ...]:
-        """Guards that are located."""
+        """Guards that are located, and joints that stick and slip, which always are."""
         names = ((name, a.key) for a in self.guarded for name in a.guards)
-        return tuple(Boundary(name, "", "", key, bounces=False, guards=True) for name, key in names)
+        own = (Boundary(name, "", "", key, bounces=False, guards=True) for name, key in names)
+        return (*own, *self.sticking)
+
+    @cached_property
+    def frictions(self) -> dict[int, list[Attached[Friction]]]:
+        """Dry friction by the numbers of its joints, in their order."""
+        found: dict[int, list[Attached[Friction]]] = {}
+        for a in sorted(self.scene.attached.of(Friction), key=lambda a: a.hook.joint):
+            found.setdefault(a.hook.joint, []).append(a)
+        return found
+
+    @cached_property
+    def sticking(self) -> tuple[Boundary, ...]:
+        """Joints that stick and slip, in their order."""
+        return tuple(
+            Boundary(f"friction{k + 1}", "", "", some[0].key, k, bounces=False, guards=True)
+            for k, some in self.frictions.items()
+        )
+
+    def friction_limit(self, b: Boundary, x: Quantities, speed: Any) -> Any:
+        """Largest force of the friction of a joint at a speed, N m or N."""
+        assert b.joint is not None
+        limits = []
+        for a in self.frictions[b.joint]:
+            function = a.functions["limit"]
+            limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
+        return total(limits)
+
+    def others_of_joint(self, b: Boundary) -> list[tuple[int, float]]:
+        """The other coordinates from which that of a joint follows while it sticks, and their shares."""
+        assert b.joint is not None
+        row = joint_rates(self.arm.__class__)[b.joint]
+        return [(k, float(-s / row[b.joint])) for k, s in enumerate(row) if s != 0.0 and k != b.joint]
+
+    @property
+    def resolves(self) -> bool:
+        """Whether a lane may have to decide which stops act and which joints stick."""
+        return bool(self.stops or self.sticking)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -151,9 +192,19 @@ class Dynamics:
                 found |= zip(a.guards, a.guard_values(x), strict=True)
         return found
 
-    def pulls(self, x: Quantities) -> dict[str, Any]:
-        """The same, but positive where the present law does not hold any more."""
-        return {name: -(x[f"side_{name}"] * value) for name, value in self.guard_values(x).items()}
+    def pulls(self, x: Quantities, held: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries, positive where the present law does not hold any
+        more. Those of joints that stick follow from the forces that hold them; ``held`` has them if ``x`` has
+        no forces."""
+        found = {name: -(x[f"side_{name}"] * value) for name, value in self.guard_values(x).items()}
+        for b in self.sticking:
+            mode = x[b.side]
+            if held is None:
+                stuck = abs(x[f"hold{b.number}"]) - TORN_LOOSE * self.friction_limit(b, x, 0.0)
+            else:
+                stuck = held[b.name]
+            found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
+        return found
 
     @cached_property
     def kinks(self) -> kinks.Watches:
@@ -179,7 +230,7 @@ class Dynamics:
     @property
     def local(self) -> bool:
         """Whether lanes may take local steps."""
-        return bool(self.stops or self.instants) or self.controlled
+        return bool(self.stops or self.sticking or self.instants) or self.controlled
 
     @property
     def logs(self) -> bool:
@@ -209,7 +260,12 @@ class Dynamics:
     @property
     def kept(self) -> tuple[str, ...]:
         """Fields that are kept at the start of an interval, and restored when it is given up."""
-        return (*self.states, *self.effect_states.updated, *self.active)
+        return (*self.states, *self.effect_states.updated, *self.active, *self.rests)
+
+    @property
+    def rests(self) -> tuple[str, ...]:
+        """Fields of the positions at which joints stick."""
+        return tuple(b.rest for b in self.sticking)
 
     @cached_property
     def overshoot(self) -> Overshoot:
@@ -328,7 +384,15 @@ class Dynamics:
         arm = self.arm
         added = self.scene.attached.inertias
         held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
+        if self.sticking:
+            mobility = held[1:] if self.holding else ()
+            held = held_joint_dynamics(arm.__class__, self.held_joints), *mobility
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
+
+    @property
+    def held_joints(self) -> tuple[int, ...]:
+        """Joints that friction or a stop may hold."""
+        return tuple(sorted({b.joint for b in (*self.sticking, *self.holding) if b.joint is not None}))
 
     def accelerations(self, x: Quantities) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
@@ -358,6 +422,11 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
+        for b in self.sticking:
+            rate = f"phid{b.number}"
+            friction = -(x[b.side] * self.friction_limit(b, x, x[b.side] * x[rate]))
+            acting[rate] = _plus(acting[rate], friction)
+            working[rate] = _plus(working[rate], friction)
         torques = [acting[f"phid{k + 1}"] for k in joints]
         if any(t is not None for t in torques):
             x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})

@@ -84,20 +84,28 @@ class Interval:
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
+        for b in dynamics.sticking:
+            yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
+            yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
+            yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
+            yield Field(f"loose_{b.name}", "", "has just been torn loose", SCRATCH, truth=True)
         for b in dynamics.guards:
-            yield Field(b.side, "", "which law of an effect holds: 1 or -1", SCRATCH)
+            yield Field(
+                b.side, "", "which law of an effect holds: 1 or -1; 0 of a joint that sticks", SCRATCH
+            )
             yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
             yield from copies((b.side, b.pull), "{}_start", "before the common step")
             yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
             yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
         if dynamics.guards:
             yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
+        if dynamics.resolves:
+            for v in dynamics.states[dynamics.count :]:
+                yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         if not dynamics.stops:
             return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
-        for v in dynamics.states[dynamics.count :]:
-            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for b in dynamics.stops:
             if b in dynamics.holding:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
@@ -156,7 +164,8 @@ class Interval:
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
             made[request] = layout.function(name, written)
-        if self.dynamics.boundaries:
+        skips = self.dynamics.control is Control.ADAPTIVE and self.dynamics.sticking
+        if self.dynamics.boundaries and not skips:  # what sticks is decided before any first step then
             written = machine.after(Request.STEP, "due", first=True)
             made[FIRST] = layout.function("after_common_step", {**written, "due": 0.0})
         return made

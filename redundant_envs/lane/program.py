@@ -157,11 +157,16 @@ class LaneProgram:
             lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= contacts.MOST_CHANGES or lane.impacts > contacts.MOST_IMPACTS:
+            if lane.changes >= contacts.MOST_CHANGES:
                 return False
-            if self.boundaries.resolve(lane):
+            if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
+                return False
+            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.stick_or_slip
+            if resolve(lane):
                 if self.dynamics.guards:
                     lane.resolving = False
+                for b in self.dynamics.sticking:
+                    lane[f"loose_{b.name}"] = False
                 self.start_here(lane)
                 return True
 
@@ -288,12 +293,18 @@ class LaneProgram:
                 # It comes to its stop, even if by rounding it seems to move away.
                 leaves = self.boundaries.at_stop(lane, b, leaves_stop)
                 lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
+            elif b.sticks:
+                passed = is_sought | (lane[b.pull] > 0.0)
+                self.boundaries.rest_or_tear_loose(lane, b, passed)
+                lane.at_stop = lane.at_stop | passed
             elif b.guards:
                 passed = is_sought | (lane[b.pull] > 0.0)
                 lane[b.side] = where(passed, -lane[b.side], lane[b.side])
                 lane[b.pull] = where(passed, -lane[b.pull], lane[b.pull])
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
+        if self.dynamics.sticking:
+            self.boundaries.stick(lane)
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
@@ -325,10 +336,16 @@ class LaneProgram:
             lane.due = logical_not(useless | begun | released | pulled | self.boundaries.is_cut(lane))
         if lane.due:
             lane.step = lane.h
+            for b in self.dynamics.sticking:
+                lane[f"{b.pull}_trial"] = lane[f"first_{b.name}"]
         else:
             lane.step = lane.left
-            lane.at_stop = self.boundaries.touched_before(lane)
+            lane.at_stop = self.decides_at_start(lane)
             self.back_to(lane, "{}_start")
+
+    def decides_at_start(self, lane: Lane) -> Any:
+        """Whether contacts, or which joints stick, must be resolved before the first trial step."""
+        return bool(self.dynamics.sticking) or self.boundaries.touched_before(lane)
 
     def forces_in_common_step(self, lane: Lane) -> Any:
         """The forces that hold sliders at both ends of the common step; whether a stop would have to pull one
@@ -340,6 +357,8 @@ class LaneProgram:
             lane[f"force_trial_{b.name}"] = where(rests, side * first, 0.0)
             lane[f"force_{b.name}"] = where(rests, side * last, 0.0)
             pulled = pulled | (rests & (first > 0.0))
+        for b in self.dynamics.sticking:
+            pulled = pulled | (lane[f"first_{b.name}"] > 0.0)
         return pulled
 
     def at_start(self, lane: Lane) -> None:
@@ -352,9 +371,11 @@ class LaneProgram:
             lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
         if self.dynamics.guards:
             lane.resolving = False
-        if self.dynamics.stops:
+        if self.dynamics.resolves:
             lane.changes = 0.0
-        lane.copy((*self.dynamics.active, *self.dynamics.counted), of="{}_start")
+        for b in self.dynamics.sticking:
+            lane[f"loose_{b.name}"] = False
+        lane.copy((*self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted), of="{}_start")
         self.note_released(lane, "{}_start")
 
     def back_to(self, lane: Lane, form: str) -> None:
@@ -371,10 +392,11 @@ class LaneProgram:
         lane.step, lane.at_stop = lane.left, False
         if not self.control.repeats:
             return self.back_to(lane, "{}_trial")
-        lane.at_stop = self.boundaries.touched_before(lane)
+        lane.at_stop = self.decides_at_start(lane)
         return self.back_to(lane, "{}_start")
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        lane.copy((*self.dynamics.states, *self.dynamics.active, *self.dynamics.counted), of="{}_start")
+        kept = *self.dynamics.states, *self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted
+        lane.copy(kept, of="{}_start")
         lane.fault = float(Fault.EVENT_BUDGET)

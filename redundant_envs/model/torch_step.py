@@ -53,6 +53,11 @@ def torch_step(scene: Scene) -> Step:
             "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
+    if dynamics.sticking:
+        raise ValueError(
+            "scene has dry friction, whose joints stick and slip at events without a meaningful derivative; "
+            "use SmoothCoulombFriction"
+        )
     if dynamics.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
