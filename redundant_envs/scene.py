@@ -90,6 +90,7 @@ class Scene:
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
                 "scene's own robot, and the effects"
             )
+        self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
@@ -195,8 +196,17 @@ class Scene:
 
     def action_units(self) -> tuple[str, ...]:
         """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
-        units = ((e.key, e.action_units(self.robot)) for e in self.effects)
+        effects = sorted(self.effects, key=self.attached.place_in_chain)
+        units = ((e.key, e.action_units(self.robot)) for e in effects)
         return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
+
+    def command_units(self) -> tuple[str, ...]:
+        """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
+        return self.attached.command_units(self.robot)
+
+    def units(self) -> dict[str, str]:
+        """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
+        return {f"{e.key}.{name}": unit for e in self.effects for name, unit in e.units(self.robot).items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -147,6 +148,15 @@ class Attachments(tuple[Attached[Hook], ...]):
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
         return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
 
+    def command_units(self, arm: Arm) -> tuple[str, ...]:
+        """Units of the motors' commands; ValueError if units do not meet in the chain of one."""
+        return tuple(_command_unit(chain, arm, k) for k, chain in enumerate(self.chains.values()))
+
+    def place_in_chain(self, effect: Effect) -> float:
+        """The first place of an effect's links in the chains; beyond all places for one without links."""
+        links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
+        return min(links, default=math.inf)
+
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
         """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
         the link. With ``only``, motors without one of these links are left out."""
@@ -204,6 +214,28 @@ class Attachments(tuple[Attached[Hook], ...]):
         self.check_inertias(arm, values)
         found = {name: values[name] for _, name in self.inertias}
         return with_inertias(arm, self.inertias, found) if found else arm
+
+
+def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) -> str:
+    """Unit of the command at the beginning of a motor's chain; ValueError if units do not meet."""
+    effort, given, giver, first = hooks.effort_unit(arm, joint), "", "", ""
+    for link in chain:
+        takes = link.hook.takes
+        if not takes:  # it hands on what it gets
+            continue
+        if giver and takes != given:
+            raise ValueError(
+                f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and {link.key!r} behind it "
+                f"takes {takes!r}; leave one of them out, or change the 'link' of one"
+            )
+        first = first or takes
+        given, giver = link.hook.gives or effort, link.key
+    if giver and given != effort:
+        raise ValueError(
+            f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and the motor's effort is in "
+            f"{effort!r}; add an effect that takes {given!r}, such as a motor"
+        )
+    return first or effort
 
 
 def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:

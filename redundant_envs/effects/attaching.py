@@ -223,6 +223,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
+    if isinstance(hook, Actuation):
+        _check_units(hook)
     for part in (hook, *states_of(hook)):
         if isinstance(part, State):
             if (part.derivative is None) == (part.update is None):
@@ -231,6 +233,20 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         for field, rule in RULES.get(type(part), {}).items():
             if getattr(part, field) is not None:
                 _check_function(field, rule, part, own, arm)
+
+
+def _check_units(hook: Actuation) -> None:
+    """Refuse units of a link that are no text, and one that it gives without one that it takes."""
+    for field in ("takes", "gives"):
+        unit = getattr(hook, field)
+        if not isinstance(unit, str) or unit != unit.strip():
+            raise ValueError(
+                f"{field} is {unit!r:.80}; give a unit such as 'V', or '' for that of the command"
+            )
+    if hook.gives and not hook.takes:
+        raise ValueError(
+            f"gives is {hook.gives!r} without takes; name the unit of the command, too, takes='rad/s'"
+        )
 
 
 def _check_place(hook: Hook, arm: Arm) -> None:

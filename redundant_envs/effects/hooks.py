@@ -10,6 +10,7 @@ import dataclasses
 import enum
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -126,10 +127,11 @@ class Link(enum.IntEnum):
     """Position of an effect in the chain from the command of a motor to its effort."""
 
     DELAY = 0
-    DEAD_ZONE = 1
-    LAG = 2
-    TORQUE_SPEED = 3
-    LIMITS = 4
+    CONTROL = 1
+    DEAD_ZONE = 2
+    LAG = 3
+    TORQUE_SPEED = 4
+    LIMITS = 5
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,11 @@ class Actuation:
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
     ``bind`` says what arguments stand for, see :class:`Effect`.
 
+    A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
+    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
+    "rad/s" and gives "V" stands before a motor that takes "V". The command of a motor has the unit that the
+    first of these links takes. A chain whose units do not meet is refused.
+
     Kinks and ``kink`` are as in :class:`Force`, if a rate or a state comes before them in the chain.
     """
 
@@ -149,6 +156,8 @@ class Actuation:
     link: Link = Link.LIMITS
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
+    takes: str = ""
+    gives: str = ""
 
 
 @dataclass(frozen=True)
@@ -327,7 +336,11 @@ class Effect:
         return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
-        """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""
+        """Own numbers in units of which an environment takes its actions, one for each motor; () if none.
+
+        They have the unit of the command that reaches the effect's links. If several effects of a scene give
+        such numbers, those of the effect whose links come first in the chains are used.
+        """
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
@@ -355,6 +368,11 @@ class Effect:
         return values
 
 
+def effort_unit(arm: Arm, joint: int) -> str:
+    """Unit of the effort of a joint's motor."""
+    return "N" if arm.prismatic[joint] else "N m"
+
+
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
@@ -372,6 +390,10 @@ def _of_python(value: Any, static: bool) -> Any:
     return value.item() if static else float(value)
 
 
+WORD_BEGINS = re.compile(r"(?<=[^A-Z_])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""Places in the name of a class before which another word begins."""
+
+
 def snake_case(name: str) -> str:
-    """LimitSpring -> limit_spring."""
-    return "".join("_" + c.lower() if c.isupper() else c for c in name).lstrip("_")
+    """LimitSpring -> limit_spring, DCMotor -> dc_motor: a run of capitals is one word."""
+    return WORD_BEGINS.sub("_", name).lower()
