@@ -39,6 +39,10 @@ def identifier(parameter: str) -> str:
     return parameter.replace(".", dot).replace("[", dot).replace("]", "")
 
 
+TIME = "time in the step"
+"""Name of the time that a state's closed form takes: it is no identifier, so no other quantity has it."""
+
+
 @dataclass(frozen=True)
 class Bound:
     """A function of the effect ``key``, and the names of the quantities that it takes, in order."""
@@ -106,6 +110,11 @@ class EffectStates(dict[str, State]):
     def integrated(self) -> tuple[str, ...]:
         """Those that steps integrate."""
         return tuple(name for name, state in self.items() if state.derivative is not None)
+
+    @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """Those of the integrated ones that have a closed form, too."""
+        return tuple(name for name, state in self.items() if state.closed is not None)
 
     @cached_property
     def updated(self) -> tuple[str, ...]:
@@ -241,15 +250,17 @@ def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) ->
 def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(laws)}"
 
-    def name_of(source: str) -> str:
+    def name_of(source: str, field: str = "") -> str:
         if source == hooks.SIDE and law:
             return f"side_{law}"
+        if source == hooks.ELAPSED and field == "closed":
+            return TIME
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
         return {
-            field: Bound(f, tuple(name_of(part.bind.get(a, a)) for a in arguments_of(f)), key)
+            field: Bound(f, tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f)), key)
             for field, f in values.items()
             if callable(f)
         }

@@ -16,6 +16,7 @@ from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
+    ELAPSED,
     SIDE,
     Actuation,
     Effect,
@@ -78,6 +79,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "derivative": Rule(),
         "update": Rule(),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
+        "closed": Rule(),
     },
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
@@ -229,10 +231,29 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if isinstance(part, State):
             if (part.derivative is None) == (part.update is None):
                 raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
+            _check_closed(part)
             number(f"initial of the state {part.name!r}", part.initial)
         for field, rule in RULES.get(type(part), {}).items():
             if getattr(part, field) is not None:
                 _check_function(field, rule, part, own, arm)
+
+
+def _check_closed(state: State) -> None:
+    """Refuse a closed form without a derivative, or one that does not depend on the time."""
+    if state.closed is None:
+        return
+    if state.derivative is None:
+        raise ValueError(
+            f"the state {state.name!r} has a closed form and no derivative; give the derivative, too: error "
+            "control integrates it"
+        )
+    takes = [state.bind.get(argument, argument) for argument in arguments_of(state.closed)]
+    for source, what in ((ELAPSED, "the time since the step began"), (f".{state.name}", "the value then")):
+        if source not in takes:
+            raise ValueError(
+                f"closed of the state {state.name!r}, {name_of(state.closed)}, does not take {source!r}, "
+                f"{what}; a closed form is a function of both"
+            )
 
 
 def _check_units(hook: Actuation) -> None:
@@ -338,6 +359,9 @@ def _roots(
         if source.startswith("."):
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
+            continue
+        if source == ELAPSED and field == "closed":
+            yield source, set()
             continue
         chosen = source == SIDE and getattr(part, "switch", None) is not None
         try:

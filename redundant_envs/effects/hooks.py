@@ -17,6 +17,9 @@ from typing import Any, ClassVar
 
 from redundant_envs.robots.arm import Arm
 
+ELAPSED = "elapsed"
+"""Argument of a state's closed form: the time since its value was that which the form takes, s."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -28,6 +31,13 @@ class State:
     the quantities at the interval's end, and it is constant within the interval. ``rate`` is the largest
     change of the derivative per change of the state [1/s], from the parameters alone: error control takes
     steps that are short enough for it. ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
+    and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
+    derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
+    derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
+    follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
+    state which lags behind them does so by the right time.
     """
 
     name: str
@@ -37,6 +47,7 @@ class State:
     bind: Mapping[str, str] = field(default_factory=dict)
     initial: float = 0.0
     rate: Callable[..., Any] | None = None
+    closed: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)
