@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
+from redundant_envs.effects.hooks import COMMAND, Effect, Field, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
@@ -162,7 +162,7 @@ class Scene:
         return dict(self._parameters)
 
     def states(self) -> dict[str, State]:
-        """States of the effects by name: "actuator_lag.effort[0]"."""
+        """States of the effects by name: "lag.effort[0]"."""
         return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
 
     @functools.cached_property
@@ -206,7 +206,13 @@ class Scene:
 
     def units(self) -> dict[str, str]:
         """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
-        return {f"{e.key}.{name}": unit for e in self.effects for name, unit in e.units(self.robot).items()}
+        found = {}
+        for effect in self.effects:
+            for name, unit in effect.units(self.robot).items():
+                if unit == COMMAND:
+                    unit = self.attached.unit_at(effect, int(name.partition("[")[2][:-1]), self.robot)
+                found[f"{effect.key}.{name}"] = unit
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""

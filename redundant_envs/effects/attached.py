@@ -161,6 +161,17 @@ class Attachments(tuple[Attached[Hook], ...]):
         """Units of the motors' commands; ValueError if units do not meet in the chain of one."""
         return tuple(_command_unit(chain, arm, k) for k, chain in enumerate(self.chains.values()))
 
+    def unit_at(self, effect: Effect, joint: int, arm: Arm) -> str:
+        """Unit of the command that reaches the first link of an effect in the chain of a joint's motor."""
+        command = self.commands[joint]
+        unit = _command_unit(self.chains[command], arm, joint)
+        for link in self.chains[command]:
+            if link.effect is effect:
+                break
+            if link.hook.takes:
+                unit = link.hook.gives or hooks.effort_unit(arm, joint)
+        return unit
+
     def place_in_chain(self, effect: Effect) -> float:
         """The first place of an effect's links in the chains; beyond all places for one without links."""
         links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)

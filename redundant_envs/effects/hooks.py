@@ -379,6 +379,10 @@ class Effect:
         return values
 
 
+COMMAND = "unit of the command"
+"""Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
+
+
 def effort_unit(arm: Arm, joint: int) -> str:
     """Unit of the effort of a joint's motor."""
     return "N" if arm.prismatic[joint] else "N m"
