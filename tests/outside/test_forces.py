@@ -86,7 +86,9 @@ def test_static_efforts_balance_forces_at_points():
 def test_lags_of_lanes_follow_their_equation_and_a_short_one_takes_more_steps():
     constants, zero = np.array([1e-4, 0.06, 0.1, 1.0]), np.zeros((4, 3))
     scene = rde.Scene(ARMS["3R"], (e.Lag(0.1),), tolerance=1e-8)
-    batch, status = advanced(scene, zero, zero, zero + 1.0, {"lag.time_constant": constants})
+    batch, status = advanced(
+        scene, zero, zero, zero + 1.0, {"lag.time_constant": np.repeat(constants[:, None], 3, axis=1)}
+    )
     assert np.abs(batch.z - (1.0 - np.exp(-0.02 / constants))[:, None]).max() < 1e-9
     assert not status.numerics.any()
     assert status.evaluations[0] > 20 * status.evaluations[3]
