@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Friction, Gap, Impact, State, states_of
+from redundant_envs.effects.hooks import COMMAND, Effect, Field, Friction, Gap, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
@@ -97,6 +97,7 @@ class Scene:
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
                 "scene's own robot, and the effects"
             )
+        self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
@@ -168,7 +169,7 @@ class Scene:
         return dict(self._parameters)
 
     def states(self) -> dict[str, State]:
-        """States of the effects by name: "actuator_lag.effort[0]"."""
+        """States of the effects by name: "lag.effort[0]"."""
         return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
 
     @functools.cached_property
@@ -202,8 +203,23 @@ class Scene:
 
     def action_units(self) -> tuple[str, ...]:
         """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
-        units = ((e.key, e.action_units(self.robot)) for e in self.effects)
+        effects = sorted(self.effects, key=self.attached.place_in_chain)
+        units = ((e.key, e.action_units(self.robot)) for e in effects)
         return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
+
+    def command_units(self) -> tuple[str, ...]:
+        """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
+        return self.attached.command_units(self.robot)
+
+    def units(self) -> dict[str, str]:
+        """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
+        found = {}
+        for effect in self.effects:
+            for name, unit in effect.units(self.robot).items():
+                if unit == COMMAND:
+                    unit = self.attached.unit_at(effect, int(name.partition("[")[2][:-1]), self.robot)
+                found[f"{effect.key}.{name}"] = unit
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""

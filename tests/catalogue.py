@@ -147,11 +147,27 @@ def every_effect(arm):
     )  # fmt: skip
 
 
+def motors(arm):
+    """Motors that take a voltage, and joints with friction."""
+    return (
+        e.Armature(0.02), e.Play(0.4), e.DeadZone(0.2), e.DCMotor(2.0, 0.004, 0.3, 1.5), e.Lag(0.01),
+        e.TorqueSpeed(4.0, 20.0), e.QuadraticFriction(0.02), e.SmoothCoulombFriction(0.05, 0.5),
+        e.LuGre(30.0, 0.2, 0.05, 0.1, 0.15, 0.5),
+    )  # fmt: skip
+
+
+GROUPS = {"motors": motors}
+"""Groups of effects that ``every_effect`` does not have: functions of an arm."""
+
+
 def _scenes():
     yield from aimed.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)
+    for name, group in GROUPS.items():
+        yield f"4R {name} rk8", rde.Scene(FOUR_R, (GRAVITY, *group(FOUR_R)), "rk8", 0.01)
+        yield f"RPRP {name} 1e-6", rde.Scene(RPRP, (GRAVITY, *group(RPRP)), tolerance=1e-6)
     for kind in ("4R", "RPRP"):
         for name, effects in USERS.items():
             yield f"{kind} users' {name} 1e-6", rde.Scene(ARMS[kind], (GRAVITY, *effects), tolerance=1e-6)

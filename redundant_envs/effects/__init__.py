@@ -1,7 +1,10 @@
 """Effects a scene may name. A new effect is one file here and one line below."""
 
+from redundant_envs.effects.armature import Armature
 from redundant_envs.effects.centring_spring import CentringSpring
 from redundant_envs.effects.coulomb_friction import CoulombFriction
+from redundant_envs.effects.dc_motor import DCMotor
+from redundant_envs.effects.dead_zone import DeadZone
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
 from redundant_envs.effects.hooks import (
@@ -20,25 +23,41 @@ from redundant_envs.effects.hooks import (
     Sensing,
     State,
 )
+from redundant_envs.effects.lag import Lag
 from redundant_envs.effects.limit_spring import LimitSpring
+from redundant_envs.effects.lu_gre import LuGre
+from redundant_envs.effects.play import Play
 from redundant_envs.effects.prismatic_stop import PrismaticStop
+from redundant_envs.effects.quadratic_friction import QuadraticFriction
+from redundant_envs.effects.smooth_coulomb_friction import SmoothCoulombFriction
+from redundant_envs.effects.torque_speed import TorqueSpeed
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "CentringSpring", "CoulombFriction", "Effect", "EffortLimits", "Field", "Force",
-    "Friction", "Gap", "Gravity", "Impact", "Inertia", "LimitSpring", "Link", "Point", "PointMass",
-    "PrismaticStop", "Reading", "Sensing", "State", "ViscousFriction",
+    "Actuation", "Armature", "CentringSpring", "CoulombFriction", "DCMotor", "DeadZone", "Effect",
+    "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact", "Inertia", "Lag",
+    "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass", "PrismaticStop", "QuadraticFriction",
+    "Reading", "Sensing", "SmoothCoulombFriction", "State", "TorqueSpeed", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
     effect.__name__: effect
     for effect in (
+        Armature,
         CentringSpring,
         CoulombFriction,
+        DCMotor,
+        DeadZone,
         EffortLimits,
         Gravity,
+        Lag,
         LimitSpring,
+        LuGre,
+        Play,
         PrismaticStop,
+        QuadraticFriction,
+        SmoothCoulombFriction,
+        TorqueSpeed,
         ViscousFriction,
     )
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,6 +39,10 @@ def identifier(parameter: str) -> str:
     users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has."""
     dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
     return parameter.replace(".", dot).replace("[", dot).replace("]", "")
+
+
+TIME = "time in the step"
+"""Name of the time that a state's closed form takes: it is no identifier, so no other quantity has it."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,11 @@ class EffectStates(dict[str, State]):
         return tuple(name for name, state in self.items() if state.derivative is not None)
 
     @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """Those of the integrated ones that have a closed form, too."""
+        return tuple(name for name, state in self.items() if state.closed is not None)
+
+    @cached_property
     def updated(self) -> tuple[str, ...]:
         """Those that are constant within an interval, and updated at its end."""
         return tuple(name for name, state in self.items() if state.update is not None)
@@ -173,6 +183,26 @@ class Attachments(tuple[Attached[Hook], ...]):
         """For the command of each motor the links between it and the effort, in order."""
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
         return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
+
+    def command_units(self, arm: Arm) -> tuple[str, ...]:
+        """Units of the motors' commands; ValueError if units do not meet in the chain of one."""
+        return tuple(_command_unit(chain, arm, k) for k, chain in enumerate(self.chains.values()))
+
+    def unit_at(self, effect: Effect, joint: int, arm: Arm) -> str:
+        """Unit of the command that reaches the first link of an effect in the chain of a joint's motor."""
+        command = self.commands[joint]
+        unit = _command_unit(self.chains[command], arm, joint)
+        for link in self.chains[command]:
+            if link.effect is effect:
+                break
+            if link.hook.takes:
+                unit = link.hook.gives or hooks.effort_unit(arm, joint)
+        return unit
+
+    def place_in_chain(self, effect: Effect) -> float:
+        """The first place of an effect's links in the chains; beyond all places for one without links."""
+        links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
+        return min(links, default=math.inf)
 
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
         """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
@@ -233,21 +263,45 @@ class Attachments(tuple[Attached[Hook], ...]):
         return with_inertias(arm, self.inertias, found) if found else arm
 
 
+def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) -> str:
+    """Unit of the command at the beginning of a motor's chain; ValueError if units do not meet."""
+    effort, given, giver, first = hooks.effort_unit(arm, joint), "", "", ""
+    for link in chain:
+        takes = link.hook.takes
+        if not takes:  # it hands on what it gets
+            continue
+        if giver and takes != given:
+            raise ValueError(
+                f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and {link.key!r} behind it "
+                f"takes {takes!r}; leave one of them out, or change the 'link' of one"
+            )
+        first = first or takes
+        given, giver = link.hook.gives or effort, link.key
+    if giver and given != effort:
+        raise ValueError(
+            f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and the motor's effort is in "
+            f"{effort!r}; add an effect that takes {given!r}, such as a motor"
+        )
+    return first or effort
+
+
 def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
     guard = getattr(hook, "guard", None)
     guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
     laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
 
-    def name_of(source: str) -> str:
+    def name_of(source: str, field: str = "") -> str:
         if laws.get(source):
             return f"side_{laws[source]}"
+        if source == hooks.ELAPSED and field == "closed":
+            return TIME
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
         return {
-            field: Bound(f, tuple(name_of(part.bind.get(a, a)) for a in arguments_of(f)), key)
+            field: Bound(f, tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f)), key)
             for field, f in values.items()
             if callable(f)
         }

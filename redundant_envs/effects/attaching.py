@@ -16,6 +16,7 @@ from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
+    ELAPSED,
     MOST_GUARDS,
     SIDE,
     SPEED,
@@ -85,6 +86,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "derivative": Rule(),
         "update": Rule(),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
+        "closed": Rule(),
     },
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
@@ -230,15 +232,50 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
+    if isinstance(hook, Actuation):
+        _check_units(hook)
     for part in (hook, *states_of(hook)):
         allowed = _Allowed(part, hook, own, arm)
         if isinstance(part, State):
             if (part.derivative is None) == (part.update is None):
                 raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
+            _check_closed(part)
             number(f"initial of the state {part.name!r}", part.initial)
         for field, rule in RULES.get(type(part), {}).items():
             if getattr(part, field) is not None:
                 _check_function(field, rule, allowed)
+
+
+def _check_closed(state: State) -> None:
+    """Refuse a closed form without a derivative, or one that does not depend on the time."""
+    if state.closed is None:
+        return
+    if state.derivative is None:
+        raise ValueError(
+            f"the state {state.name!r} has a closed form and no derivative; give the derivative, too: error "
+            "control integrates it"
+        )
+    takes = [state.bind.get(argument, argument) for argument in arguments_of(state.closed)]
+    for source, what in ((ELAPSED, "the time since the step began"), (f".{state.name}", "the value then")):
+        if source not in takes:
+            raise ValueError(
+                f"closed of the state {state.name!r}, {name_of(state.closed)}, does not take {source!r}, "
+                f"{what}; a closed form is a function of both"
+            )
+
+
+def _check_units(hook: Actuation) -> None:
+    """Refuse units of a link that are no text, and one that it gives without one that it takes."""
+    for field in ("takes", "gives"):
+        unit = getattr(hook, field)
+        if not isinstance(unit, str) or unit != unit.strip():
+            raise ValueError(
+                f"{field} is {unit!r:.80}; give a unit such as 'V', or '' for that of the command"
+            )
+    if hook.gives and not hook.takes:
+        raise ValueError(
+            f"gives is {hook.gives!r} without takes; name the unit of the command, too, takes='rad/s'"
+        )
 
 
 def _check_place(hook: Hook, arm: Arm) -> None:
@@ -345,6 +382,9 @@ def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterato
             yield source, {source} if own[source[1:]] else set()
             continue
         if source == SPEED and isinstance(part, Friction):
+            continue
+        if source == ELAPSED and field == "closed":
+            yield source, set()
             continue
         try:
             yield source, _roots_of_side(source, field, known) or roots_of(source, arm)

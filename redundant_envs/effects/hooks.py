@@ -10,11 +10,15 @@ import dataclasses
 import enum
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from redundant_envs.robots.arm import Arm
+
+ELAPSED = "elapsed"
+"""Argument of a state's closed form: the time since its value was that which the form takes, s."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,13 @@ class State:
     the quantities at the interval's end, and it is constant within the interval. ``rate`` is the largest
     change of the derivative per change of the state [1/s], from the parameters alone: error control takes
     steps that are short enough for it. ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
+    and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
+    derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
+    derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
+    follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
+    state which lags behind them does so by the right time.
     """
 
     name: str
@@ -36,6 +47,7 @@ class State:
     bind: Mapping[str, str] = field(default_factory=dict)
     initial: float = 0.0
     rate: Callable[..., Any] | None = None
+    closed: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -140,10 +152,11 @@ class Link(enum.IntEnum):
     """Position of an effect in the chain from the command of a motor to its effort."""
 
     DELAY = 0
-    DEAD_ZONE = 1
-    LAG = 2
-    TORQUE_SPEED = 3
-    LIMITS = 4
+    CONTROL = 1
+    DEAD_ZONE = 2
+    LAG = 3
+    TORQUE_SPEED = 4
+    LIMITS = 5
 
 
 @dataclass(frozen=True)
@@ -153,6 +166,11 @@ class Actuation:
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is the input of the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
     ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
+    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
+    "rad/s" and gives "V" stands before a motor that takes "V". The command of a motor has the unit that the
+    first of these links takes. A chain whose units do not meet is refused.
 
     Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
     chain.
@@ -165,6 +183,8 @@ class Actuation:
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
     guard: Callable[..., Any] | None = None
+    takes: str = ""
+    gives: str = ""
 
 
 SPEED = "speed"
@@ -364,7 +384,11 @@ class Effect:
         return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
-        """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""
+        """Own numbers in units of which an environment takes its actions, one for each motor; () if none.
+
+        They have the unit of the command that reaches the effect's links. If several effects of a scene give
+        such numbers, those of the effect whose links come first in the chains are used.
+        """
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
@@ -392,6 +416,15 @@ class Effect:
         return values
 
 
+COMMAND = "unit of the command"
+"""Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
+
+
+def effort_unit(arm: Arm, joint: int) -> str:
+    """Unit of the effort of a joint's motor."""
+    return "N" if arm.prismatic[joint] else "N m"
+
+
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
@@ -409,6 +442,10 @@ def _of_python(value: Any, static: bool) -> Any:
     return value.item() if static else float(value)
 
 
+WORD_BEGINS = re.compile(r"(?<=[^A-Z_])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""Places in the name of a class before which another word begins."""
+
+
 def snake_case(name: str) -> str:
-    """LimitSpring -> limit_spring."""
-    return "".join("_" + c.lower() if c.isupper() else c for c in name).lstrip("_")
+    """LimitSpring -> limit_spring, DCMotor -> dc_motor: a run of capitals is one word."""
+    return WORD_BEGINS.sub("_", name).lower()

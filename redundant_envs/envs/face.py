@@ -67,9 +67,7 @@ class Parameters(dict[str, Parameter]):
 def parameters_of(core: Core) -> Parameters:
     """The numbers of all lanes of a core."""
     scene, task = core.scene, core.task
-    units = {**scene.robot.units, **task.units}
-    for effect in scene.effects:
-        units |= {f"{effect.key}.{name}": unit for name, unit in effect.units(scene.robot).items()}
+    units = {**scene.robot.units, **task.units, **scene.units()}
     named: dict[str, list[str]] = {}
     for name in scene.parameters():
         named.setdefault(name.split("[")[0] if "." in name else OF_ARM[name[0]], []).append(name)

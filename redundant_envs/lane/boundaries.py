@@ -297,10 +297,14 @@ class Boundaries:
 
     # ---- stops that hold sliders -------------------------------------------------------------------------
 
+    def quantities_of_motion(self, lane: Lane) -> Quantities:
+        """Quantities of the present state, without accelerations."""
+        numbers = known_numbers(self.dynamics, lane)
+        return contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
+
     def quantities(self, lane: Lane) -> Quantities:
         """Quantities of the present state, with the present sliders at rest."""
-        numbers = known_numbers(self.dynamics, lane)
-        x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
+        x = self.quantities_of_motion(lane)
         x["derivatives"] = self.dynamics.accelerations(x)
         return x
 

@@ -11,6 +11,7 @@ from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.lane import boundaries, required_steps
 from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import kink_values, levels_of
@@ -33,12 +34,16 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     speeds of :attr:`Dynamics.watched_sliders`.
     """
     numbers = boundaries.known_numbers(dynamics, lane)
-    count, width = dynamics.count, len(dynamics.states)
+    start = _start_of_closed_forms(dynamics, lane, numbers)
+    count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
+    time = ("elapsed",) if start else ()
 
     def derivatives(*values: Any) -> list[Any]:
-        known = dict(zip(numbers, values[width:], strict=True))
-        x = boundaries.contact_quantities(dynamics, values[:width], known)
-        results = dynamics.accelerations(x)
+        known = dict(zip((*numbers, *start, *time), values[width:], strict=True))
+        x = boundaries.contact_quantities(dynamics, values[:width], {n: known[n] for n in numbers})
+        results = dynamics.accelerations(
+            x, InStep(known, known["elapsed"], dynamics.varying) if start else None
+        )
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.bounded]
         pulls = dynamics.pulls(x) if dynamics.guards else {}
         results += [pulls[b.name] for b in dynamics.guards]
@@ -50,16 +55,34 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
-            derivatives, count, width - count + more, (*dynamics.states, *numbers),
+            derivatives, count, width - count + more,
+            (*dynamics.states[:width], *numbers, *start, *time),
             [k - count for k, name in enumerate(dynamics.states) if name == "work"],
         )  # fmt: skip
-    inputs = list(numbers.values())
-    states = lane.get(dynamics.states)
-    return explicit_step(
+    inputs = [*numbers.values(), *start.values()]
+    states = lane.get(dynamics.states[:width])
+    step = explicit_step(
         dynamics.method,
-        lambda q, v, z: right_hand_side(*q, *v, *z, *inputs),
+        lambda q, v, z, node: right_hand_side(*q, *v, *z, *inputs, *(node * h for _ in time)),
         states[:count], states[count : 2 * count], states[2 * count :], h,
     )  # fmt: skip
+    if start:
+        x = boundaries.contact_quantities(
+            dynamics, [*step.positions, *step.velocities, *step.others], numbers
+        )
+        dynamics.close(x, InStep(start, h, dynamics.varying))
+        step.others.extend(x.each(dynamics.closed))
+    return step
+
+
+def _start_of_closed_forms(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
+    """States in closed form, and what else their forms take, at the start of a step."""
+    found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
+    if dynamics.varying:
+        at_start = StepStart(dynamics.varying)
+        dynamics.close(boundaries.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
+        found |= at_start.found
+    return found
 
 
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:

@@ -14,6 +14,7 @@ from redundant_envs.effects.hooks import SPEED, Field, Force, Friction, Gap, Imp
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
+from redundant_envs.lane.closed_forms import InStep, StepStart, varying_arguments
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 from redundant_envs.numerics.tableaus import METHODS, Tableau
@@ -58,9 +59,22 @@ class Dynamics:
 
     @cached_property
     def states(self) -> tuple[str, ...]:
-        """Integrated states: coordinates, velocities, those of effects, and the work."""
+        """Integrated states: coordinates, velocities, those of effects, and the work; then those of effects
+        that steps evaluate in closed form."""
         work = ("work",) if self.track_work else ()
-        return (*self.arm.coordinates, *self.arm.rates, *self.effect_states.integrated, *work)
+        stepped = (name for name in self.effect_states.integrated if name not in self.closed)
+        return (*self.arm.coordinates, *self.arm.rates, *stepped, *work, *self.closed)
+
+    @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """States of effects that steps evaluate in closed form: none if error control chooses the steps."""
+        return () if self.controlled else self.effect_states.closed
+
+    @cached_property
+    def varying(self) -> dict[str, tuple[str, ...]]:
+        """Quantities that closed forms take, and that change in a step; see :mod:`closed_forms`."""
+        constant = frozenset((*self.numbers, *self.commands, *self.effect_states.updated))
+        return varying_arguments(self.scene.attached, self.arm, constant) if self.closed else {}
 
     @property
     def commands(self) -> tuple[str, ...]:
@@ -350,8 +364,11 @@ class Dynamics:
         numbers of error control, which no function takes."""
         return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
 
-    def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
+    def efforts(
+        self, x: Quantities, change: str, time: InStep | StepStart | None = None
+    ) -> tuple[list[Any], dict[str, Any]]:
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; at a
+        ``time`` in a step states are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
@@ -359,6 +376,8 @@ class Dynamics:
                 x[command] = efforts[k]
                 if link.guards and not self.locates_laws:
                     link.settle_law(x)
+                if time is not None:
+                    time.close(link, x)
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
             x[command] = given
@@ -394,15 +413,31 @@ class Dynamics:
         """Joints that friction or a stop may hold."""
         return tuple(sorted({b.joint for b in (*self.sticking, *self.holding) if b.joint is not None}))
 
-    def accelerations(self, x: Quantities) -> list[Any]:
-        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
+    def close(self, x: Quantities, time: InStep | StepStart) -> None:
+        """Give quantities at a ``time`` in a step the states that are in closed form."""
+        self.efforts(x, "none", time)
+        self._close_forces(x, time)
+
+    def _close_forces(self, x: Quantities, time: InStep | StepStart) -> None:
+        for a in self.scene.attached.of(Force):
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
+            time.close(a, x)
+
+    def accelerations(self, x: Quantities, time: InStep | None = None) -> list[Any]:
+        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
+
+        At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.
+        """
         joints = range(self.count)
         if "ax" not in self.prepared:
             x["ax"] = x["ay"] = ABSENT
             for field in self.scene.attached.of(Field):
                 del x["ax"], x["ay"]
                 x["ax"], x["ay"] = field.functions["function"](x)
-        effort, changes = self.efforts(x, "derivative")
+        effort, changes = self.efforts(x, "derivative", time)
+        if time is not None:
+            self._close_forces(x, time)
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
@@ -437,13 +472,13 @@ class Dynamics:
             x.update({f"Q{k + 1}": effort[k] for k in joints})
         x.update({name: x[name] + force for name, force in at_points.items()})
         results = x.each(f"qdd{k + 1}" for k in joints)
-        results += [changes[name] for name in self.effect_states.integrated]
+        results += [changes[name] for name in self.effect_states.integrated if name not in self.closed]
         if self.track_work:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(total(power or [0.0]))
-        return results
+        return results if time is not None else results + [changes[name] for name in self.closed]
 
     def _add_at_coordinates(
         self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]

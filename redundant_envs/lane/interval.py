@@ -205,8 +205,8 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     for name in (*dynamics.parameters, *dynamics.prepared):
         doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"
         yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
-    for k, name in enumerate(dynamics.commands):
-        yield Field(name, "N" if arm.prismatic[k] else "N m", "commanded effort of a motor", SCRATCH)
+    for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
+        yield Field(name, unit, "command of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
     yield Field("fault", "", "faults of the interval", SCRATCH)
 

@@ -17,6 +17,7 @@ from redundant_envs.events.boundary import ROUNDING, guarded, law_behind, leaves
 from redundant_envs.events.first_event import Encounter, first_event, first_passage
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.closed_forms import InStep
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, StepControl
@@ -308,7 +309,12 @@ class LaneProgram:
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
-        arm, moving = self.dynamics.arm, self.dynamics.states[self.dynamics.count :]
+        arm, closed = self.dynamics.arm, self.dynamics.closed
+        moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
+        if closed:
+            x = self.boundaries.quantities_of_motion(lane)
+            self.dynamics.close(x, InStep(dict(zip(closed, lane.get(closed), strict=True)), time, {}))
+            lane.set(closed, x.each(closed))
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:

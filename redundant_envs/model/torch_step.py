@@ -75,7 +75,7 @@ def torch_step(scene: Scene) -> Step:
         elif z is not None:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
-        states += [effects[n] for n in dynamics.effect_states.integrated]
+        states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
             **fields_of(dynamics, _named(dynamics, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),

@@ -10,8 +10,9 @@ from redundant_envs.algebra import maximum, minimum
 from redundant_envs.numerics.tableaus import Tableau
 
 Numbers = Sequence[Any]
-Derivative = Callable[[Numbers, Numbers, Numbers], Numbers]
-"""(positions, velocities, others) -> accelerations, derivatives of the others, and watched quantities."""
+Derivative = Callable[[Numbers, Numbers, Numbers, float], Numbers]
+"""(positions, velocities, others, node) -> accelerations, derivatives of the others, and watched quantities;
+the node is the share of the step that has passed."""
 
 
 class Watched(NamedTuple):
@@ -62,17 +63,17 @@ def explicit_step(
     slopes: list[list[Any]] = [[] for _ in state]
     watched: list[list[Any]] = []
     if method.name == "euler":
-        results = derivative(positions, velocities, others)
+        results = derivative(positions, velocities, others, 0.0)
         new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
         moved = [p + h * v for p, v in zip(positions, new, strict=False)]
         seen = [watch([w]) for w in results[n + m :]]
         return Step(moved, new[:n], new[n:], seen, ())
-    for row in method.a:
+    for row, node in zip(method.a, method.c, strict=True):
         stage = state
         if any(row):
             sums = [weighted(row, slope) for slope in slopes]
             stage = [s + (h * f) * total for s, (f, total) in zip(state, sums, strict=True)]
-        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :])
+        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :], node)
         for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
             slope.append(k)
         watched.append(list(results[n + m :]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.dual import Dual, dual
-from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.attached import TIME, Attached
 from redundant_envs.effects.hooks import Force, Point
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
@@ -44,6 +44,7 @@ class Motion:
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | d.effect_states.initial
+        known[TIME] = known["interval"]
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):
             columns = (numbers @ back).T

@@ -5,12 +5,11 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import pytest
-from armature import Armature
 from sensors import Encoders, SensorBias
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics, where
-from redundant_envs.effects import Effect, Reading, Sensing
+from redundant_envs.effects import Armature, Effect, Reading, Sensing
 
 BIAS = (0.03, -0.02, 0.05, 0.01)
 SPEEDS = (0.2, -0.1, 0.3, 0.05)
