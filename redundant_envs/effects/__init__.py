@@ -11,6 +11,7 @@ from redundant_envs.effects.hooks import (
     Gap,
     Impact,
     Inertia,
+    Instant,
     Link,
     Point,
     PointMass,
@@ -24,8 +25,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
-    "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "Reading", "Sensing", "State",
-    "ViscousFriction",
+    "Inertia", "Instant", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "Reading", "Sensing",
+    "State", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
