@@ -147,11 +147,23 @@ def every_effect(arm):
     )  # fmt: skip
 
 
+def delays(arm):
+    """Commands that arrive two intervals and a half later."""
+    return (e.CommandDelay(0.025, 0.05),)
+
+
+GROUPS = {"delays": delays}
+"""Groups of effects that ``every_effect`` does not have: functions of an arm."""
+
+
 def _scenes():
     yield from aimed.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)
+    for name, group in GROUPS.items():
+        yield f"4R {name} rk8", rde.Scene(FOUR_R, (GRAVITY, *group(FOUR_R)), "rk8", 0.01)
+        yield f"RPRP {name} 1e-6", rde.Scene(RPRP, (GRAVITY, *group(RPRP)), tolerance=1e-6)
     for kind in ("4R", "RPRP"):
         for name, effects in USERS.items():
             yield f"{kind} users' {name} 1e-6", rde.Scene(ARMS[kind], (GRAVITY, *effects), tolerance=1e-6)

@@ -1,6 +1,7 @@
 """Effects a scene may name. A new effect is one file here and one line below."""
 
 from redundant_envs.effects.centring_spring import CentringSpring
+from redundant_envs.effects.command_delay import CommandDelay
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
 from redundant_envs.effects.hooks import (
@@ -24,13 +25,21 @@ from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
-    "Inertia", "Instant", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "Reading", "Sensing",
-    "State", "ViscousFriction",
+    "Actuation", "CentringSpring", "CommandDelay", "Effect", "EffortLimits", "Field", "Force", "Gap",
+    "Gravity", "Impact", "Inertia", "Instant", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop",
+    "Reading", "Sensing", "State", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
     effect.__name__: effect
-    for effect in (CentringSpring, EffortLimits, Gravity, LimitSpring, PrismaticStop, ViscousFriction)
+    for effect in (
+        CentringSpring,
+        CommandDelay,
+        EffortLimits,
+        Gravity,
+        LimitSpring,
+        PrismaticStop,
+        ViscousFriction,
+    )
 }
 """Effects by their name in scene files."""
