@@ -13,7 +13,17 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import COMMAND, Effect, Field, Friction, Gap, Impact, State, states_of
+from redundant_envs.effects.hooks import (
+    COMMAND,
+    MOST_INSTANTS,
+    Effect,
+    Field,
+    Friction,
+    Gap,
+    Impact,
+    State,
+    states_of,
+)
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
@@ -69,6 +79,7 @@ class Scene:
         if not isinstance(self.robot, Arm):
             raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(ARMS))}")
         check_own(self.robot)
+        object.__setattr__(self, "control_dt", self._checked_interval())
         object.__setattr__(self, "effects", self._fitted_effects())
         impacts = self.attached.of(Impact)
         if len({a.parameter(a.hook.restitution) for a in impacts}) > 1:
@@ -101,13 +112,14 @@ class Scene:
         _ = self.loaded_robot  # refuses impossible masses and inertias
         if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
+        if len(instants := self.attached.instants) > MOST_INSTANTS:
+            owners = ", ".join(a.key for a in instants)
+            raise ValueError(
+                f"effects has {len(instants)} instants, of {owners}; a scene may have {MOST_INSTANTS}: each "
+                "divides every interval once more; leave some out"
+            )
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
-        dt = number("control_dt", self.control_dt)
-        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
-            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
-        object.__setattr__(self, "control_dt", dt)
         whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
         if not whole or not 1 <= self.substeps <= MOST_SUBSTEPS:
             fix = f"give a whole number from 1 to {MOST_SUBSTEPS}, or a tolerance instead"
@@ -135,7 +147,7 @@ class Scene:
                 raise ValueError(
                     f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
                 )
-            effect = given.fitted(self.robot)
+            effect = given.fitted(self.robot).at_interval(self.control_dt)
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
             if other is not effect:
@@ -144,6 +156,13 @@ class Scene:
                     fix = "two classes share this name of their parameters: give one a 'key' of its own"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
+
+    def _checked_interval(self) -> float:
+        dt = number("control_dt", self.control_dt)
+        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
+            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
+            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
+        return dt
 
     def _checked_tolerance(self) -> float:
         tolerance = number("tolerance", self.tolerance)

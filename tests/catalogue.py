@@ -156,7 +156,17 @@ def motors(arm):
     )  # fmt: skip
 
 
-GROUPS = {"motors": motors}
+def delays(arm):
+    """Commands that arrive two intervals and a half later."""
+    return (e.CommandDelay(0.025, 0.05),)
+
+
+def dry_friction(arm):
+    """Joints that stick and slip."""
+    return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
+
+
+GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

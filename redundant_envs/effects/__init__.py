@@ -2,6 +2,7 @@
 
 from redundant_envs.effects.armature import Armature
 from redundant_envs.effects.centring_spring import CentringSpring
+from redundant_envs.effects.command_delay import CommandDelay
 from redundant_envs.effects.coulomb_friction import CoulombFriction
 from redundant_envs.effects.dc_motor import DCMotor
 from redundant_envs.effects.dead_zone import DeadZone
@@ -16,6 +17,7 @@ from redundant_envs.effects.hooks import (
     Gap,
     Impact,
     Inertia,
+    Instant,
     Link,
     Point,
     PointMass,
@@ -34,10 +36,11 @@ from redundant_envs.effects.torque_speed import TorqueSpeed
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "Armature", "CentringSpring", "CoulombFriction", "DCMotor", "DeadZone", "Effect",
-    "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact", "Inertia", "Lag",
-    "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass", "PrismaticStop", "QuadraticFriction",
-    "Reading", "Sensing", "SmoothCoulombFriction", "State", "TorqueSpeed", "ViscousFriction",
+    "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
+    "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact", "Inertia",
+    "Instant", "Lag", "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass", "PrismaticStop",
+    "QuadraticFriction", "Reading", "Sensing", "SmoothCoulombFriction", "State", "TorqueSpeed",
+    "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -45,6 +48,7 @@ REGISTRY: dict[str, type[Effect]] = {
     for effect in (
         Armature,
         CentringSpring,
+        CommandDelay,
         CoulombFriction,
         DCMotor,
         DeadZone,

@@ -19,7 +19,7 @@ import numpy as np
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, numbered, where
 from redundant_envs.effects import REGISTRY, hooks
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, State, states_of
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, Instant, State, states_of
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
@@ -65,6 +65,8 @@ class Bound:
 
 Functions = Mapping[str, Bound]
 """The functions that a hook or a state has, by their fields, such as "damping"."""
+RENEWAL = "renewal"
+"""Key of the update of a state at an instant, among the functions of the state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,16 @@ class Attached(Generic[Kind]):
         for name, value in zip(self.guards, self.guard_values(x), strict=True):
             x[f"side_{name}"] = side_of_guard(value)
 
+    @property
+    def instant(self) -> str:
+        """The field with the time of the instant of its effect."""
+        return f"instant_{self.key}"
+
+    @property
+    def passed(self) -> str:
+        """The field that says whether the instant of its effect has passed."""
+        return passed_field(self.key)
+
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
         return f"{self.key}{own}"
@@ -115,7 +127,8 @@ class Attached(Generic[Kind]):
         return self.effect.parameters()[own[1:]]
 
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
-        """Results of the functions of its states that are the "derivative" or the "update", by field."""
+        """Results of the functions of its states that are the "derivative", the "update" at the end of an
+        interval, or :data:`RENEWAL`, by field."""
         return {field: own[what](x) for field, own in self.states.items() if what in own}
 
 
@@ -144,7 +157,7 @@ class EffectStates(dict[str, State]):
 
     @cached_property
     def updated(self) -> tuple[str, ...]:
-        """Those that are constant within an interval, and updated at its end."""
+        """Those that are constant within a piece of an interval, and updated at its end or at an instant."""
         return tuple(name for name, state in self.items() if state.update is not None)
 
 
@@ -203,6 +216,16 @@ class Attachments(tuple[Attached[Hook], ...]):
         """The first place of an effect's links in the chains; beyond all places for one without links."""
         links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
         return min(links, default=math.inf)
+
+    @cached_property
+    def instants(self) -> tuple[Attached[Instant], ...]:
+        """Instants that divide an interval into pieces."""
+        return self.of(Instant)
+
+    def take(self, name: str) -> bool:
+        """Whether one of the functions takes a quantity."""
+        parts = (part for a in self for part in (a.functions, *a.states.values()))
+        return any(name in bound.names for part in parts for bound in part.values())
 
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
         """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
@@ -296,15 +319,33 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
             return f"side_{laws[source]}"
         if source == hooks.ELAPSED and field == "closed":
             return TIME
+        if source == hooks.PASSED:
+            return passed_field(key)
         return f"{key}{source}" if source.startswith(".") else source
+
+    def names(part: Any, field: str, f: Callable[..., Any]) -> tuple[str, ...]:
+        return tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f))
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
         return {
-            field: Bound(f, tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f)), key)
+            _called(field, part): Bound(
+                f, tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f)), key
+            )
             for field, f in values.items()
             if callable(f)
         }
 
     states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
     return Attached(effect, hook, bound(hook), states, law, guards)
+
+
+def _called(field: str, part: Any) -> str:
+    """The key of a function among those of a hook or a state."""
+    at_instant = isinstance(part, State) and part.when == "instant"
+    return RENEWAL if at_instant and field == "update" else field
+
+
+def passed_field(key: str) -> str:
+    """The field that says whether the instant of the effect with a key has passed."""
+    return f"passed_{key}"

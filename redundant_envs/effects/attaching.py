@@ -16,10 +16,13 @@ from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
+    CONTROL_DT,
     ELAPSED,
     MOST_GUARDS,
+    PASSED,
     SIDE,
     SPEED,
+    WHEN,
     Actuation,
     Effect,
     Field,
@@ -29,6 +32,7 @@ from redundant_envs.effects.hooks import (
     Hook,
     Impact,
     Inertia,
+    Instant,
     Link,
     Point,
     PointMass,
@@ -82,6 +86,8 @@ RULES: dict[type, dict[str, Rule]] = {
                            "numbers")},
     Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
                                "numbers")},
+    Instant: {"after": Rule(1, May.PARAMETERS, "after {name} depends on {more}; an instant may depend on "
+                            "parameters and control_dt alone")},
     State: {
         "derivative": Rule(),
         "update": Rule(),
@@ -120,6 +126,7 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{called}, hook {n} ({type(hook).__name__}): {error}") from None
+    _check_instants(called, hooks)
     check_numbers(called, effect, arm, hooks)
     _check_uses(called, effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
@@ -159,6 +166,33 @@ def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
                 )
             own[name] = True
     return own
+
+
+def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
+    """Refuse a second instant of an effect, and what only an effect with an instant may have."""
+    instants = [hook for hook in hooks if isinstance(hook, Instant)]
+    if len(instants) > 1:
+        raise ValueError(
+            f"{called} has {len(instants)} instants; give one, and further ones to other effects"
+        )
+    for n, part in ((n, part) for n, hook in enumerate(hooks) for part in (hook, *states_of(hook))):
+        if isinstance(part, State) and (part.when not in WHEN or (part.when == "instant" and not instants)):
+            raise ValueError(
+                f"{called}, hook {n}: the state {part.name!r} has when={part.when!r:.40}; give "
+                f"{' or '.join(map(repr, WHEN))}, the latter in an effect with an Instant"
+            )
+        if isinstance(part, State) and part.when == "instant" and part.update is None:
+            raise ValueError(
+                f"{called}, hook {n}: the state {part.name!r} has when='instant' and no update; give one"
+            )
+        functions = [getattr(part, f.name) for f in dataclasses.fields(part)]
+        bind: Mapping[str, str] = getattr(part, "bind", {})
+        named = {bind.get(a, a) for f in functions if callable(f) for a in arguments_of(f)}
+        if PASSED in named and not instants:
+            raise ValueError(
+                f"{called}, hook {n}: a function takes {PASSED!r}, and the effect has no instant; add "
+                "Instant(after=...) to its hooks"
+            )
 
 
 def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
@@ -385,6 +419,9 @@ def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterato
             continue
         if source == ELAPSED and field == "closed":
             yield source, set()
+            continue
+        if source in (PASSED, CONTROL_DT):
+            yield source, {source} - {CONTROL_DT}
             continue
         try:
             yield source, _roots_of_side(source, field, known) or roots_of(source, arm)

@@ -38,6 +38,9 @@ class State:
     derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
     follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
     state which lags behind them does so by the right time.
+    With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
+    there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
+    state stays.
     """
 
     name: str
@@ -48,6 +51,35 @@ class State:
     initial: float = 0.0
     rate: Callable[..., Any] | None = None
     closed: Callable[..., Any] | None = None
+    when: str = "interval"
+
+
+WHEN = ("interval", "instant")
+"""Allowed values of :attr:`State.when`."""
+PASSED = "passed"
+"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
+CONTROL_DT = "control_dt"
+"""Argument of all functions of effects: the control interval of the scene, s."""
+MOST_INSTANTS = 4
+"""Most instants in a scene: each adds a piece to every interval."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A time within each control interval at which something of the effect changes; at most one per effect.
+
+    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone, so
+    that it may differ from lane to lane. The interval is crossed in two pieces that meet there, so no step
+    contains the change, and the pieces share the tolerance. Functions of the effect then may take ``passed``:
+    0 before the instant, 1 from then on; states of the effect may be updated there.
+
+    A time that is negative, not below the length of the interval, or no number does not happen in it. A time
+    of 0 is the start of the interval, and adds no step. ``bind`` says what arguments stand for, see
+    :class:`Effect`.
+    """
+
+    after: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -281,7 +313,7 @@ class Sensing:
     reading: Reading = Reading.POSITION
 
 
-Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing
+Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
 
 
 def states_of(hook: Any) -> tuple[State, ...]:
@@ -298,7 +330,8 @@ class Effect:
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
     the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
-    quantity of its own name.
+    quantity of its own name. ``control_dt`` is the control interval of the scene [s], also while a simulator
+    advances by less.
 
     Attributes
     ----------
@@ -371,6 +404,11 @@ class Effect:
             if value is not given and f.init:
                 changed[f.name] = value
         return dataclasses.replace(self, **changed) if changed else self
+
+    def at_interval(self, control_dt: float) -> Effect:
+        """The effect as a scene with this control interval [s] has it. An effect whose number of states
+        depends on the interval overrides this; functions take ``control_dt`` as an argument instead."""
+        return self
 
     def states(self, arm: Arm) -> dict[str, State]:
         """Its states by their names."""

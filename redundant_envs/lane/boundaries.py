@@ -15,6 +15,7 @@ from redundant_envs.dual import Dual, dual
 from redundant_envs.events import boundary, contacts, crossings
 from redundant_envs.events.boundary import ROUNDING, Boundary, BoundedCoordinate, side_beyond
 from redundant_envs.events.contacts import Resolved
+from redundant_envs.lane import pieces
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
@@ -84,7 +85,7 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *dynamics.sides)}
+    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)}
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
@@ -173,11 +174,6 @@ class Boundaries:
         )
         near = lane.reason == Reason.NEAR_BOUNDARY
         lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
-
-    def is_cut(self, lane: Lane) -> Any:
-        """Whether an instant that is known beforehand lies within the common step."""
-        times = [time - lane.span_start for time in lane.get(self.dynamics.instants)]
-        return any_of((time > 0.0) & (time < lane.h) for time in times)
 
     # ---- guards ------------------------------------------------------------------------------------------
 
@@ -322,10 +318,12 @@ class Boundaries:
 
         It also notes the mobilities of the others, which say how far such a pull may move one in the step.
         """
-        x, holding = self.quantities(lane), self.dynamics.holding
+        x, dynamics, holding = self.quantities(lane), self.dynamics, self.dynamics.holding
         resting = [self._contact(lane, b, x[f"hold{b.number}"]) for b in holding]
         w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
+            if dynamics.instants:
+                leaves = leaves & pieces.goes_on(lane)
             lane[b.active] = where(leaves, 0.0, lane[b.active])
         for b in holding:
             lane[f"mobility_{self.dynamics.arm.rates[b.joint]}_{b.name}"] = x[f"W{b.number}{b.number}"]

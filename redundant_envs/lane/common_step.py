@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
-from redundant_envs.lane import boundaries, required_steps
+from redundant_envs.lane import boundaries, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
@@ -165,17 +165,25 @@ class CommonStep:
     def clear(self, lane: Lane) -> None:
         """Before an interval."""
         lane.error = 0.0
+        if self.dynamics.instants:
+            pieces.clear(self.dynamics, lane)
         if not self.dynamics.local:
+            if self.dynamics.instants:
+                lane.evaluations = 0.0
             return
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False
         for name in self.dynamics.counted:
             lane[name] = 0.0
-        if self.dynamics.spans:
+        if self.dynamics.logs:
             lane.span_start = 0.0 if self.dynamics.controlled else -lane.h
         if self.dynamics.origin != "{}_start":
             lane.copy(self.dynamics.kept, to=self.dynamics.origin)
+
+    def next_piece(self, lane: Lane) -> None:
+        """Before the common steps of a piece of the interval."""
+        pieces.begin(self.dynamics, lane, boundaries.known_numbers(self.dynamics, lane))
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
@@ -186,25 +194,40 @@ class CommonStep:
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
-        elif self.dynamics.spans:
+        elif self.dynamics.logs:
             lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
-        """Number of steps of an interval before any estimate is used: half a radian of the fastest link in
-        each, and as many as springs and dampers require, which no estimate sees before they are touched."""
-        arm = self.dynamics.arm
+        """Number of steps of an interval, or a piece, before any estimate is used: half a radian of the
+        fastest link in each, and as many as springs and dampers require, which no estimate sees before they
+        are touched."""
+        arm, crossed = self.dynamics.arm, pieces.span(self.dynamics, lane)
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
         here = boundaries.quantities_of_arm(self.dynamics, lane)
         numbers = boundaries.numbers_of(self.dynamics, lane)
-        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
-        return lane.interval * maximum(2.0 * fastest, most)
+        return crossed * maximum(2.0 * fastest, most)
 
     def common_step(self, lane: Lane) -> None:
-        """The step of all lanes."""
+        """The step of all lanes; one whose piece has no length stays as it is."""
+        if not self.dynamics.instants:
+            self._set_step(lane, lane.h, None)
+            return self.boundaries.record_pulls(lane)
+        names = (*self.dynamics.states, "error")
+        before, goes_on = lane.get(names), pieces.goes_on(lane)
         self._set_step(lane, lane.h, None)
+        lane.set(names, [where(goes_on, x, y) for x, y in zip(lane.get(names), before, strict=True)])
         self.boundaries.record_pulls(lane)
+        if not self.dynamics.local:
+            self._count(lane, goes_on)
+        return None
+
+    def _count(self, lane: Lane, taken: Any) -> None:
+        """Count the evaluations of the common step where it is taken."""
+        stages = float(self.dynamics.method.stages)
+        lane.evaluations = where(taken, lane.evaluations + stages, lane.evaluations)
 
     def trial_step(self, lane: Lane) -> None:
         """A trial step of the lanes that ask for one."""
@@ -289,23 +312,21 @@ class CommonStep:
                 for b in self.dynamics.guards
             ]
             reason = where(any_of(passes), Reason.EVENT, reason)
-        if self.dynamics.instants:
-            reason = where(self.boundaries.is_cut(lane), Reason.EVENT, reason)
-        stages = float(self.dynamics.method.stages)
+        goes_on = pieces.goes_on(lane) if self.dynamics.instants else True
         if not self.dynamics.controlled:
-            lane.evaluations = lane.evaluations + stages
+            self._count(lane, goes_on)
         elif self.dynamics.control is Control.EQUAL:
             # A link that has become fast during the step may have been too fast for it.
             slow = self.least_steps(lane) <= error_control.TOO_FAST
             single = lane.min_steps == 0.0
-            served = single & slow & (lane.error <= lane.tip_tolerance)
+            served = single & slow & (lane.error <= pieces.allowed_error(self.dynamics, lane))
             for name in self.dynamics.doubts:
                 lane[name] = lane[name] & single
             doubtful, kinked, _ = self.doubts(lane)
             served = served & logical_not(kinked | doubtful)
             reason = where(served, reason, Reason.ACCURACY)
-            lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
-            lane.error = where(single, lane.error, 0.0)
+            self._count(lane, single & goes_on)
+            lane.error = where(single, lane.error, self._error_before(lane))
         self._leave(lane, reason)
 
     def doubts(self, lane: Lane) -> tuple[Any, ...]:
@@ -324,14 +345,21 @@ class CommonStep:
     def skip_common_step(self, lane: Lane) -> None:
         """Skip the common step: no lane is served by it."""
         if self.dynamics.control is Control.EQUAL:
-            lane.error = 0.0
+            lane.error = self._error_before(lane)
         self._leave(lane, Reason.ACCURACY)
+
+    def _error_before(self, lane: Lane) -> Any:
+        """The error of the interval before the common step."""
+        return lane.error_start if self.dynamics.instants else 0.0
 
     def _leave(self, lane: Lane, reason: Any) -> None:
         # Local steps do not help lanes whose state or effort is not finite.
         motion = lane.get(self.dynamics.states[: 2 * self.dynamics.count], of="{}_start")
         defect = self.defect([*motion, *lane.get(self.dynamics.commands)])
-        lane.reason = where(defect == 0.0, reason, Reason.NONE)
+        leaves = defect == 0.0
+        if self.dynamics.instants:
+            leaves = leaves & pieces.goes_on(lane)
+        lane.reason = where(leaves, reason, Reason.NONE)
         # Poison every state: some were never advanced, and others hold results that depend on neighbours.
         for s in self.dynamics.states:
             lane[s] = where(defect == 0.0, lane[s], defect)

@@ -9,8 +9,18 @@ from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
-from redundant_envs.effects.attached import Attached, EffectStates
-from redundant_envs.effects.hooks import SPEED, Field, Force, Friction, Gap, Impact, Point
+from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates
+from redundant_envs.effects.hooks import (
+    CONTROL_DT,
+    SPEED,
+    Field,
+    Force,
+    Friction,
+    Gap,
+    Impact,
+    Instant,
+    Point,
+)
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
@@ -27,7 +37,8 @@ from redundant_envs.tracing.graph import owned
 
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
-OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
+NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
+"""Numbers of error control and of pieces, which no function takes."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +236,7 @@ class Dynamics:
         """Kinks that are watched, but not located, if an estimate decides on steps."""
         if self.scene.tolerance is None or not self.located:
             return {}
-        constant = (*self.numbers, *self.effect_states.updated, *self.sides)
+        constant = (*self.numbers, *self.effect_states.updated, *self.sides, *self.passed)
         return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
 
     # ---- steps ---------------------------------------------------------------------------------------
@@ -244,7 +255,7 @@ class Dynamics:
     @property
     def local(self) -> bool:
         """Whether lanes may take local steps."""
-        return bool(self.stops or self.sticking or self.instants) or self.controlled
+        return bool(self.stops or self.sticking) or self.controlled
 
     @property
     def logs(self) -> bool:
@@ -257,19 +268,40 @@ class Dynamics:
         return (*(["impacts"] if self.stops else []), *(["logged"] if self.logs else []))
 
     @property
-    def spans(self) -> bool:
-        """Whether lanes know when in the interval the common step begins."""
-        return self.logs or bool(self.instants)
+    def instants(self) -> tuple[Attached[Instant], ...]:
+        """Instants that divide an interval into pieces."""
+        return self.scene.attached.instants
 
     @property
-    def instants(self) -> tuple[str, ...]:
-        """Fields with instants at which a planned step ends, s from the start of the interval; none yet."""
-        return ()
+    def passed(self) -> tuple[str, ...]:
+        """Fields that say which instants have passed."""
+        return tuple(a.passed for a in self.instants)
+
+    @cached_property
+    def renewed(self) -> dict[str, str]:
+        """States of effects that are updated at an instant, and the fields that say whether it has passed."""
+        every = ((field, own, a.passed) for a in self.scene.attached for field, own in a.states.items())
+        return {field: passed for field, own, passed in every if RENEWAL in own}
+
+    @property
+    def pieces(self) -> int:
+        """Most pieces of an interval."""
+        return len(self.instants) + 1
+
+    @property
+    def counts_evaluations(self) -> bool:
+        """Whether lanes may need different numbers of evaluations."""
+        return self.local or bool(self.instants)
+
+    @property
+    def repeats_common_step(self) -> bool:
+        """Whether an interval has several common steps."""
+        return bool(self.instants) or (not self.controlled and self.scene.substeps > 1)
 
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and not self.controlled and self.scene.substeps > 1 else "{}_start"
+        return "{}_interval" if self.local and self.repeats_common_step else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -331,6 +363,8 @@ class Dynamics:
         values = {self.field_of(k): v for k, v in self.scene.parameters().items()}
         if self.scene.tolerance is not None:
             values["tip_tolerance"] = self.scene.tolerance
+        if self.scene.attached.take(CONTROL_DT):
+            values[CONTROL_DT] = self.scene.control_dt
         return values
 
     def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -346,6 +380,7 @@ class Dynamics:
         for a in self.scene.attached.of(Field):
             if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
                 made["ax"], made["ay"] = a.functions["function"](x)
+        made |= {a.instant: a.functions["after"](x) for a in self.instants}
         if not self.controlled:
             return made
         rates = required_steps.rates_of_parameters(self.scene, x)
@@ -360,9 +395,9 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Quantities that are constant in a step: parameters, and what is prepared from them; without the
-        numbers of error control, which no function takes."""
-        return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
+        """Quantities that are constant in a step: parameters, and what is prepared from them; without
+        :data:`NO_QUANTITIES`."""
+        return tuple(n for n in (*self.parameters, *self.prepared) if not NO_QUANTITIES.match(n))
 
     def efforts(
         self, x: Quantities, change: str, time: InStep | StepStart | None = None
@@ -382,6 +417,13 @@ class Dynamics:
                 efforts[k] = link.functions["function"](x)
             x[command] = given
         return efforts, changes
+
+    def changes(self, x: Quantities, what: str) -> dict[str, Any]:
+        """What functions of a kind give for states of effects."""
+        _, changes = self.efforts(x, what)
+        for a in self.scene.attached.of(Force):
+            changes |= a.changes(what, x)
+        return changes
 
     # ---- equations of motion -----------------------------------------------------------------------
 

@@ -70,7 +70,9 @@ class Episode:
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
         has = {"events_sum": bool(dynamics.stops), "error_most": scene.tolerance is not None}
-        spent = {name: doc for name, doc in SPENT.items() if dynamics.local and has.get(name, True)}
+        spent = {
+            name: doc for name, doc in SPENT.items() if dynamics.counts_evaluations and has.get(name, True)
+        }
         sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
         self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
         """What a lane remembers of its episode beside its state and the task's memory, and what it means."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
-from redundant_envs.effects.hooks import Force
+from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
@@ -53,7 +53,14 @@ class Interval:
         """Fields of the lanes, without those that only the program of a lane sets."""
         dynamics, rates = self.dynamics, self.dynamics.arm.rates
         yield from motion_fields(dynamics)
+        if dynamics.instants:
+            yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
+            for a in dynamics.instants:
+                yield Field(a.passed, "", "1 from the instant on, 0 before", SCRATCH)
+        evaluations = Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         if not dynamics.local:
+            if dynamics.counts_evaluations:
+                yield evaluations
             return
         for name in dynamics.active:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
@@ -63,17 +70,15 @@ class Interval:
         if dynamics.origin != "{}_start":
             yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
-        yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
+        yield evaluations
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
         yield Field("min_steps", "", "least number of steps allowed; 0 where one may serve", SCRATCH)
         yield Field("state", "", "where the program of the lane waits", SCRATCH)
         for name, doc in (CONDITIONS | dynamics.doubts).items():
             yield Field(name, "", doc, SCRATCH, truth=True)
-        if dynamics.spans:
-            yield Field("span_start", "s", "when the common step began", SCRATCH, book=not dynamics.instants)
-        for name in dynamics.instants:
-            yield Field(name, "s", "instant of the interval at which a planned step ends", PARAMETER)
+        if dynamics.logs:
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
         for b in dynamics.boundaries:
             for name in WATCHED:
                 doc = f"{name} acceleration at the stages, or pull of the stop"
@@ -131,9 +136,7 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-            _, changes = dynamics.efforts(x, "update")
-            for a in dynamics.scene.attached.of(Force):
-                changes |= a.changes("update", x)
+            changes = dynamics.changes(x, "update")
             lane.set(changes, changes.values())
 
     def undo(self, lane: Lane, failed: Any) -> None:
@@ -187,7 +190,7 @@ class Interval:
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     """State, parameters and what every interval has."""
     arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
-    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys(ARGUMENTS, ENGINE)
+    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
     for effect in dynamics.scene.effects:
         names = (*effect.parameters(), *effect.states(arm))
         owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
@@ -200,7 +203,7 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
-    yield Field("h", "s", "length of the common step", PARAMETER)
+    yield Field("h", "s", "length of the common step", SCRATCH if dynamics.instants else PARAMETER)
     yield Field("interval", "s", "control interval", PARAMETER)
     for name in (*dynamics.parameters, *dynamics.prepared):
         doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"

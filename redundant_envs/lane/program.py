@@ -13,7 +13,7 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import ROUNDING, guarded, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.boundary import guarded, law_behind, leaves_stop, starts_at_stop
 from redundant_envs.events.first_event import Encounter, first_event, first_passage
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
@@ -69,7 +69,7 @@ class LaneProgram:
                     if not lane.at_stop:
                         self.start_here(lane)
                 case Found.NOTHING:
-                    match self.end_of_trial(lane):
+                    match self.control.end(lane):
                         case End.CROSSED:
                             return None
                         case End.REPEATED:
@@ -243,26 +243,6 @@ class LaneProgram:
         self.note_released(lane)
         return Found.NOTHING
 
-    def end_of_trial(self, lane: Lane) -> End:
-        """After a trial step without an event: what comes next."""
-        if self.dynamics.instants and lane.left <= 0.0 and lane.after_instant > 0.0:
-            lane.left = lane.after_instant
-            self.cut(lane)
-            return End.GOES_ON
-        if (end := self.control.end(lane)) is End.NEXT:
-            self.cut(lane)
-        return end
-
-    def cut(self, lane: Lane) -> None:
-        """End the planned step at the first instant before its end; the rest of it comes then."""
-        if not self.dynamics.instants:
-            return
-        ahead = [time - lane.span_start - lane.elapsed for time in lane.get(self.dynamics.instants)]
-        left = lane.left
-        for time in ahead:
-            left = where((time > ROUNDING * lane.interval) & (time < left), time, left)
-        lane.after_instant, lane.left = lane.left - left, left
-
     def is_lost(self, lane: Lane) -> Any:
         """Whether a search has no end, or waits for a time that is no number."""
         within = self.control.within_budget(lane)
@@ -334,12 +314,11 @@ class LaneProgram:
         useless = self.control.begin(lane)
         released = any_of(lane[a] != lane[f"{a}_start"] for a in self.dynamics.active)
         self.at_start(lane)
-        self.cut(lane)
         lane.due, lane.at_stop = False, False
         pulled = self.forces_in_common_step(lane)
         if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
-            lane.due = logical_not(useless | begun | released | pulled | self.boundaries.is_cut(lane))
+            lane.due = logical_not(useless | begun | released | pulled)
         if lane.due:
             lane.step = lane.h
             for b in self.dynamics.sticking:
@@ -394,7 +373,6 @@ class LaneProgram:
         self.control.shorten(lane)
         if self.control.repeats:
             self.at_start(lane)
-        self.cut(lane)
         lane.step, lane.at_stop = lane.left, False
         if not self.control.repeats:
             return self.back_to(lane, "{}_trial")
@@ -405,4 +383,4 @@ class LaneProgram:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
         kept = *self.dynamics.states, *self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted
         lane.copy(kept, of="{}_start")
-        lane.fault = float(Fault.EVENT_BUDGET)
+        self.control.note(lane, Fault.EVENT_BUDGET)

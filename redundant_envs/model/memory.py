@@ -46,6 +46,8 @@ class Memory:
         }
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
+        if dynamics.instants:  # each piece of an interval has steps of its own length
+            del steps["h"]
         initial = dict(dynamics.effect_states.initial)
         for stop in dynamics.holding:  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]

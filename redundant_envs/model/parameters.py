@@ -201,7 +201,7 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
 
 # ---- snapshots -----------------------------------------------------------------------------------------
 
-KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
+KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 OF_THE_FIRST_CORE = "numbers"
 """Keys of snapshots, instead of states and parameters, before the core was traced."""
@@ -329,7 +329,7 @@ def check_numbers(
     for row in finite:
         if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
-    for row in (n for n in (*KEPT_FIELDS, *kept) if n in layout):
+    for row in (n for n in (*KEPT_FIELDS, *kept) if n in memory):
         there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
         if not (there == here[0, 0]).all():
             raise ValueError(

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from redundant_envs.backends.torch import number, torch
+from redundant_envs.lane import pieces
 from redundant_envs.lane.common_step import lane_step
-from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.direct import fields_of, in_steps
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Control
+from redundant_envs.lane.features import Control, Reason
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.model.parameters import names_of
@@ -81,19 +84,26 @@ def torch_step(scene: Scene) -> Step:
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.effect_states.updated},
         }
-        steps = number(float(scene.substeps))
-        if scene.tolerance is not None:
-            with torch.no_grad():
-                now = dict(zip(dynamics.states, states, strict=True))
-                crossed = cross_interval(interval, {**fields, **now})
-                steps = number(crossed["divisions"]).clamp(min=1.0)
-        h = fields["interval"] / steps
-        for k in range(int(steps.max())):
-            now = dict(zip(dynamics.states, states, strict=True))
-            made = lane_step(dynamics, Lane(layout, {**fields, **now}.__getitem__), h)
-            new = (*made.positions, *made.velocities, *made.others)
-            states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
-        lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+
+        def lane_now() -> Lane:
+            return Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+
+        def run(procedure: Callable[[Lane], None]) -> None:
+            procedure(lane := lane_now())
+            fields.update(lane.written())
+
+        if dynamics.instants:
+            run(interval.step.clear)
+        for steps in _step_counts(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))}):
+            if dynamics.instants:
+                run(interval.step.next_piece)
+            h = pieces.span(dynamics, lane_now()) / steps
+            for k in range(int(steps.max())):
+                made = lane_step(dynamics, lane_now(), h)
+                new = (*made.positions, *made.velocities, *made.others)
+                taken = (k < steps) & (h > 0.0)
+                states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
+        lane = lane_now()
         interval.update_effect_states(lane)
         states += [number(lane[n]) for n in of_effects]
         wide = torch.broadcast_tensors(*states)
@@ -101,6 +111,20 @@ def torch_step(scene: Scene) -> Step:
         return (*moved, torch.stack(wide[-len(of_effects) :], -1)) if of_effects else moved
 
     return step
+
+
+def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Tensor]:
+    """Numbers of steps of each piece of an interval, from the fields at its start, without gradients."""
+    dynamics = interval.dynamics
+    if dynamics.scene.tolerance is None:
+        return [number(float(dynamics.scene.substeps))] * dynamics.pieces
+    counts = []
+    with torch.no_grad(), np.errstate(all="ignore"):
+        for lane, _ in zip(in_steps(interval, fields), range(dynamics.pieces), strict=False):
+            served = number(lane["reason"]) == float(Reason.NONE)
+            steps = number(1.0) if bool(served.all()) else number(lane["divisions"])  # else it has none
+            counts.append(torch.where(served, number(1.0), steps).clamp(min=1.0))
+    return counts
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:

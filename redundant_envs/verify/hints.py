@@ -43,7 +43,7 @@ class Motion:
         ``moved``, or by the rate of the joint ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
-        known: dict[str, Any] = fields_of(d) | d.effect_states.initial
+        known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
         known[TIME] = known["interval"]
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):
