@@ -4,7 +4,6 @@ and the ends of ranges."""
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -151,9 +150,9 @@ def ends_of(drawn: Mapping[Range, list[str]], nominal: Mapping[str, float]) -> d
 def check_ranges(scene: Any, drawn: Mapping[Range, list[str]], task: Any = None) -> None:
     """ValueError unless numbers at the ends of ranges pass the checks of fixed numbers, alone and together.
 
-    Tried are all numbers at their lower and at their upper ends, one range or two of them at other ends than
-    the rest, one entry of a name alone, and for each range a number inside, or every one of a choice: arms,
-    effects and tasks compare at most two of their numbers with each other, such as the ends of a travel.
+    Tried are all numbers at their lower ends, all at their upper ones, one range or entry alone at its upper
+    end, and for each range a number inside, or every one of a choice. So any two numbers meet at all their
+    ends: arms, effects and tasks compare no more with each other, such as the ends of a travel.
     """
     nominal = {**scene.parameters(), **({} if task is None else task.parameters())}
     sets = list(_sets_of_ends(drawn, nominal))
@@ -181,14 +180,11 @@ def _sets_of_ends(
     lowest, highest = (
         {name: x for one in drawn for name, x in at(one, one.distribution.ends[k]).items()} for k in (0, 1)
     )
-    high = {one: {name: highest[name] for name in names} for one, names in drawn.items()}
     yield lowest
     yield highest
-    for one, other in itertools.combinations_with_replacement(drawn, 2):
-        yield {**lowest, **high[one], **high[other]}
     for one, names in drawn.items():
+        yield {**lowest, **{name: highest[name] for name in names}}
         for name in names if not one.shared else ():
             yield {**lowest, name: highest[name]}
-            yield {**highest, name: lowest[name]}
         for value in one.distribution.inside:
             yield {**lowest, **at(one, value)}

@@ -1,6 +1,7 @@
 """Numbers that every episode draws: their distributions, whose draws they are, how faces show them."""
 
 import copy
+import dataclasses
 import hashlib
 import json
 from statistics import NormalDist
@@ -9,13 +10,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
-from catalogue import assert_same_bits
+from catalogue import SCENES, assert_same_bits
 from faces import FOUR_R, ID, MODES, actions, begin, flat, made, motion, parts, refused, running
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 
 import redundant_envs as rde
 from redundant_envs.batch.environment import philox
+from redundant_envs.envs.core import Core
 from redundant_envs.ranges import ranges
 
 GOAL = "redundant_envs/FourRGoalReach-v0"
@@ -196,6 +198,27 @@ def test_a_neighbour_that_options_reset_changes_no_bit_of_a_lane():
         env.step(actions(env, 1)[0])
     for lane in (0, 2):
         np.testing.assert_array_equal(one.q[lane], other.q[lane])
+
+
+def test_what_follows_from_drawn_numbers_has_the_bits_of_numbers_that_options_set():
+    """Here sums of products bound the mobility of the joints: joined, they would be rounded once."""
+    numbers = {name: {"scale": {"uniform": [0.5, 2.0]}} for name in ("masses", "lengths")}
+    one = dataclasses.replace(SCENES["RRR every effect 1e-6"], randomize=numbers)
+    core = Core(one, 40, rde.ReachTask())
+    core.begin(np.ones(40, bool), (None, []))
+    memory, prepared = core.memory, core.memory.dynamics.prepared
+    found = memory.read(prepared)
+    assert "least_step_rate" in prepared
+    assert len(np.unique(found[:, prepared.index("least_step_rate")])) == 40
+    memory.prepare()
+    np.testing.assert_array_equal(found, memory.read(prepared))
+
+
+def test_options_of_one_lane_leave_all_numbers_of_the_others_as_they_are():
+    env = running("disabled", FOUR_R, 3, scene=scene())
+    env.core.memory.column("ay")[0, 0] = -7.0  # as if other code had computed it
+    env.reset(options={"reset_mask": np.array([False, True, False]), "parameters": {"gravity.g": 1.6}})
+    np.testing.assert_array_equal(env.core.memory.column("ay")[0, :2], [-7.0, 1.6])
 
 
 # ---- options, and fixed numbers --------------------------------------------------------------------------
@@ -396,6 +419,7 @@ REFUSED = {
         FOUR_R, {"goal_tolerance": {"uniform": [-1, 1]}}, "goal_tolerance is -1.0; it must be positive",
     ),
     "numbers that are not whole": (FOUR_R, {"hold_steps": {"uniform": [1, 9]}}, "give a whole number"),
+    "a value that is not whole": (FOUR_R, {"hold_steps": {"choice": [1, 4.5, 9]}}, "give a whole number"),
     "ends that cross": (
         FOUR_R, {"inner": {"uniform": [0.1, 0.6]}, "outer": {"uniform": [0.5, 0.9]}},
         "inner is 0.6, outer is 0.5; inner must be below",
