@@ -26,11 +26,14 @@ from redundant_envs.effects.hooks import (
 )
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.ranges import plain as plain_ranges
+from redundant_envs.ranges import ranges
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
+from redundant_envs.scene_numbers import check_ranges, entries_of, is_of_task
 from redundant_envs.values import check_bounds, check_keys, check_registered, plain, shown, typed
 
 MOST_SUBSTEPS = 1_000_000
@@ -65,6 +68,11 @@ class Scene:
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.
+    randomize : mapping of str to mapping, optional
+        Numbers of the arm, of effects or of the task that every episode of an environment draws anew, by
+        their names, such as {"gravity.g": {"uniform": [9, 10]}}; docs/scenes.md has all forms. Simulations
+        and batches, which have no episodes, use the numbers of arm and effects. It is kept as a tuple of
+        :class:`~redundant_envs.ranges.Range`.
     """
 
     robot: Arm
@@ -74,6 +82,7 @@ class Scene:
     substeps: int = 1
     tolerance: float | None = None
     actuation: str = "joint"
+    randomize: Any = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Arm):
@@ -131,6 +140,9 @@ class Scene:
             object.__setattr__(self, "tolerance", self._checked_tolerance())
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
+        object.__setattr__(self, "randomize", ranges({} if self.randomize is None else self.randomize))
+        known = [one for one in self.randomize if not is_of_task(one.name)]
+        check_ranges(self, entries_of(self, known))
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
@@ -251,7 +263,9 @@ class Scene:
         """The same for any scene; for comparisons, not for :meth:`from_dict`."""
         effects = [plain(type(e).__name__, e) for e in self.effects]
         numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
+        drawn = numbers.pop("randomize")
+        found = {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
+        return {**found, "randomize": plain_ranges(drawn)} if drawn else found
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:

@@ -18,7 +18,7 @@ from redundant_envs.algebra import PRIMITIVES, gives_of, is_physics, physics
 from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 
-PLACES = ("algebra", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed")
+PLACES = ("algebra", "ranges", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed")
 PACKAGE = Path(redundant_envs.__file__).parent
 
 
@@ -145,7 +145,7 @@ ALLOWED = {
     "star": "return minimum(*(x, y))",
     "sum": "return sum([x, y, 2.0])",
     "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
-    "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, exp(y) ** 2)",
+    "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, log(exp(y)) ** 2)",
 }
 
 

@@ -61,7 +61,7 @@ class EnvironmentKernel:
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
-        self.reset = self.blocks.function("reset", episode.reset)
+        self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
         operation = p["operation"]
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
@@ -107,8 +107,21 @@ class EnvironmentKernel:
                 p.store(p["episode_keys"], self._flag(lane), then)
                 some.value = 1
         with p.when(some.value != 0):
-            p.call(self.reset, **block.pointers)
+            self.reset(block)
         return some.value
+
+    def randomized(self) -> list[LaneFunction]:
+        """Functions that draw the numbers of an episode, and compute what follows from them: without joined
+        products, to the bits of numbers that are set from outside."""
+        randomized, make = self.episode.randomized, self.blocks.function
+        if not randomized.drawn:
+            return []
+        return [make("draw", randomized.draw), make("prepare", randomized.prepare, joins=False)]
+
+    def reset(self, block: Block) -> None:
+        """Begin an episode in the lanes of a block that are ``resetting``."""
+        for function in self.resets:
+            self.p.call(function, **block.pointers)
 
     def _clear(self, block: Block) -> None:
         with self.p.each(LANES) as k:
@@ -118,11 +131,12 @@ class EnvironmentKernel:
         """The draws of a lane's next episode, from its key and nothing else."""
         p = self.p
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
-        draws = self.episode.draws
-        for group in range(0, len(draws), 4):
-            words = philox(key[:2], [group // 4, 0, key[2], key[3]])
-            for name, word in zip(draws[group : group + 4], words, strict=False):
-                self.blocks.store(block.pointers, k, name, uniform(p, word))
+        streams = [((0, 0), self.episode.draws), *self.episode.randomized.streams()]
+        for (first, second), draws in streams:
+            for group in range(0, len(draws), 4):
+                words = philox(key[:2], [first + group // 4, second, key[2], key[3]])
+                for name, word in zip(draws[group : group + 4], words, strict=False):
+                    self.blocks.store(block.pointers, k, name, uniform(p, word))
         self.blocks.store(block.pointers, k, "resetting", 1.0)
 
     def autoreset(self, block: Block) -> None:
@@ -148,7 +162,7 @@ class EnvironmentKernel:
                 self._keep_last(block.first + k)
                 self.draw(block, k)
                 p.store(p["episode_keys"], self._flag(block.first + k), DUE)
-            p.call(self.reset, **pointers)
+            self.reset(block)
             p.call(self.observed, **pointers, **self.outputs(block))
             with p.each_set(done) as k:
                 for table, names in self.episode.tables.items():

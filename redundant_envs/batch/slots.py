@@ -276,7 +276,8 @@ class Slots:
 
     def _bring(self, names: Sequence[str], seats: Seats, seat: Scalar, source: Any, lane: Scalar) -> None:
         """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
-        numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
+        fields = self.layout.fields.items()
+        numbers = [n for n, f in fields if f.lifetime is PARAMETER and not f.at_reset]
         self._copy(names, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
             self._copy(numbers, seats.pointers, seat, source, lane)

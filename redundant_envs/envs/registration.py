@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
 
-ARGUMENTS = ("scene", "accuracy", "task", "on_bad_action", "max_episode_steps")
+ARGUMENTS = (
+    "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
+)  # fmt: skip
 """Arguments of all environments, beside their number and the arguments of rendering."""
 
 

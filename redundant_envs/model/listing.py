@@ -68,7 +68,7 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
     """
     check_scene(scene)
     counts, blocks = _counts(scene, track_work)
-    rest = scene
+    rest = dataclasses.replace(scene, randomize=None)  # a range may be of an effect that is left out
     for key in dict.fromkeys(a.key for a in scene.attached.of(Field, Inertia)):
         rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != key))
         without, _ = _counts(rest, track_work)

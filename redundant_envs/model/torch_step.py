@@ -15,8 +15,8 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Control, Reason
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.model.parameters import names_of
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.scene_numbers import names_of
 
 Step = Callable[..., tuple[Any, ...]]
 

@@ -61,7 +61,8 @@ class Trajectory:
     def without_springs(self) -> Array | None:
         """Kinetic energy plus that of gravity alone, (T, ...), J; None if that is the total."""
         effects = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
-        gravity = potential_energy(dataclasses.replace(self.scene, effects=effects), self.q)
+        weighed = dataclasses.replace(self.scene, effects=effects, randomize=None)
+        gravity = potential_energy(weighed, self.q)
         return None if np.array_equal(gravity, self.potential_energy) else self.kinetic_energy + gravity
 
     @property
