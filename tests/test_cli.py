@@ -88,7 +88,8 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert text == listing(load_scene("four_r_free"))
     assert "redundant_envs/robots/four_r.py:" in text
     head, *lines = [line.split() for line in printed(name, "--bill").splitlines()]
-    assert head == ["of", "additions", "products", "divisions", "roots", "sine_pairs", "bytes"]
+    kinds = ["additions", "products", "divisions", "roots", "sine_pairs", "comparisons", "selections"]
+    assert head == ["of", *kinds, "bytes"]
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
