@@ -29,6 +29,8 @@ PARTS = {
     "batch": "interval",
 }  # fmt: skip
 """Folders of the package, and the owner to which the operations written there are attributed."""
+OF_ENVIRONMENT = ("action", "observation", "reward", "reset")
+"""Entries of a bill for the parts of an environment beside its motion."""
 COUNTED = {
     "+": ("additions",), "-": ("additions",), "*": ("products",), "fma": ("additions", "products"),
     "/": ("divisions",), "sqrt": ("roots",), "select": ("selections",),

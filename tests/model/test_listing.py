@@ -12,6 +12,7 @@ from catalogue import ARMS, e, every_effect
 import redundant_envs as rde
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, Sensing, State
+from redundant_envs.model.listing import OF_ENVIRONMENT
 
 ROOT = Path(rde.__file__).parents[1]
 FOUR_R, RPRP = ARMS["4R"], ARMS["RPRP"]
@@ -70,8 +71,7 @@ class WoundUp(Effect):
         return (Actuation(0, passed_on, bind, Link.LAG, states=(state,)),)
 
 
-ENVIRONMENT = {"action", "observation", "reward", "reset"}
-"""Entries of a bill for the parts of an environment beside its motion."""
+ENVIRONMENT = {*OF_ENVIRONMENT}
 EFFECTS = {arm.kind: (SaturatingSpring(), *every_effect(arm)) for arm in (RPRP, FOUR_R)}
 
 
