@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, physics
+from redundant_envs.algebra import clamp, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
@@ -17,8 +17,25 @@ def largest(rate, stall, free):
 
 
 @physics
-def available(command, rate, stall, free):
-    return clamp(command, -largest(-rate, stall, free), largest(rate, stall, free))
+def corners(command, rate, stall, free):
+    """By how much a command is above the largest and the least effort; whether the motor brakes under a
+    command beyond its stall effort, if negative; and the distance from the free speed."""
+    braking = where(command > stall, rate, where(command < -stall, -rate, 1.0))
+    beyond = command - largest(rate, stall, free), command + largest(-rate, stall, free)
+    return *beyond, braking, free * free - rate * rate
+
+
+@physics
+def on_line(rate, stall, free, side3, side4):
+    """The largest effort on its present piece, which continues smoothly beyond its ends."""
+    line = stall * (1.0 - rate / free)
+    return where(side3 < 0.0, stall, where(side4 < 0.0, where(rate > 0.0, 0.0, stall), line))
+
+
+@physics
+def available(command, rate, stall, free, side1, side2, side3, side4):
+    lower = -on_line(-rate, stall, free, side3, side4)
+    return where(side1 > 0.0, on_line(rate, stall, free, side3, side4), where(side2 < 0.0, lower, command))
 
 
 @dataclass(frozen=True)
@@ -54,4 +71,4 @@ class TorqueSpeed(Effect):
     def _link(self, k: int, unit: str) -> Actuation:
         bind = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
         bind |= {"stall": f".stall[{k}]", "free": f".free[{k}]"}
-        return Actuation(k, available, bind, Link.TORQUE_SPEED, takes=unit)
+        return Actuation(k, available, bind, Link.TORQUE_SPEED, takes=unit, guard=corners)
