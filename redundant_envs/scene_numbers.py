@@ -183,8 +183,7 @@ def _sets_of_ends(
     yield lowest
     yield highest
     for one, names in drawn.items():
-        yield {**lowest, **{name: highest[name] for name in names}}
-        for name in names if not one.shared else ():
-            yield {**lowest, name: highest[name]}
+        for together in [names] if one.shared else [[name] for name in names]:
+            yield {**lowest, **{name: highest[name] for name in together}}
         for value in one.distribution.inside:
             yield {**lowest, **at(one, value)}

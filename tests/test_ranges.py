@@ -176,6 +176,13 @@ REFUSED = {
         },
         "LimitSpring.lower is 1.0, upper is 0.5; lower must be below",
     ),
+    "ends that cross where one draw serves all entries": (
+        {
+            "prismatic_stop.lower": {"uniform": [0, 0.2], "shared": True},
+            "prismatic_stop.upper": {"uniform": [0.1, 0.3], "shared": True},
+        },
+        r"lower\[0\] is 0.2, upper\[0\] is 0.1; lower must be below",
+    ),
     "an end beyond a fixed one": ({"limit_spring.joint1.lower": {"uniform": [0, 2]}}, "lower must be below"),
     "masses too far apart": ({"masses": {"log_uniform": [1e-7, 1e7]}}, "spans a ratio of 1.0e[+]14"),
     "a factor of no stop": (
@@ -191,6 +198,16 @@ def test_what_is_no_range_or_draws_what_is_refused(name):
         scene(data)
     assert "randomize" in str(error.value)
     assert len(str(error.value)) < 500
+
+
+def test_ends_that_cross_where_all_draws_are_large_are_refused():
+    """A larger factor of a negative number is a lower end."""
+    numbers = {
+        "limit_spring.joint1.lower": {"uniform": [-4, -2]},
+        "limit_spring.joint1.upper": {"scale": {"uniform": [0.5, 3]}},
+    }
+    with pytest.raises(ValueError, match=r"lower is -2.0, upper is -3.0; lower must be below"):
+        rde.Scene(ARM, (e.LimitSpring("joint1", -2.0, -1.0),), randomize=numbers)
 
 
 def test_ends_that_touch_in_no_draw_are_allowed():

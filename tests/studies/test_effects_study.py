@@ -28,7 +28,7 @@ def test_every_effect_of_the_package_has_an_entry():
 
 def test_bare_arms_effects_and_scenes_are_timed_or_those_that_are_named():
     every = effects.pairs_of(STUDY, ())
-    assert [*every] == ["bare RPRP", "bare FourR", *STUDY.entries, *scene_names()]
+    assert [*every] == ["bare FourR", "bare RPRP", *STUDY.entries, *scene_names()]
     assert every["bare FourR"].scene == rde.load_scene("four_r_reach")
     assert every["LimitSpring"].without == rde.load_scene("four_r_reach")
     assert every["rprp_reach"] == (rde.load_scene("rprp_reach"), every["bare RPRP"].scene)
