@@ -446,7 +446,7 @@ class Dynamics:
         added = self.scene.attached.inertias
         held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
         if self.sticking:
-            mobility = held[1:] if self.holding else ()
+            mobility = held[1:] if self.arm.sliders() else ()
             held = held_joint_dynamics(arm.__class__, self.held_joints), *mobility
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.algebra import where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.attached import TIME, Attached
-from redundant_envs.effects.hooks import Force, Point
+from redundant_envs.effects.hooks import SPEED, Force, Point
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
@@ -52,8 +53,11 @@ class Motion:
             along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
             known |= dict(zip(names, along, strict=True))
         x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
-        for a in d.scene.attached.of(Force):
+        for a in d.scene.attached.along(x):
             a.settle_law(x)
+        for b in d.sticking:
+            rate = x[f"phid{b.number}"]
+            x[b.side], x[SPEED] = where(rate > 0.0, 1.0, where(rate < 0.0, -1.0, 0.0)), 0.0
         return x
 
     def slopes(self, a: Attached[Force], of_rate: bool) -> Array:
