@@ -84,7 +84,7 @@ class Dynamics:
     @cached_property
     def varying(self) -> dict[str, tuple[str, ...]]:
         """Quantities that closed forms take, and that change in a step; see :mod:`closed_forms`."""
-        constant = frozenset((*self.numbers, *self.commands, *self.effect_states.updated))
+        constant = frozenset((*self.numbers, *self.commands, *self.effect_states.updated, *self.passed))
         return varying_arguments(self.scene.attached, self.arm, constant) if self.closed else {}
 
     @property

@@ -145,3 +145,19 @@ def test_a_lane_is_refused_a_delay_beyond_the_longest():
     for wrong in (0.11, -0.01):
         with pytest.raises(ValueError, match=r"CommandDelay\.seconds is"):
             delayed.set_parameters({"command_delay.seconds": wrong})
+
+
+@pytest.mark.parametrize("behind", [e.Lag(0.03), e.DCMotor(1.0, 0.02, 0.8)], ids=["lag", "motor"])
+def test_a_state_in_closed_form_behind_a_delay_follows_the_delayed_command(behind):
+    """Fixed steps hold the command of each piece, as they do for commands that are delayed by hand."""
+    dt, late = 0.02, 0.013
+    made = rde.Scene(FOUR_R, (e.CommandDelay(late, 0.1), behind), "rk8", dt)
+    by_hand = rde.BatchSimulator(rde.Scene(FOUR_R, (behind,), "rk8", dt), 1)
+    delayed, before = rde.BatchSimulator(made, 1), np.zeros(4)
+    for command in np.random.default_rng(2).uniform(-2.0, 2.0, (5, 4)):
+        delayed.advance(command)
+        by_hand.advance_partly(before, late)
+        by_hand.advance_partly(command, dt - late)
+        before = command
+    assert np.array_equal(delayed.q, by_hand.q)
+    assert np.array_equal(delayed.qd, by_hand.qd)
