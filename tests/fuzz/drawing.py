@@ -65,7 +65,10 @@ def drawn_effect(rng, kind, arm):
     unit = np.where(arm.prismatic, 1.0 / size, 1.0)
     angle, length = rng.uniform(-np.pi, np.pi), rng.choice([1.0, 1.0, 0.5, 0.0])
     down = (0.0, -1.0) if rng.random() < 0.7 else (length * np.cos(angle), length * np.sin(angle))
+    coulomb = 0.02 * weight * decades(rng, 0.01, 1.0, n)
     known = {
+        "coulomb": coulomb,
+        "stiction": coulomb * rng.choice([1.0, 1.4, 3.0]),
         "g": rng.choice([9.81, 9.81, 1.6, 0.0, -9.81, 1e3]),
         "down": down,
         "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),

@@ -180,10 +180,11 @@ def a_given_up_interval_leaves_its_lane(played):
 
 
 def the_work_of_an_interval_is_bounded(played):
-    """No interval takes more evaluations than the documented budgets allow, for any input."""
+    """No interval takes more evaluations than the documented budgets of its parts allow, for any input."""
     scene = played.scene
+    parts = 1 + len(scene.attached.instants)
     adaptive = MOST_ADAPTIVE if scene.integrator == "dop853" else MOST_MORE * scene.substeps
-    most = METHODS[scene.integrator].stages * (MOST_TRIALS + adaptive)
+    most = METHODS[scene.integrator].stages * (MOST_TRIALS + adaptive) * parts
     for k, step in played.intervals():
         for lane in np.flatnonzero(step.told["evaluations"] > most):
             yield k, lane, f"{step.told['evaluations'][lane]} evaluations, more than {most}"
