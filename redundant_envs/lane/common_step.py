@@ -326,7 +326,7 @@ class CommonStep:
             served = served & logical_not(kinked | doubtful)
             reason = where(served, reason, Reason.ACCURACY)
             self._count(lane, single & goes_on)
-            lane.error = where(single, lane.error, self._error_before(lane))
+            lane.error = where(single, lane.error, 0.0)
         self._leave(lane, reason)
 
     def doubts(self, lane: Lane) -> tuple[Any, ...]:
@@ -345,12 +345,8 @@ class CommonStep:
     def skip_common_step(self, lane: Lane) -> None:
         """Skip the common step: no lane is served by it."""
         if self.dynamics.control is Control.EQUAL:
-            lane.error = self._error_before(lane)
+            lane.error = 0.0
         self._leave(lane, Reason.ACCURACY)
-
-    def _error_before(self, lane: Lane) -> Any:
-        """The error of the interval before the common step."""
-        return lane.error_start if self.dynamics.instants else 0.0
 
     def _leave(self, lane: Lane, reason: Any) -> None:
         # Local steps do not help lanes whose state or effort is not finite.

@@ -33,8 +33,7 @@ def allowed_error(dynamics: Dynamics, lane: Lane) -> Any:
     of the interval that is crossed then."""
     if not dynamics.instants:
         return lane.tip_tolerance
-    share = lane.tip_tolerance * (lane.piece_end / lane.interval)
-    return where(lane.piece_end < lane.interval, share, lane.tip_tolerance)
+    return lane.tip_tolerance * (lane.piece_end / lane.interval)
 
 
 def clear(dynamics: Dynamics, lane: Lane) -> None:

@@ -14,9 +14,10 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
 from redundant_envs.backends.torch import torch
-from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.direct import cross_interval, fields_of, in_steps
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import Lane
 from redundant_envs.model.batch import Numerics
 
 LENGTH = 0.02
@@ -446,3 +447,73 @@ def test_any_chain_has_instants(arm):
     by_hand.advance_partly(None, 0.004)
     by_hand.advance_partly(commands[0], LENGTH - 0.004)
     assert_same_bits([late.q], [by_hand.q])
+
+
+# ---- what one piece leaves to the next --------------------------------------------------------------------
+
+
+@BOTH
+@ON
+def test_lanes_of_one_block_have_their_own_pieces_or_none(arm, steps):
+    """Sliders begin at rest at their stops, some pressed onto them and some pulled away."""
+    times = np.array([0.0, 0.013, LENGTH, 0.007, 0.3, 1e-9, 0.0199, 0.0])
+    made = with_effects(bare(arm, **steps), LateCommand(0.0), e.Lag(0.03))
+    q, qd, commands = starts(arm, len(times), seed=3)
+    if arm is RPRP:
+        q[:4, [1, 3]], qd[:4] = (0.1, 0.15), 0.0
+        q[2, [0, 2]] = (
+            np.pi
+        )  # gravity pulls the sliders of this lane inwards or outwards, and commands change it
+        commands[:, :4, 1::2] *= 20.0
+    lanes = [rde.BatchSimulator(made, 1) for _ in times]
+    block = rde.BatchSimulator(made, len(times))
+    for batch, rows in [(block, slice(None)), *((one, slice(k, k + 1)) for k, one in enumerate(lanes))]:
+        batch.set_parameters({"late_command.seconds": times[rows]})
+        batch.set_state(q[rows], qd[rows])
+    for command in commands:
+        status = block.advance(command)
+        alone = [one.advance(command[k : k + 1]) for k, one in enumerate(lanes)]
+        for found, expected in ((block.q, [x.q for x in lanes]), (block.qd, [x.qd for x in lanes])):
+            assert_same_bits([found], [np.concatenate(expected)])
+        for found, expected in zip(status, zip(*alone, strict=True), strict=True):
+            assert_same_bits([found], [np.concatenate(expected)])
+
+
+def after_each_piece(scene, q, qd, efforts, names):
+    """Fields of one lane after each piece of an interval."""
+    interval = Interval(Dynamics(scene))
+    states = dict(zip(interval.dynamics.states, (*q, *qd), strict=True))
+    states |= interval.dynamics.effect_states.initial
+    known = {
+        **fields_of(interval.dynamics),
+        **states,
+        **dict(zip(interval.dynamics.commands, efforts, strict=True)),
+    }
+    return [{name: float(lane[name]) for name in names} for lane in in_steps(interval, known)][:-1]
+
+
+def test_pieces_share_the_tolerance_and_their_errors_add_up():
+    tolerance, seconds = 1e-11, 0.004
+    made = with_effects(bare(FOUR_R, tolerance=tolerance), LateCommand(seconds))
+    q, qd, commands = starts(FOUR_R, 96)
+    for one in zip(q, 6.0 * qd, commands[0], strict=True):
+        first, second = after_each_piece(made, *one, ("error", "fault"))
+        assert first["fault"] == second["fault"] == 0.0
+        assert first["error"] <= tolerance * seconds / LENGTH
+        assert first["error"] < second["error"] <= tolerance
+
+
+def test_an_instant_at_the_end_of_the_interval_renews_nothing():
+    made = with_effects(bare(FOUR_R), SampledBrake(2.0, share=1.0))
+    batch, commands = simulators(made)
+    batch.advance(commands[0])
+    assert not batch.z.any()
+    assert batch.qd.any()
+
+
+def test_a_larger_fault_of_an_earlier_piece_is_kept():
+    interval = Interval(Dynamics(with_effects(bare(FOUR_R, tolerance=1e-6), LateCommand(0.01))))
+    lane = Lane(interval.layout(), lambda name: 0.0)
+    for fault in (Numerics.EVENT_BUDGET, Numerics.TOLERANCE_NOT_REACHED):
+        interval.program.control.note(lane, fault)
+    assert lane.fault == Numerics.EVENT_BUDGET
