@@ -85,8 +85,6 @@ def section(case, found):
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]
-    if case.waiting_for:
-        return [*lines, "", f"The case waits for the effect `{case.waiting_for}`.", ""]
     rows = []
     for k, figure in enumerate(found[Subject.name]):
         sign = "≤" if figure.relation == "at most" else "≥"
@@ -105,23 +103,18 @@ def summary(cases, results):
     """One row for each case."""
     head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it", "test"], []
     for case in cases:
-        own, test = results.get(case.number, {}).get(Subject.name), ""
-        kept, names = f"waits for `{case.waiting_for}`", ""
-        if own is not None:
-            kept, test = f"{sum(f.kept for f in own)} of {len(own)}", f"`{case.measure.__name__}`"
-            names = ", ".join(variant.name for variant in case.variants)
+        own, test = results[case.number][Subject.name], f"`{case.measure.__name__}`"
+        kept = f"{sum(f.kept for f in own)} of {len(own)}"
+        names = ", ".join(variant.name for variant in case.variants)
         rows.append([case.number, case.title, kept, names, test])
     return markdown(head, rows)
 
 
 def text(cases, results, machine, date):
     """The whole page of cases, with their results by number."""
-    waiting = [case for case in cases if case.waiting_for]
-    waits = ", ".join(f"{case.number} for `{case.waiting_for}`" for case in waiting)
-    counts = f"{len(cases) - len(waiting)} cases are measured, {len(waiting)} wait for effects"
     lines = [
         INTRODUCTION,
-        f"{counts} that do not exist yet: {waits}. Single precision (35) is left out: this package has none.",
+        f"{len(cases)} cases are measured. Single precision (35) is left out: this package has none.",
         "",
         f"Measured on {date} on {machine}.",
         "",
@@ -131,7 +124,7 @@ def text(cases, results, machine, date):
     for theme, some in groupby(cases, lambda case: case.theme):
         lines += [f"## {theme}", ""]
         for case in some:
-            lines += section(case, results.get(case.number))
+            lines += section(case, results[case.number])
     return "\n".join(lines)
 
 
@@ -213,7 +206,7 @@ def main(arguments):
         print("mujoco is not installed: the page will have no figures of it", file=sys.stderr)
     if "--pictures" not in arguments:
         cases, results = all_cases(), {}
-        for case in (case for case in cases if case.measure):
+        for case in cases:
             print(case.name, flush=True)
             results[case.number] = measured_by(case, with_mujoco)
         today = datetime.date.today().isoformat()

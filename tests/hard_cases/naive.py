@@ -1,10 +1,12 @@
 """Deliberately naive variants, each with one textbook mistake that the hard cases must find."""
 
+import dataclasses
 import math
 
 import numpy as np
 
-from redundant_envs.effects import Lag
+from redundant_envs.algebra import physics, where
+from redundant_envs.effects import CoulombFriction, Lag, LuGre, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
@@ -319,3 +321,72 @@ class CubicGuess(EqualSteps):
         times = h * found.real[np.abs(found.imag) < 1e-9]
         slope = side * np.polyval(np.polyder(cubic), times / h)
         return [t for t, s in zip(times, slope, strict=True) if 1e-9 * h < t <= h and s > 0.0]
+
+
+# ---- dry friction ---------------------------------------------------------------------------------------
+
+
+class OtherFriction(Subject):
+    """Replaces effects by others of the same purpose."""
+
+    def motion(self, scene, q, qd, intervals, efforts=None):
+        effects = tuple(map(self.other, scene.effects))
+        return super().motion(dataclasses.replace(scene, effects=effects), q, qd, intervals, efforts)
+
+    def other(self, effect):
+        raise NotImplementedError
+
+
+class SmoothedFriction(OtherFriction):
+    """Makes the jump of dry friction at rest smooth, v / sqrt(v^2 + e^2): a loaded joint creeps."""
+
+    name = "smoothed friction"
+    speed = 0.05  # rad/s: at a smaller one its own steps are unstable
+
+    def other(self, effect):
+        return (
+            SmoothCoulombFriction(effect.level, self.speed) if isinstance(effect, CoulombFriction) else effect
+        )
+
+
+@physics
+def against_rate(rate, level):
+    return where(rate > 0.0, -level, where(rate < 0.0, level, 0.0))
+
+
+@dataclasses.dataclass(frozen=True)
+class SignOfRate(CoulombFriction):
+    """Opposes the sign of the rate, and does nothing at rest."""
+
+    def hooks(self, arm):
+        joints = range(len(arm.joints))
+        return tuple(
+            Force(k, against_rate, {"rate": f"phid{k + 1}", "level": f".level[{k}]"}) for k in joints
+        )
+
+
+class ChatteringFriction(OtherFriction):
+    """Takes the sign of the rate at each evaluation: a loaded joint trembles, and moves on."""
+
+    name = "sign of the rate"
+
+    def other(self, effect):
+        return SignOfRate(effect.level) if isinstance(effect, CoulombFriction) else effect
+
+
+class IntegratedLuGre(LuGre):
+    """The same without the closed form of its bristles."""
+
+    def hooks(self, arm):
+        hooks = super().hooks(arm)
+        opened = (tuple(dataclasses.replace(s, closed=None) for s in h.states) for h in hooks)
+        return tuple(dataclasses.replace(h, states=s) for h, s in zip(hooks, opened, strict=True))
+
+
+class ExplicitBristles(OtherFriction):
+    """Integrates bristles with the same steps as the arm."""
+
+    name = "explicit bristles"
+
+    def other(self, effect):
+        return IntegratedLuGre(**vars(effect)) if isinstance(effect, LuGre) else effect
