@@ -50,7 +50,6 @@ def held_joint_dynamics(arm: type[Arm], joints: tuple[int, ...]) -> Function:
                 left[i][j] = where(rests[k], float(i == j), left[i][j])
         right = [where(rests[k], 0.0, f) if k in rests else f for k, f in enumerate(forces)]
         alpha = solved(left, right)
-        alpha = [where(rests[k], 0.0, a) if k in rests else a for k, a in enumerate(alpha)]
         hold = [total(a * b for a, b in zip(of_joints[k], alpha, strict=True)) - forces[k] for k in joints]
         return (*_summed(back, alpha), *(alpha[k] for k in joints), *hold)
 

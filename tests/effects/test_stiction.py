@@ -83,6 +83,24 @@ def test_a_joint_that_sticks_in_a_moving_arm_stays_where_it_is():
     assert (moved[:, [1, 3]] <= 4.0 * np.spacing(np.abs(batch.q).max())).all()
 
 
+def test_no_pose_of_an_arm_that_sticks_changes_by_rounding():
+    q = np.random.default_rng(6).uniform(-10.0, 10.0, (4096, 4))
+    batch, _ = advanced(rde.Scene(FOUR_R, (e.Gravity(), e.CoulombFriction(HELD))), q, 0.0 * q)
+    assert np.array_equal(batch.q, q)
+
+
+def test_events_of_friction_take_few_evaluations():
+    """With limits of 5 % of the motors' efforts; smooth friction takes hundreds of times as many."""
+    limits, rng = np.array((20.0, 12.0, 8.0, 4.0)), np.random.default_rng(9)
+    made = rde.Scene(
+        single().robot, (e.Gravity(), e.ViscousFriction(0.2), e.CoulombFriction(tuple(0.05 * limits))),
+        tolerance=1e-6,
+    )  # fmt: skip
+    batch, _ = advanced(made, rng.uniform(-1.5, 1.5, (512, 4)), np.zeros((512, 4)), intervals=0)
+    counts = [batch.advance(rng.uniform(-1.0, 1.0, (512, 4)) * limits).evaluations.mean() for _ in range(12)]
+    assert np.mean(counts[4:]) <= 110.0
+
+
 def single(spring=0.0, level=0.7, **how):
     """The last joint of a 4R alone: the others are held; its inertia is 1/32 kg m^2."""
     arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
@@ -178,8 +196,8 @@ def test_modes_are_decided_for_all_joints_at_once(how):
     M = np.linalg.inv(arm.motor_map) @ arm.mass_matrix(q) @ np.linalg.inv(arm.motor_map).T
     needed = np.einsum("nij,nj->ni", M, rates) / 1e-6 - efforts  # the mean force of friction
     moves = rates != 0.0
-    np.testing.assert_allclose(needed[moves], (-np.sign(rates) * level)[moves], rtol=0.0, atol=1e-3)
-    assert (np.abs(needed[~moves]) <= level[~moves] + 1e-3).all()
+    np.testing.assert_allclose(needed[moves], (-np.sign(rates) * level)[moves], rtol=0.0, atol=1e-8)
+    assert (np.abs(needed[~moves]) <= level[~moves] + 1e-8).all()
     assert 0.2 < moves.mean() < 0.8
 
 
@@ -210,6 +228,44 @@ def test_the_limit_at_rest_is_that_of_static_friction_and_errors_stay_below_a_to
     for effort, moves in ((0.69, False), (0.71, True)):
         batch, _ = advanced(scenes[1], np.zeros(4), np.zeros(4), (0.0, 0.0, 0.0, effort))
         assert bool(batch.qd.any()) is moves
+
+
+@physics
+def growing(level, slope, speed):
+    return level + slope * speed
+
+
+@dataclass(frozen=True)
+class GrowingFriction(Effect):
+    """A user's friction whose limit grows with the speed."""
+
+    level: float = 0.5
+    slope: float = 0.3
+
+    def hooks(self, arm):
+        own = {name: f".{name}" for name in ("level", "slope")}
+        return (*(Friction(k, still, {}) for k in range(3)), Friction(3, growing, own))
+
+
+@physics
+def still():
+    return HELD
+
+
+@pytest.mark.parametrize("how", [{}, *EXACT.values()], ids=["rk8", *EXACT])
+@pytest.mark.parametrize("rate", [2.0, -2.0])
+def test_a_joint_that_slips_loses_what_the_limit_at_its_speed_takes(rate, how):
+    """v' = -(f + c v) / J, until v is 0: v + f / c decays."""
+    f, c, inertia, t = 0.5, 0.3, 0.5 * 0.25**2, 0.02
+    arm = single().robot
+    batch, _ = advanced(
+        rde.Scene(arm, (GrowingFriction(),), control_dt=t, **how), np.zeros(4), (0, 0, 0, rate)
+    )
+    expected = (2.0 + f / c) * np.exp(-c * t / inertia) - f / c
+    assert batch.qd[0, 3] == pytest.approx(np.sign(rate) * expected, rel=1e-11)
+    for _ in range(10):  # it stops after J / c log(1 + 2 c / f), 0.08 s
+        batch.advance()
+    assert not batch.qd.any()
 
 
 def test_lanes_are_alike_alone_in_a_batch_after_a_snapshot_and_in_numpy():
