@@ -269,7 +269,7 @@ class Boundaries:
             position, rate = motion(self.dynamics, b, lane)
             mode, force = lane[b.side], lane[f"force_{b.name}"]
             wrong = where(mode == 0.0, lane[b.pull] > 0.0, mode * lane[f"alpha_{b.name}"] < 0.0)
-            wrong = wrong & (rate == 0.0) & logical_not(lane[f"loose_{b.name}"]) & settled
+            wrong = wrong & (rate == 0.0) & settled
             other = where(mode == 0.0, where(force > 0.0, -1.0, 1.0), 0.0)
             lane[b.side] = where(wrong, other, mode)
             self._come_to_rest(lane, b, position, wrong & (other == 0.0))
@@ -281,7 +281,6 @@ class Boundaries:
         """At an event of a joint with dry friction: one that slipped has the rate 0 now, and one that stuck
         slips against the force that held it."""
         mode, (position, _) = lane[b.side], motion(self.dynamics, b, lane)
-        lane[f"loose_{b.name}"] = passed & (mode == 0.0)
         loose = where(lane[f"force_{b.name}"] > 0.0, -1.0, 1.0)
         lane[b.side] = where(passed, where(mode == 0.0, loose, 0.0), mode)
         self._come_to_rest(lane, b, position, passed & (mode != 0.0))

@@ -37,6 +37,8 @@ from redundant_envs.tracing.graph import owned
 
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
+LOST_IN_LOADS = 1e-14
+"""The same of all torques at the joints, which nearly cancel where a small friction decides."""
 NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
 """Numbers of error control and of pieces, which no function takes."""
 
@@ -225,7 +227,9 @@ class Dynamics:
         for b in self.sticking:
             mode = x[b.side]
             if held is None:
-                stuck = abs(x[f"hold{b.number}"]) - TORN_LOOSE * self.friction_limit(b, x, 0.0)
+                loads = total(abs(x[f"t{k + 1}"]) for k in range(self.count))
+                most = TORN_LOOSE * self.friction_limit(b, x, 0.0) + LOST_IN_LOADS * loads
+                stuck = abs(x[f"hold{b.number}"]) - most
             else:
                 stuck = held[b.name]
             found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))

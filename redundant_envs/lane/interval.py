@@ -93,7 +93,6 @@ class Interval:
             yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
             yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
             yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
-            yield Field(f"loose_{b.name}", "", "has just been torn loose", SCRATCH, truth=True)
         for b in dynamics.guards:
             yield Field(
                 b.side, "", "which law of an effect holds: 1 or -1; 0 of a joint that sticks", SCRATCH

@@ -166,8 +166,6 @@ class LaneProgram:
             if resolve(lane):
                 if self.dynamics.guards:
                     lane.resolving = False
-                for b in self.dynamics.sticking:
-                    lane[f"loose_{b.name}"] = False
                 self.start_here(lane)
                 return True
 
@@ -358,8 +356,6 @@ class LaneProgram:
             lane.resolving = False
         if self.dynamics.resolves:
             lane.changes = 0.0
-        for b in self.dynamics.sticking:
-            lane[f"loose_{b.name}"] = False
         lane.copy((*self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted), of="{}_start")
         self.note_released(lane, "{}_start")
 

@@ -230,6 +230,19 @@ def test_the_limit_at_rest_is_that_of_static_friction_and_errors_stay_below_a_to
         assert bool(batch.qd.any()) is moves
 
 
+def test_rounding_of_large_forces_neither_holds_nor_tears_loose_a_joint_in_turn():
+    """The last joint balances near its limit, which is a ten-thousandth of the load."""
+    level, rng, n = 1e-4, np.random.default_rng(2), 512
+    made = rde.Scene(FOUR_R, (e.Gravity(), e.CoulombFriction(level), LaggedMotor(0.05)), tolerance=1e-9)
+    q = rng.uniform(-1.0, 1.0, (n, 4))
+    held = FOUR_R.gravity_forces(q) @ np.linalg.inv(FOUR_R.motor_map).T
+    batch, _ = advanced(made, q, 0.0 * q, held, {"coulomb_friction.level": HELD}, intervals=150)
+    batch.set_parameters({"coulomb_friction.level": level})
+    for _ in range(8):
+        status = batch.advance(held + rng.uniform(-3.0, 3.0, (n, 1)) * (0.0, 0.0, 0.0, level))
+        assert not status.numerics.any()
+
+
 @physics
 def growing(level, slope, speed):
     return level + slope * speed
