@@ -38,6 +38,7 @@ class Encounter(NamedTuple):
     cleared: Any  # whether it is known to turn before its limit
     mobility: Any  # of the coordinate, 1/kg
     late: Any = LATE_SHARE  # fraction of the step by which a release or a passage may be found late
+    steepness: Any = 0.0  # rate at which the pull grows at the end of the step; 0 if it is not known
 
     @property
     def pull(self) -> Any:

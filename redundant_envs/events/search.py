@@ -97,6 +97,7 @@ class Sought(NamedTuple):
     time: Any  # of the first event that it has in the step, s
     bounces: Any  # whether its limit is a stop
     late: Any  # fraction of the step by which the event may be found late
+    steepness: Any  # rate at which the gap of a guard grows there; 0 if it is not known
 
 
 class LastPiece(NamedTuple):
@@ -172,7 +173,19 @@ def sought_boundary(search: Search, trial: Trial) -> Sought:
     s, limit = e.motion, e.motion.limit(side)
     gap = where(s.free, side * (s.position - limit), e.pull)
     speed, acceleration = side * s.velocity, side * s.watched.last
-    return Sought(chosen, s.free, s.closeness, limit, gap, speed, acceleration, event.time, s.bounces, e.late)
+    return Sought(
+        chosen,
+        s.free,
+        s.closeness,
+        limit,
+        gap,
+        speed,
+        acceleration,
+        event.time,
+        s.bounces,
+        e.late,
+        e.steepness,
+    )
 
 
 @branches
@@ -241,8 +254,11 @@ def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
     step = numerator / denominator  # one division for both formulas
     if search.tries <= MOST_GUESSES:
         if not sought.free:
+            guess = low + (high - low) * step
+            if sought.steepness > 0.0:
+                guess = trial.h - sought.gap / sought.steepness
             # A little later, so that it is after the event in most cases.
-            guess = low + (high - low) * step + 0.5 * sought.late * trial.left
+            guess = guess + 0.5 * sought.late * trial.left
         elif sought.speed > 0.0:
             guess = trial.h + step
     return inside(guess, low, high, middle)

@@ -185,8 +185,9 @@ class LaneProgram:
         for k, b in enumerate(self.dynamics.guards, start=len(moved)):
             pulls = lane.get((b.pull, f"{b.pull}_trial"))
             motion = guarded(self.boundaries.watched(lane, b))
-            still = 0.0, h, False, 0.0
-            encounters.append(Encounter(float(k), motion, *pulls, *still, self.late_share(lane)))  # type: ignore[call-arg]
+            slows = -(lane[b.side] * lane[f"alpha_{b.name}"]) if b.sticks else 0.0
+            still = 0.0, h, False, 0.0, self.late_share(lane), slows
+            encounters.append(Encounter(float(k), motion, *pulls, *still))  # type: ignore[call-arg]
         method = self.dynamics.method
         events = [
             first_passage(e, h, method.c[method.middle])
