@@ -341,12 +341,13 @@ class Boundaries:
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
-        if self.dynamics.guarded and self.dynamics.stops:  # an impulse may have changed the signs of guards
+        if self.dynamics.impulses_change_laws:
             self._settle_guards(lane, lane.resolving)
         x, dynamics = self.quantities(lane), self.dynamics
         if dynamics.sticking:
             self.record_friction(lane, x)
-        lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
+        if dynamics.stops:
+            lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
             if b.joint is not None:
                 lane[f"force_{b.name}"] = x[f"hold{b.number}"]

@@ -194,6 +194,11 @@ class Dynamics:
         return [(k, float(-s / row[b.joint])) for k, s in enumerate(row) if s != 0.0 and k != b.joint]
 
     @property
+    def impulses_change_laws(self) -> bool:
+        """Whether an impulse may change the sign of a guard."""
+        return bool(self.guarded and self.stops)
+
+    @property
     def resolves(self) -> bool:
         """Whether a lane may have to decide which stops act and which joints stick."""
         return bool(self.stops or self.sticking)

@@ -83,33 +83,20 @@ class Interval:
             for name in WATCHED:
                 doc = f"{name} acceleration at the stages, or pull of the stop"
                 yield Field(f"{name}_{b.name}", "m/s^2 or N", doc, SCRATCH)
-        for b in dynamics.bounded:
+            if b.guards:
+                continue
             yield Field(f"crossing_{b.name}", "", "how the trial step meets a limit (Crossing)", SCRATCH)
             yield Field(f"turning_{b.name}", "s", "when the coordinate turns in the trial step", SCRATCH)
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
-        for b in dynamics.sticking:
-            yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
-            yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
-            yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
-        for b in dynamics.guards:
-            yield Field(
-                b.side, "", "which law of an effect holds: 1 or -1; 0 of a joint that sticks", SCRATCH
-            )
-            yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
-            yield from copies((b.side, b.pull), "{}_start", "before the common step")
-            yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
-            yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
-        if dynamics.guards:
-            yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
-        if dynamics.resolves:
-            for v in dynamics.states[dynamics.count :]:
-                yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+        yield from guard_fields(dynamics)
         if not dynamics.stops:
             return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
+        for v in dynamics.states[dynamics.count :]:
+            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for b in dynamics.stops:
             if b in dynamics.holding:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
@@ -211,6 +198,22 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, unit, "command of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
     yield Field("fault", "", "faults of the interval", SCRATCH)
+
+
+def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
+    """Which laws of guards hold, and which joints stick."""
+    for b in dynamics.sticking:
+        yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
+        yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
+        yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
+    for b in dynamics.guards:
+        yield Field(b.side, "", "which law holds: 1 or -1; 0 of a joint that sticks", SCRATCH)
+        yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
+        yield from copies((b.side, b.pull), "{}_start", "before the common step")
+        yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
+        yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+    if dynamics.impulses_change_laws:
+        yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
 
 
 def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Field]:

@@ -154,7 +154,7 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
-        if self.dynamics.guards:
+        if self.dynamics.impulses_change_laws:
             lane.resolving = True
         while True:
             yield Request.FORCES
@@ -164,7 +164,7 @@ class LaneProgram:
                 return False
             resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.stick_or_slip
             if resolve(lane):
-                if self.dynamics.guards:
+                if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
                 return True
@@ -353,7 +353,7 @@ class LaneProgram:
             lane[b.side] = lane[f"{b.side}_start"]
         for b in self.dynamics.guards:
             lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
-        if self.dynamics.guards:
+        if self.dynamics.impulses_change_laws:
             lane.resolving = False
         if self.dynamics.resolves:
             lane.changes = 0.0
