@@ -15,8 +15,9 @@ ROOT = Path(__file__).parents[1]
 CORE = ("tracing", "backends", "lane", "batch", "events", "numerics")
 """Folders of the package that were tracing, backends, simulator and integrators."""
 EVENTS = (
-    "lane/program.py", "lane/boundaries.py", "events/boundary.py", "events/complementarity.py",
-    "events/contacts.py", "events/crossings.py", "events/first_event.py", "events/search.py",
+    "lane/program.py", "lane/boundaries.py", "lane/guards.py", "lane/coordinates.py", "events/boundary.py",
+    "events/complementarity.py", "events/contacts.py", "events/crossings.py", "events/first_event.py",
+    "events/search.py",
 )  # fmt: skip
 """Program, boundaries, searches and contacts."""
 MOST_ARGUMENTS, MOST_LINES = 8, 60

@@ -1,113 +1,38 @@
-"""Boundaries of a lane: their coordinates, how a step meets them, and how contacts with stops are resolved.
-
-The coordinate of a stop is the travel of a slider, that of a force's law the motion of a joint. A boundary
-without a joint has a gap, any function of the motion; dual numbers give its derivatives.
-"""
+"""Boundaries of a lane: how a step meets them, and how contacts with stops are resolved."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, all_of, any_of, cases, logical_not, maximum, minimum, total, where
-from redundant_envs.dual import Dual, dual
+from redundant_envs.algebra import any_of, cases, maximum, minimum, total, where
 from redundant_envs.events import boundary, contacts, crossings
-from redundant_envs.events.boundary import ROUNDING, Boundary, BoundedCoordinate, side_beyond
+from redundant_envs.events.boundary import Boundary, BoundedCoordinate
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import pieces
+from redundant_envs.lane.coordinates import (
+    acceleration,
+    contact_quantities,
+    known_numbers,
+    motion,
+    normal,
+    pull,
+    response,
+)
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
+from redundant_envs.lane.guards import Guards
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
-
-
-def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
-    """Quantities of the arm from the fields of a form, by its functions and ``more``."""
-    arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
-    known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
-
-
-def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
-    """The numbers that are constant in a step, from quantities or a lane."""
-    return {name: x[name] for name in dynamics.numbers}
-
-
-def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
-    """Value and rate of a coordinate, from the fields of a form."""
-    arm = dynamics.arm
-    if b.joint is None:
-        q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
-        gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(dynamics, lane))
-        return gap.value, gap.slope
-    if b.bounces:
-        return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
-    x = quantities_of_arm(dynamics, lane, form)
-    return x[f"phi{b.number}"], x[f"phid{b.number}"]
-
-
-def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
-    """Acceleration of a gap, from quantities with the accelerations of the coordinates."""
-    q, v = x.each(dynamics.arm.coordinates), x.each(dynamics.arm.rates)
-    a = [x.get(f"qdd{k + 1}", 0.0) for k in range(dynamics.count)]
-    moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
-    return dual(_gap(dynamics, b, moving, numbers_of(dynamics, x)).slope).slope
-
-
-def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
-    """Derivatives of a coordinate with respect to the coordinates of the arm."""
-    q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
-    if b.joint is not None:
-        return [1.0 if k == b.joint else 0.0 for k in n]
-    numbers = numbers_of(dynamics, x)
-    return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
-
-
-def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
-    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field."""
-    arm = dynamics.arm
-    still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
-    still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
-    return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
-
-
-def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: Any) -> Dual:
-    """A gap on coordinates with derivatives."""
-    arm = dynamics.arm
-    assert b.gap is not None
-    known = dict(zip(arm.coordinates, coordinates, strict=True))
-    return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
-
-
-def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
-    """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
-    names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)}
-
-
-def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
-    """Quantities in a step, in which sliders may rest at their stops: "held1", ... are 1 while they do."""
-    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding or dynamics.sticking))
-    if dynamics.holding:
-        x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
-        x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
-    x.update({f"held{b.number}": where(numbers[b.side] == 0.0, 1.0, 0.0) for b in dynamics.sticking})
-    return x
-
-
-def pull(x: Quantities, b: Boundary, side: Any) -> Any:
-    """Force with which its stop has to pull a resting slider; 0 for a free one."""
-    return where(x[f"held{b.number}"] > 0.0, side * x[f"hold{b.number}"], 0.0)
 
 
 class Boundaries:
     """Procedures of lanes at the boundaries of a scene."""
 
     def __init__(self, dynamics: Dynamics) -> None:
-        self.dynamics = dynamics
+        self.dynamics, self.guards = dynamics, Guards(dynamics)
 
     def limits(self, lane: Lane, b: Boundary) -> tuple[Any, Any]:
         """Lower and upper limit of a coordinate."""
@@ -175,116 +100,6 @@ class Boundaries:
         near = lane.reason == Reason.NEAR_BOUNDARY
         lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
 
-    # ---- guards ------------------------------------------------------------------------------------------
-
-    def begin_laws(self, lane: Lane) -> None:
-        """Before a common step: which laws the state selects."""
-        for b in self.dynamics.laws:
-            position, _ = motion(self.dynamics, b, lane)
-            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
-        if self.dynamics.guarded:
-            self._settle_guards(lane, True)
-        if self.dynamics.sticking:
-            self._begin_modes(lane)
-        lane.copy(self.dynamics.rests, to="{}_start")
-        for b in self.dynamics.guards:
-            lane.copy((b.side, b.pull), to="{}_start")
-
-    def _begin_modes(self, lane: Lane) -> None:
-        """Joints with a rate slip that way; those without stick, unless the forces say otherwise."""
-        for b in self.dynamics.sticking:
-            position, rate = motion(self.dynamics, b, lane)
-            lane[b.side] = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
-            lane[b.pull] = -abs(rate)
-            self._come_to_rest(lane, b, position, lane[b.side] == 0.0)
-
-    def _come_to_rest(self, lane: Lane, b: Boundary, position: Any, sticks: Any) -> None:
-        """Record where a joint sticks; the position that is known stays, but for rounding."""
-        size = total(abs(q) for q in lane.get(self.dynamics.arm.coordinates))
-        known = abs(position - lane[b.rest]) <= ROUNDING * size
-        lane[b.rest] = where(sticks & logical_not(known), position, lane[b.rest])
-
-    def _settle_guards(self, lane: Lane, here: Any) -> None:
-        """Let the state of some lanes decide which laws of guards hold."""
-        numbers = known_numbers(self.dynamics, lane)
-        x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
-        for name, value in self.dynamics.guard_values(x, begins=True).items():
-            side, pull = f"side_{name}", f"pull_{name}"
-            lane[side] = where(here, x[side], lane[side])
-            lane[pull] = where(here, -abs(value), lane[pull])
-
-    def record_pulls(self, lane: Lane) -> None:
-        """After a step: the values of guards in the present state; those of joints that stick are from the
-        last stage."""
-        if self.dynamics.guards:
-            numbers = known_numbers(self.dynamics, lane)
-            x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
-            held = {b.name: lane[f"last_{b.name}"] for b in self.dynamics.sticking}
-            for name, value in self.dynamics.pulls(x, held).items():
-                lane[f"pull_{name}"] = value
-
-    # ---- joints that stick ---------------------------------------------------------------------------------
-
-    def keep_sticking(self, lane: Lane, before: Mapping[str, Any], now: dict[str, Any]) -> None:
-        """Let joints that stick keep their positions and their rate 0 to the last bit, in a new state ``now``
-        after a state ``before``."""
-        arm = self.dynamics.arm
-        for b in self.dynamics.sticking:
-            assert b.joint is not None
-            sticks, position, rate = lane[b.side] == 0.0, arm.coordinates[b.joint], arm.rates[b.joint]
-            others = self.dynamics.others_of_joint(b)
-            rest, kept = 0.0, before[position]
-            if others:
-                rest = total(_times(share, now[arm.rates[k]]) for k, share in others)
-                still = all_of(now[arm.coordinates[k]] == before[arm.coordinates[k]] for k, _ in others)
-                moved = (_times(share, now[arm.coordinates[k]]) for k, share in others)
-                kept = where(still, kept, total([lane[b.rest], *moved]))
-            now[rate] = where(sticks, rest, now[rate])
-            now[position] = where(sticks, kept, now[position])
-
-    def stick(self, lane: Lane) -> None:
-        """Let joints that stick have the rate 0 in the present state."""
-        names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
-        now = dict(zip(names, lane.get(names), strict=True))
-        self.keep_sticking(lane, dict(now), now)
-        lane.set(now, now.values())
-
-    def record_friction(self, lane: Lane, x: Quantities) -> None:
-        """The forces that hold joints, and the accelerations of others, in the present state."""
-        for b in self.dynamics.sticking:
-            lane[f"force_{b.name}"], lane[f"alpha_{b.name}"] = x[f"hold{b.number}"], x[f"alpha{b.number}"]
-        for name, value in self.dynamics.pulls(x).items():
-            lane[f"pull_{name}"] = value
-
-    def stick_or_slip(self, lane: Lane) -> Any:
-        """One pass of pivoting: of the joints without a rate the first whose mode contradicts the forces gets
-        another one; whether none does.
-
-        Joints stick where their limits hold them, or else slip the way in which they accelerate: a linear
-        complementarity problem with bounds, whose matrix, a block of B^T M^-1 B, is positive definite. So
-        there is one solution, and pivoting by the least index finds it (Murty 1974).
-        """
-        settled: Any = True
-        for b in self.dynamics.sticking:
-            position, rate = motion(self.dynamics, b, lane)
-            mode, force = lane[b.side], lane[f"force_{b.name}"]
-            wrong = where(mode == 0.0, lane[b.pull] > 0.0, mode * lane[f"alpha_{b.name}"] < 0.0)
-            wrong = wrong & (rate == 0.0) & settled
-            other = where(mode == 0.0, where(force > 0.0, -1.0, 1.0), 0.0)
-            lane[b.side] = where(wrong, other, mode)
-            self._come_to_rest(lane, b, position, wrong & (other == 0.0))
-            settled = settled & logical_not(wrong)
-        lane.changes = lane.changes + 1.0
-        return settled
-
-    def rest_or_tear_loose(self, lane: Lane, b: Boundary, passed: Any) -> None:
-        """At an event of a joint with dry friction: one that slipped has the rate 0 now, and one that stuck
-        slips against the force that held it."""
-        mode, (position, _) = lane[b.side], motion(self.dynamics, b, lane)
-        loose = where(lane[f"force_{b.name}"] > 0.0, -1.0, 1.0)
-        lane[b.side] = where(passed, where(mode == 0.0, loose, 0.0), mode)
-        self._come_to_rest(lane, b, position, passed & (mode != 0.0))
-
     def watched(self, lane: Lane, b: Boundary) -> Watched:
         """Values at the stages of a step: accelerations, or pulls of stops and guards."""
         names = (*WATCHED, "middle") if b.guards else WATCHED
@@ -342,10 +157,10 @@ class Boundaries:
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
         if self.dynamics.impulses_change_laws:
-            self._settle_guards(lane, lane.resolving)
+            self.guards.settle(lane, lane.resolving)
         x, dynamics = self.quantities(lane), self.dynamics
         if dynamics.sticking:
-            self.record_friction(lane, x)
+            self.guards.record_friction(lane, x)
         if dynamics.stops:
             lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
@@ -409,10 +224,6 @@ class Boundaries:
             impulses = zip(r.impulses, touching, r.velocities, strict=True)
             struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
         return struck
-
-
-def _times(share: float, x: Any) -> Any:
-    return x if share == 1.0 else share * x
 
 
 def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:

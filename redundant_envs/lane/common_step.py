@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
-from redundant_envs.lane import boundaries, pieces, required_steps
+from redundant_envs.lane import coordinates, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
@@ -33,14 +33,14 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
     speeds of :attr:`Dynamics.watched_sliders`.
     """
-    numbers = boundaries.known_numbers(dynamics, lane)
+    numbers = coordinates.known_numbers(dynamics, lane)
     start = _start_of_closed_forms(dynamics, lane, numbers)
     count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
     time = ("elapsed",) if start else ()
 
     def derivatives(*values: Any) -> list[Any]:
         known = dict(zip((*numbers, *start, *time), values[width:], strict=True))
-        x = boundaries.contact_quantities(dynamics, values[:width], {n: known[n] for n in numbers})
+        x = coordinates.contact_quantities(dynamics, values[:width], {n: known[n] for n in numbers})
         results = dynamics.accelerations(
             x, InStep(known, known["elapsed"], dynamics.varying) if start else None
         )
@@ -67,7 +67,7 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
         states[:count], states[count : 2 * count], states[2 * count :], h,
     )  # fmt: skip
     if start:
-        x = boundaries.contact_quantities(
+        x = coordinates.contact_quantities(
             dynamics, [*step.positions, *step.velocities, *step.others], numbers
         )
         dynamics.close(x, InStep(start, h, dynamics.varying))
@@ -80,7 +80,7 @@ def _start_of_closed_forms(dynamics: Dynamics, lane: Lane, numbers: dict[str, An
     found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
     if dynamics.varying:
         at_start = StepStart(dynamics.varying)
-        dynamics.close(boundaries.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
+        dynamics.close(coordinates.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
         found |= at_start.found
     return found
 
@@ -88,9 +88,9 @@ def _start_of_closed_forms(dynamics: Dynamics, lane: Lane, numbers: dict[str, An
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
-        return boundaries.acceleration(dynamics, b, x)
+        return coordinates.acceleration(dynamics, b, x)
     if b.bounces:
-        return where(x[f"held{b.number}"] > 0.0, boundaries.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
+        return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
     return total(
         x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
@@ -139,7 +139,7 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
 
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
     """Metres at the tip per unit of each coordinate, from the fields of a form."""
-    x = boundaries.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
+    x = coordinates.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
     return x.each(f"n{k + 1}" for k in range(dynamics.count))
 
 
@@ -183,14 +183,14 @@ class CommonStep:
 
     def next_piece(self, lane: Lane) -> None:
         """Before the common steps of a piece of the interval."""
-        pieces.begin(self.dynamics, lane, boundaries.known_numbers(self.dynamics, lane))
+        pieces.begin(self.dynamics, lane, coordinates.known_numbers(self.dynamics, lane))
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
         lane.copy(self.dynamics.kept, to="{}_start")
         lane.error_start = lane.error
         lane.copy(self.dynamics.counted, to="{}_start")
-        self.boundaries.begin_laws(lane)
+        self.boundaries.guards.begin_laws(lane)
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
@@ -204,8 +204,8 @@ class CommonStep:
         arm, crossed = self.dynamics.arm, pieces.span(self.dynamics, lane)
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
-        here = boundaries.quantities_of_arm(self.dynamics, lane)
-        numbers = boundaries.numbers_of(self.dynamics, lane)
+        here = coordinates.quantities_of_arm(self.dynamics, lane)
+        numbers = coordinates.numbers_of(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return crossed * maximum(2.0 * fastest, most)
@@ -214,12 +214,12 @@ class CommonStep:
         """The step of all lanes; one whose piece has no length stays as it is."""
         if not self.dynamics.instants:
             self._set_step(lane, lane.h, None)
-            return self.boundaries.record_pulls(lane)
+            return self.boundaries.guards.record_pulls(lane)
         names = (*self.dynamics.states, "error")
         before, goes_on = lane.get(names), pieces.goes_on(lane)
         self._set_step(lane, lane.h, None)
         lane.set(names, [where(goes_on, x, y) for x, y in zip(lane.get(names), before, strict=True)])
-        self.boundaries.record_pulls(lane)
+        self.boundaries.guards.record_pulls(lane)
         if not self.dynamics.local:
             self._count(lane, goes_on)
         return None
@@ -236,7 +236,7 @@ class CommonStep:
     def record_step(self, lane: Lane) -> None:
         """After a trial step: count it, and determine how it meets the boundaries."""
         self.boundaries.record_crossings(lane, "{}_trial", lane.step)
-        self.boundaries.record_pulls(lane)
+        self.boundaries.guards.record_pulls(lane)
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
@@ -255,7 +255,7 @@ class CommonStep:
         if dynamics.sticking:
             before = dict(zip(dynamics.states, lane.get(dynamics.states), strict=True))
             now = dict(zip(dynamics.states, new, strict=True))
-            self.boundaries.keep_sticking(lane, before, now)
+            self.boundaries.guards.keep_sticking(lane, before, now)
             new = list(now.values())
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]

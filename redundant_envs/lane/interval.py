@@ -11,8 +11,9 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import CONTROL_DT
-from redundant_envs.lane.boundaries import Boundaries, known_numbers
+from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
@@ -51,7 +52,7 @@ class Interval:
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, without those that only the program of a lane sets."""
-        dynamics, rates = self.dynamics, self.dynamics.arm.rates
+        dynamics = self.dynamics
         yield from motion_fields(dynamics)
         if dynamics.instants:
             yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
@@ -91,31 +92,8 @@ class Interval:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
         yield from guard_fields(dynamics)
-        if not dynamics.stops:
-            return
-        yield Field("impacts", "", "impacts of the interval", SCRATCH)
-        yield Field("impacts_start", "", "before the common step", SCRATCH)
-        for v in dynamics.states[dynamics.count :]:
-            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
-        for b in dynamics.stops:
-            if b in dynamics.holding:
-                yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
-                yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
-            else:
-                yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
-                yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
-                for v in rates:
-                    yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
-            for v in rates:
-                yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
-            yield Field(f"happened_{b.name}", "", "resolution of the contact (Happening)", SCRATCH, book=True)
-            yield Field(f"speed_{b.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
-        if dynamics.logs:
-            yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
-            yield Field("logged", "", "events kept", STATE, book=True)
-            for n in range(MOST_LOGGED):
-                for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
-                    yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+        if dynamics.stops:
+            yield from stop_fields(dynamics)
 
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
@@ -198,6 +176,34 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, unit, "command of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
     yield Field("fault", "", "faults of the interval", SCRATCH)
+
+
+def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
+    """Impacts, and the contacts with stops."""
+    rates = dynamics.arm.rates
+    yield Field("impacts", "", "impacts of the interval", SCRATCH)
+    yield Field("impacts_start", "", "before the common step", SCRATCH)
+    for v in dynamics.states[dynamics.count :]:
+        yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+    for b in dynamics.stops:
+        if b in dynamics.holding:
+            yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
+            yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
+        else:
+            yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
+            yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
+            for v in rates:
+                yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
+        for v in rates:
+            yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
+        yield Field(f"happened_{b.name}", "", "resolution of the contact (Happening)", SCRATCH, book=True)
+        yield Field(f"speed_{b.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
+    if dynamics.logs:
+        yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
+        yield Field("logged", "", "events kept", STATE, book=True)
+        for n in range(MOST_LOGGED):
+            for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
+                yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
 
 
 def guard_fields(dynamics: Dynamics) -> Iterator[Field]:

@@ -162,7 +162,7 @@ class LaneProgram:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.stick_or_slip
+            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.guards.stick_or_slip
             if resolve(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
@@ -275,7 +275,7 @@ class LaneProgram:
                 lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
             elif b.sticks:
                 passed = is_sought | (lane[b.pull] > 0.0)
-                self.boundaries.rest_or_tear_loose(lane, b, passed)
+                self.boundaries.guards.rest_or_tear_loose(lane, b, passed)
                 lane.at_stop = lane.at_stop | passed
             elif b.guards:
                 passed = is_sought | (lane[b.pull] > 0.0)
@@ -284,7 +284,7 @@ class LaneProgram:
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
         if self.dynamics.sticking:
-            self.boundaries.stick(lane)
+            self.boundaries.guards.stick(lane)
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
