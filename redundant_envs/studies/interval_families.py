@@ -21,7 +21,7 @@ from redundant_envs.effects import (
 from redundant_envs.robots import RPRP, FourR
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies.kinked_effects import KINKED, Kinked
+from redundant_envs.studies.kinked_effects import KINKED, LOCATED, Kinked
 from redundant_envs.verify.aimed import Lag
 
 Array = NDArray[np.float64]
@@ -254,14 +254,16 @@ def spring(name: str) -> LimitSpring:
     return LimitSpring(name, low, high, 1000.0)
 
 
-def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
-    """Effects that do not declare their kinks, which depend on rates."""
+def kinked(
+    name: str, arm: type[Arm], tolerance: float, effects: tuple[Kinked, ...] = KINKED
+) -> tuple[Family, ...]:
+    """Effects whose laws change with rates; by default those that do not declare their kinks."""
     return tuple(
         Family(
             f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect), (near_kinks(one),),
             tolerance=tolerance, steps=1024,
         )
-        for one in KINKED
+        for one in effects
     )  # fmt: skip
 
 
@@ -321,4 +323,5 @@ FAMILIES = (
     Family("RRR", RRR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
     Family("PRR, lagging motors", PRR, (Gravity(), Lag(0.01)), (lags,)),
     *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
+    *kinked("4R", FourR, 1e-6, LOCATED), *kinked("RPRP", RPRP, 1e-9, LOCATED),
 )  # fmt: skip
