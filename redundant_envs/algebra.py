@@ -19,7 +19,7 @@ import operator
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-PRIMITIVES = ("sqrt", "exp", "minimum", "maximum", "where", "floor")
+PRIMITIVES = ("sqrt", "exp", "log", "minimum", "maximum", "where", "floor")
 """Names that functions of the dialect may call beside each other."""
 
 
@@ -29,6 +29,7 @@ class Primitives(NamedTuple):
 
     sqrt: Callable[[Any], Any]
     exp: Callable[[Any], Any]
+    log: Callable[[Any], Any]
     floor: Callable[[Any], Any]
     sincos: Callable[[Any], Any]
     where: Callable[[Any, Any, Any], Any]
@@ -39,6 +40,7 @@ class Primitives(NamedTuple):
 FLOATS = Primitives(
     math.sqrt,
     math.exp,
+    math.log,
     lambda x: float(math.floor(x)),
     lambda x: (math.sin(x), math.cos(x)),
     lambda condition, a, b: a if condition else b,
@@ -113,6 +115,11 @@ def sqrt(x: Any) -> Any:
 def exp(x: Any) -> Any:
     """Exponential function."""
     return _primitives_of(x).exp(x)
+
+
+def log(x: Any) -> Any:
+    """Natural logarithm; -inf at 0, and NaN below."""
+    return _primitives_of(x).log(x)
 
 
 def floor(x: Any) -> Any:

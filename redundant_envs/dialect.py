@@ -23,7 +23,7 @@ ALLOWED = (
 SINES = "take the sine and cosine as arguments, such as s1 and c1, or write s, c = sincos(x) with sincos of"
 CONDITIONS = "join conditions by & and |, and write logical_not(condition) of redundant_envs.algebra"
 INSTEAD = {
-    "sqrt exp floor where": "take the function of this name from redundant_envs.algebra",
+    "sqrt exp log floor where": "take the function of this name from redundant_envs.algebra",
     "abs absolute fabs": "write abs(x)",
     "max amax fmax maximum": "write maximum(a, b) with maximum of redundant_envs.algebra",
     "min amin fmin minimum": "write minimum(a, b) with minimum of redundant_envs.algebra",
@@ -44,8 +44,11 @@ INSTEAD = {
     "mod fmod remainder": "write a - b * floor(a / b), which has the sign of b",
     "hypot norm dist": "write sqrt(x * x + y * y)",
     "square": "write x**2",
-    "pow power float_power": "write a product, x**2 to x**4, 1.0 / x, sqrt(x) or exp(k * x)",
-    "cbrt log log2 log10 log1p": "there is none here: take a number that is computed outside, as a field",
+    "pow power float_power": "write a product, x**2 to x**4, 1.0 / x, sqrt(x) or exp(k * log(x))",
+    "log2": "write 1.4426950408889634 * log(x)",
+    "log10": "write 0.4342944819032518 * log(x)",
+    "log1p": "write log(1.0 + x)",
+    "cbrt": "write exp(log(x) / 3.0) of a positive x, or take a number that is computed outside, as a field",
     "asin acos atan atan2 arcsin arccos arctan arctan2":
         "angles are arguments, such as phi1 of joint 1: there is no inverse of a sine here",
     "radians deg2rad": "write 0.017453292519943295 * x",

@@ -111,6 +111,7 @@ def _sincos(x: Dual) -> tuple[Dual, Dual]:
 register_numbers(
     Primitives(
         _derived(algebra.sqrt, lambda x, y: 0.5 / y), _derived(algebra.exp, lambda x, y: y),
+        _derived(algebra.log, lambda x, y: 1.0 / x),
         _derived(algebra.floor, lambda x, y: 0.0), _sincos, where, algebra.logical_not,
     ),
     Dual, wrap=True,

@@ -157,7 +157,7 @@ def _sincos(x: Moving) -> tuple[Moving, Moving]:
 
 register_numbers(
     Primitives(
-        _smooth(algebra.sqrt), _smooth(algebra.exp), _floor, _sincos, where,
+        _smooth(algebra.sqrt), _smooth(algebra.exp), _smooth(algebra.log), _floor, _sincos, where,
         lambda x: Choice(algebra.logical_not(x.condition), x.kinks),
     ),
     Moving, Choice, wrap=True,

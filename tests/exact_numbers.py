@@ -8,7 +8,7 @@ from redundant_envs.algebra import Primitives, register_numbers
 
 register_numbers(
     Primitives(
-        mpmath.sqrt, mpmath.exp, mpmath.floor, lambda x: mpmath.cos_sin(x)[::-1],
+        mpmath.sqrt, mpmath.exp, mpmath.log, mpmath.floor, lambda x: mpmath.cos_sin(x)[::-1],
         lambda condition, a, b: a if condition else b, operator.not_,
     ),
     mpmath.mpf,

@@ -145,7 +145,7 @@ ALLOWED = {
     "star": "return minimum(*(x, y))",
     "sum": "return sum([x, y, 2.0])",
     "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
-    "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, exp(y) ** 2)",
+    "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, log(exp(y)) ** 2)",
 }
 
 

@@ -11,6 +11,7 @@ from redundant_envs.algebra import (
     clamp,
     exp,
     floor,
+    log,
     logical_not,
     maximum,
     minimum,
@@ -37,13 +38,21 @@ KINKED = {  # of x that moves and p that does not: the function, and where it ha
     "chosen by one of two": (lambda x, p: where((x < -p) | (x <= 1.0) ^ (x == 1.5), x, p), {-2.0, 1.0, 1.5}),
     "a choice of conditions": (lambda x, p: where(where(p > 0.0, x > 1.0, x > -1.0), x, 0.0), {-1.0, 1.0}),
     "different": (lambda x, p: where(x != p, x, 0.0), {2.0}),
-    "beneath smooth functions": (lambda x, p: sqrt(1.0 + exp(-abs(x)) ** 2) / (p + sincos(x)[0]), {0.0}),
+    "beneath smooth functions": (
+        lambda x, p: sqrt(1.0 + exp(-abs(x)) ** 2) / (p + log(3.0 + sincos(x)[0])),
+        {0.0},
+    ),
     "of a part": (lambda x, p: (x, p * maximum(1.0 - x, 0.0)), {1.0}),
 }
 SMOOTH = {
     "numbers alone": lambda x, p: x * maximum(abs(p), floor(p)) + where(p > 1.0, x, -x),
     "arithmetic": lambda x, p: (
-        p - x * x / (1.0 + x**4) + exp(-x) * (1.0 - x) * sincos(3.0 * x)[1] - p / (9.0 + x) + x**3 + x / 4.0
+        p
+        - x * x / (1.0 + x**4)
+        + exp(-x) * (1.0 - x) * sincos(3.0 * x)[1]
+        - p / (9.0 + x)
+        + x**3
+        + log(4.0 + x)
     ),
     "a constant": lambda x, p: 1.0,
     "absent": lambda x, p: (x + ABSENT) * maximum(p, ABSENT),

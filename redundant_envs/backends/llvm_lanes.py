@@ -24,6 +24,10 @@ ARITHMETIC = {
     "+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "neg": "fneg", "and": "and_", "or": "or_",
     "xor": "xor", "select": "select",
 }  # fmt: skip
+WHOLE = 2.0**52
+"""The last bits of a float from here to 2^53 are a whole number."""
+WHOLE_BITS = (EXPONENT_BIAS + MANTISSA_BITS) << MANTISSA_BITS
+"""Its representation."""
 INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
 
 
@@ -143,7 +147,19 @@ class Emitter:
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added
             biased = b.add(b.bitcast(arguments[0], v.whole), v.same(v.whole, EXPONENT_BIAS))
             return b.bitcast(b.shl(biased, v.same(v.whole, MANTISSA_BITS)), v.numbers)
+        if node.name == "significand":  # the number with the exponent 0
+            bits = b.and_(b.bitcast(arguments[0], v.whole), v.same(v.whole, (1 << MANTISSA_BITS) - 1))
+            return b.bitcast(b.or_(bits, v.same(v.whole, EXPONENT_BIAS << MANTISSA_BITS)), v.numbers)
+        if node.name == "exponent":  # of a positive number
+            bits = b.lshr(b.bitcast(arguments[0], v.whole), v.same(v.whole, MANTISSA_BITS))
+            return b.fsub(self._float(bits), v.same(v.numbers, float(EXPONENT_BIAS)))
         return compared(b, node.name, *arguments)
+
+    def _float(self, whole: Any) -> Any:
+        """Whole numbers from 0 to 2^52 as floats: not every processor has an instruction for it."""
+        b, v = self.builder, self.vectors
+        shifted = b.or_(whole, v.same(v.whole, WHOLE_BITS))
+        return b.fsub(b.bitcast(shifted, v.numbers), v.same(v.numbers, WHOLE))
 
     def _selected_by_sign(self, node: Operation, signs: Any, a: Any, b: Any) -> Any:
         """``a`` where the sign is set, else ``b``."""

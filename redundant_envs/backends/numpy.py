@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.algebra import Primitives, register_numbers
-from redundant_envs.tracing.number import exponential
+from redundant_envs.tracing.number import exponential, logarithm
 
 
 def exp(x: Any) -> Any:
@@ -21,11 +21,18 @@ def _power_of_two(n: Any) -> Any:
     return np.ldexp(1.0, np.asarray(n).astype(np.int64))
 
 
+def log(x: Any) -> Any:
+    """Natural logarithm to one unit in the last place, by the same operations as in compiled code."""
+    with np.errstate(all="ignore"):  # what is not positive has no logarithm: -inf and NaN
+        half, exponent = np.frexp(x)
+        return logarithm(x, 2.0 * half, exponent - 1.0)
+
+
 def _where(condition: Any, a: Any, b: Any) -> Any:
     return np.where(condition, a, b)[()]
 
 
 register_numbers(
-    Primitives(np.sqrt, exp, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not),
+    Primitives(np.sqrt, exp, log, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not),
     np.ndarray, np.generic,
 )  # fmt: skip

@@ -15,5 +15,6 @@ def _where(condition: sp.Basic, a: sp.Basic, b: sp.Basic) -> sp.Basic:
 
 
 register_numbers(
-    Primitives(sp.sqrt, sp.exp, sp.floor, lambda x: (sp.sin(x), sp.cos(x)), _where, sp.Not), sp.Basic, Boolean
-)
+    Primitives(sp.sqrt, sp.exp, sp.log, sp.floor, lambda x: (sp.sin(x), sp.cos(x)), _where, sp.Not),
+    sp.Basic, Boolean,
+)  # fmt: skip

@@ -26,7 +26,8 @@ def _where(condition: Any, a: Any, b: Any) -> torch.Tensor:
 
 register_numbers(
     Primitives(
-        torch.sqrt, torch.exp, torch.floor, lambda x: (torch.sin(x), torch.cos(x)), _where, torch.logical_not
+        torch.sqrt, torch.exp, torch.log, torch.floor, lambda x: (torch.sin(x), torch.cos(x)), _where,
+        torch.logical_not,
     ),
     torch.Tensor,
 )  # fmt: skip

@@ -22,6 +22,7 @@ Procedure = Callable[[Lane], Any]
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
     "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp,
+    "log": algebra.log,
     "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
     **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
     "not": algebra.logical_not, "select": algebra.where,

@@ -237,8 +237,49 @@ def exponential(x: Any, fma: Method, power_of_two: Method) -> Any:
     return (1.0 + (r + r * r * p)) * power_of_two(half) * power_of_two(k - half)
 
 
+def log(x: Number) -> Any:
+    """Natural logarithm to one unit in the last place, without a branch."""
+    if x.graph.whole:
+        return _unary("log")(x)
+    small = x < SMALLEST_NORMAL
+    scaled = where(small, x * NORMALISING, x)  # has a significand of 53 bits
+    exponent = _unary("exponent")(scaled) - where(small, NORMALISED, 0.0)
+    return logarithm(x, _unary("significand")(scaled), exponent)
+
+
+SMALLEST_NORMAL = 2.0**-1022
+NORMALISED = 54.0
+NORMALISING = 2.0**54
+"""By which smaller numbers are multiplied, so that they have all their bits."""
+SQRT_2 = 1.4142135623730951
+
+
+def logarithm(x: Any, significand: Any, exponent: Any) -> Any:
+    """Natural logarithm of x = significand * 2^exponent, the significand being at least 1 and less than 2.
+
+    fdlibm (e_log.c): with m in (sqrt(1/2), sqrt(2)), f = m - 1 and s = f / (2 + f) it is
+    2 s + 2/3 s^3 + ..., whose terms beyond the first are a polynomial of degree 14; ln 2 is held in two parts.
+    """
+    large = significand > SQRT_2
+    f = algebra.where(large, 0.5 * significand, significand) - 1.0
+    k = exponent + algebra.where(large, 1.0, 0.0)
+    s = f / (2.0 + f)
+    z = s * s
+    p: Any = 1.479819860511658591e-01
+    for c in (
+        1.531383769920937332e-01, 1.818357216161805012e-01, 2.222219843214978396e-01,
+        2.857142874366239149e-01, 3.999999999940941908e-01, 6.666666666666735130e-01,
+    ):  # fmt: skip
+        p = c + z * p
+    half_square = 0.5 * f * f
+    rest = s * (half_square + z * p) + k * 1.90821492927058770002e-10
+    found = k * 6.93147180369123816490e-01 - ((half_square - rest) - f)
+    found = algebra.where(x < math.inf, found, math.inf)
+    return algebra.where(x > 0.0, found, algebra.where(x == 0.0, -math.inf, math.nan))
+
+
 algebra.register_numbers(
-    algebra.Primitives(_unary("sqrt"), exp, _unary("floor"), sincos, where, negation), Number, Condition
+    algebra.Primitives(_unary("sqrt"), exp, log, _unary("floor"), sincos, where, negation), Number, Condition
 )
 
 

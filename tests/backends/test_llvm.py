@@ -47,6 +47,35 @@ def test_exponentials_to_the_last_place_and_at_both_ends(exp):
     np.testing.assert_array_equal(ends, [1.0, 1.0, np.inf, np.inf, np.inf, 0.0, 0.0, np.nan])
 
 
+@pytest.mark.parametrize(
+    "log", [lambda x: on_columns(algebra.log, x)[0], algebra.log], ids=["compiled", "arrays"]
+)
+def test_logarithms_to_the_last_place_and_at_both_ends(log):
+    rng = np.random.default_rng(0)
+    near, far = 1.0 + rng.uniform(-0.5, 1.0, 4000), np.exp(rng.uniform(-745.0, 709.0, 4000))
+    x = np.concatenate([near, far, 1.0 + 1e-15 * rng.uniform(-9, 9, 99), [5e-324, 2.0**-1022, 1.79e308]])
+    exact = np.array([float(mpmath.log(mpmath.mpf(float(v)))) for v in x])
+    assert (np.abs(log(x) - exact) <= np.spacing(np.abs(exact))).all()
+    ends = log(np.array([1.0, 0.0, -0.0, np.inf, -1.0, -5e-324, -np.inf, np.nan]))
+    np.testing.assert_array_equal(ends, [0.0, -np.inf, -np.inf, np.inf, np.nan, np.nan, np.nan, np.nan])
+
+
+def test_the_logarithms_of_arrays_are_those_of_every_machine():
+    x = np.ldexp(np.linspace(0.5, 1.0, 101)[:, None], np.arange(-1060, 1024))
+    bits = algebra.log(x).astype("<f8").tobytes()
+    assert hashlib.sha256(bits).hexdigest()[:16] == "7b9439f3b2e8ae12"
+    assert algebra.log(np.float64(1.0)) == 0.0
+    assert algebra.log(np.array(1.0)).shape == ()
+
+
+@pytest.mark.skipif(llvm.host().triple[:6] != "x86_64", reason="the other code is that of x86")
+def test_the_logarithms_of_another_processor_have_the_same_bits():
+    x = np.ldexp(np.linspace(0.5, 1.0, 101)[:, None], np.arange(-1060, 1024, 7)).ravel()
+    with llvm.target(llvm.AVX2):
+        other = on_columns(algebra.log, x)
+    np.testing.assert_array_equal(on_columns(algebra.log, x), other)
+
+
 def test_the_exponentials_of_arrays_are_those_of_every_machine():
     x = np.linspace(-740.0, 700.0, 100_001)
     bits = algebra.exp(x).astype("<f8").tobytes()
