@@ -8,8 +8,10 @@ from typing import Any
 
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
+from redundant_envs.draws import GROUPS, KEY_WORDS, START_OF_EPISODES, WORDS, uniform
 from redundant_envs.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
 from redundant_envs.lane.memory import Lane
+from redundant_envs.philox import philox
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Output, Scalar
@@ -34,12 +36,10 @@ class Autoreset(enum.IntEnum):
     SAME_STEP = 2
 
 
-KEY_WORDS = 4
 EPISODE_KEY = KEY_WORDS + 1
 """Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
 begun."""
 DUE, BEGUN = 1, 2
-ROUNDS = 10
 ARGUMENTS = {
     "actions": "f32",
     "obs": "f32",
@@ -119,10 +119,10 @@ class EnvironmentKernel:
         p = self.p
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
         draws = self.episode.draws
-        for group in range(0, len(draws), 4):
-            words = philox(key[:2], [group // 4, 0, key[2], key[3]])
-            for name, word in zip(draws[group : group + 4], words, strict=False):
-                self.blocks.store(block.pointers, k, name, uniform(p, word))
+        for first in range(0, len(draws), WORDS):
+            words = philox(key[:2], [START_OF_EPISODES * GROUPS + first // WORDS, 0, key[2], key[3]])
+            for name, word in zip(draws[first : first + WORDS], words, strict=False):
+                self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
         self.blocks.store(block.pointers, k, "resetting", 1.0)
 
     def autoreset(self, block: Block) -> None:
@@ -169,24 +169,6 @@ class EnvironmentKernel:
         for row in rows:
             at = p["stride"] * row + lane
             p.store(p[goal], at, p.load(p[source], at))
-
-
-def philox(key: list[Any], counter: list[Any]) -> list[Any]:
-    """Philox4x32-10 (Salmon et al., SC11): four 32-bit words from a key and a counter."""
-    low, (k0, k1), (c0, c1, c2, c3) = 0xFFFFFFFF, key, counter
-    zero = k0 & 0
-    c0, c1 = zero + c0, zero + c1
-    for _ in range(ROUNDS):
-        a = c0 * 0xD2511F53
-        b = c2 * 0xCD9E8D57
-        c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low
-        k0, k1 = (k0 + 0x9E3779B9) & low, (k1 + 0xBB67AE85) & low
-    return [c0, c1, c2, c3]
-
-
-def uniform(p: Kernel, word: Scalar) -> Scalar:
-    """A 32-bit word as a float in (0, 1)."""
-    return (p.number(word) + 0.5) * 2.3283064365386963e-10
 
 
 def goal_reward_kernel(task: Task) -> Kernel:

@@ -13,7 +13,8 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
+from redundant_envs.draws import KEY_WORDS
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
