@@ -91,6 +91,7 @@ class Scene:
                 "scene's own robot, and the effects"
             )
         _ = self.loaded_robot  # refuses impossible masses and inertias
+        _ = self.attached.draws  # refuses states whose draws would be those of others
         if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:

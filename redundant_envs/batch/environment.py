@@ -9,6 +9,7 @@ from typing import Any
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
 from redundant_envs.draws import GROUPS, KEY_WORDS, START_OF_EPISODES, WORDS, uniform
+from redundant_envs.lane.dynamics import DRAW_KEY
 from redundant_envs.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
 from redundant_envs.lane.memory import Lane
 from redundant_envs.philox import philox
@@ -26,6 +27,7 @@ class Operation(enum.IntEnum):
     RESET = 1
     OBSERVE = 2
     CHECKED_STEP = 3  # if an action is not finite it changes nothing and returns NaN as the first reward
+    BEGIN_STATES = 4  # of effects, after a reset whose options have set positions or rates
 
 
 class Autoreset(enum.IntEnum):
@@ -62,6 +64,10 @@ class EnvironmentKernel:
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         self.reset = self.blocks.function("reset", episode.reset)
+        self.states_begin = bool(episode.dynamics.effect_states.computed)
+        """Whether states of effects have a computed value at the start of an episode."""
+        if self.states_begin:
+            self.begun = self.blocks.function("begin_states", episode.begin_states)
         operation = p["operation"]
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
@@ -78,6 +84,9 @@ class EnvironmentKernel:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
                 self.begin_due(block)
+            if self.states_begin:
+                with p.when(operation == Operation.BEGIN_STATES):
+                    self.begin_states(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
         self.blocks.prune()
 
@@ -110,6 +119,16 @@ class EnvironmentKernel:
             p.call(self.reset, **block.pointers)
         return some.value
 
+    def begin_states(self, block: Block) -> None:
+        """Compute again what states of effects are at the start, in lanes that begin an episode."""
+        p = self.p
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            begins = p.load(p["episode_keys"], self._flag(block.first + k)) != 0
+            with p.when(begins):
+                self.blocks.store(block.pointers, k, "resetting", 1.0)
+        p.call(self.begun, **block.pointers)
+
     def _clear(self, block: Block) -> None:
         with self.p.each(LANES) as k:
             self.blocks.store(block.pointers, k, "resetting", 0.0)
@@ -123,6 +142,9 @@ class EnvironmentKernel:
             words = philox(key[:2], [START_OF_EPISODES * GROUPS + first // WORDS, 0, key[2], key[3]])
             for name, word in zip(draws[first : first + WORDS], words, strict=False):
                 self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
+        if self.episode.dynamics.draws:
+            for name, word in zip(DRAW_KEY, key, strict=True):
+                self.blocks.store(block.pointers, k, name, p.number(word))
         self.blocks.store(block.pointers, k, "resetting", 1.0)
 
     def autoreset(self, block: Block) -> None:

@@ -239,10 +239,12 @@ class Core(Copied):
         due = self.mask.copy()
         self.mask[:] = lanes
         (run or self._run)(Operation.RESET)
-        self.mask[:] = np.where(lanes, 0, due)
-        self.waiting[lanes] = False
         for rows, numbers in writes:
             self.memory.write(rows, numbers, index)
+        if writes and self.simulator.dynamics.effect_states.computed:
+            (run or self._run)(Operation.BEGIN_STATES)
+        self.mask[:] = np.where(lanes, 0, due)
+        self.waiting[lanes] = False
 
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
@@ -313,7 +315,8 @@ class Core(Copied):
         parameters.check_keys("state", state, STATE_KEYS, "get_state")
         parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
-        finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
+        motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
+        finite = (*motion, *self.task.memory, "steps")
         kept = numbers_of_reward(self.task)
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for name in OF_KEYS:

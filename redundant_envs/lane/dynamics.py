@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered, total, where
+from redundant_envs.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.effects.attached import Attached, EffectStates
-from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
+from redundant_envs.effects.hooks import INTERVAL, Actuation, Field, Force, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
-from redundant_envs.lane import kinks, required_steps
+from redundant_envs.lane import kinks, required_steps, sensing
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 from redundant_envs.numerics.tableaus import METHODS, Tableau
@@ -22,6 +23,9 @@ from redundant_envs.robots.added_inertia import functions_with, held_functions
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
+DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
+INTERVALS = "draw_interval"
+"""Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
 OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
 
 
@@ -168,7 +172,18 @@ class Dynamics:
     @property
     def kept(self) -> tuple[str, ...]:
         """Fields that are kept at the start of an interval, and restored when it is given up."""
-        return (*self.states, *self.effect_states.updated, *self.active)
+        count = (INTERVALS,) if self.draws else ()
+        return (*self.states, *self.effect_states.updated, *count, *self.active)
+
+    @property
+    def draws(self) -> Mapping[str, Draw]:
+        """Draws of effects' states, by the names of their quantities."""
+        return self.scene.attached.draws
+
+    @property
+    def draw_fields(self) -> tuple[str, ...]:
+        """Fields from which draws follow; none in a scene without draws."""
+        return (*DRAW_KEY, INTERVALS) if self.draws else ()
 
     @cached_property
     def overshoot(self) -> Overshoot:
@@ -230,7 +245,7 @@ class Dynamics:
             mass: total(parameters[name] for name in (self.field_of(mass), *loads))
             for mass, loads in self.scene.attached.carried.items()
         }
-        x = Quantities({**parameters, **made}, functions, {})
+        x = Quantities({**parameters, **made, INTERVAL: self.scene.control_dt}, functions, {})
         made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
         for a in self.scene.attached.of(Field):
             if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
@@ -251,7 +266,9 @@ class Dynamics:
     def numbers(self) -> tuple[str, ...]:
         """Quantities that are constant in a step: parameters, and what is prepared from them; without the
         numbers of error control, which no function takes."""
-        return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
+        interval = (INTERVAL,) if self.scene.attached.take_interval else ()
+        own = (n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
+        return (*own, *interval)
 
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
@@ -264,6 +281,25 @@ class Dynamics:
                 efforts[k] = link.functions["function"](x)
             x[command] = given
         return efforts, changes
+
+    def changes(self, what: str, x: Quantities, lane: Any) -> dict[str, Any]:
+        """New values of effects' states, by their fields: the "update" at the end of an interval, or those
+        that are "initial" at a start."""
+        updates = what == "update"
+        x.update(self._drawn(what, lane[INTERVALS] + 1.0 if self.draws and updates else 0.0, lane))
+        changes = self.efforts(x, what)[1] if updates else {}
+        for a in self.scene.attached.of(*((Force,) if updates else (Actuation, Force))):
+            changes |= a.changes(what, x)
+        return changes | sensing.renewed(self.scene.attached, what, x)
+
+    def _drawn(self, what: str, interval: Any, lane: Any) -> dict[str, Any]:
+        """The draws that functions of states take in the interval of a number, by the names of quantities."""
+        functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
+        needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
+        if not needed:
+            return {}
+        found = drawn(needed.values(), interval, lane.get(DRAW_KEY))
+        return {name: found[draw] for name, draw in needed.items()}
 
     # ---- equations of motion -----------------------------------------------------------------------
 

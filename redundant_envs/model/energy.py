@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import Field, Force, Point
+from redundant_envs.effects.hooks import INTERVAL, Field, Force, Point
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
@@ -38,6 +38,7 @@ def scene_quantities(
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
+    known[INTERVAL] = scene.control_dt
     known |= {**own, **parameters}
     known |= scene.attached.states.initial
     for names, numbers in ((arm.coordinates, q), (arm.rates, qd)):

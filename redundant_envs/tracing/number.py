@@ -257,8 +257,8 @@ SQRT_2 = 1.4142135623730951
 def logarithm(x: Any, significand: Any, exponent: Any) -> Any:
     """Natural logarithm of x = significand * 2^exponent, the significand being at least 1 and less than 2.
 
-    fdlibm (e_log.c): with m in (sqrt(1/2), sqrt(2)), f = m - 1 and s = f / (2 + f) it is
-    2 s + 2/3 s^3 + ..., whose terms beyond the first are a polynomial of degree 14; ln 2 is held in two parts.
+    fdlibm (e_log.c): with m in (sqrt(1/2), sqrt(2)), f = m - 1 and s = f / (2 + f) the logarithm of m is
+    2 s + 2/3 s^3 + ..., whose terms beyond the first are a polynomial; ln 2 is held in two parts.
     """
     large = significand > SQRT_2
     f = algebra.where(large, 0.5 * significand, significand) - 1.0
