@@ -69,6 +69,7 @@ class Scene:
         if not isinstance(self.robot, Arm):
             raise ValueError(f"robot is {shown(self.robot)}; give an arm: {', '.join(sorted(ARMS))}")
         check_own(self.robot)
+        object.__setattr__(self, "control_dt", self._checked_interval())
         object.__setattr__(self, "effects", self._fitted_effects())
         impacts = self.attached.of(Impact)
         if len({a.parameter(a.hook.restitution) for a in impacts}) > 1:
@@ -96,11 +97,6 @@ class Scene:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
-        dt = number("control_dt", self.control_dt)
-        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
-            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
-        object.__setattr__(self, "control_dt", dt)
         whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
         if not whole or not 1 <= self.substeps <= MOST_SUBSTEPS:
             fix = f"give a whole number from 1 to {MOST_SUBSTEPS}, or a tolerance instead"
@@ -128,7 +124,7 @@ class Scene:
                 raise ValueError(
                     f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
                 )
-            effect = given.fitted(self.robot)
+            effect = given.fitted(self.robot).at_interval(self.control_dt)
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
             if other is not effect:
@@ -137,6 +133,13 @@ class Scene:
                     fix = "two classes share this name of their parameters: give one a 'key' of its own"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
+
+    def _checked_interval(self) -> float:
+        dt = number("control_dt", self.control_dt)
+        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
+            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
+            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
+        return dt
 
     def _checked_tolerance(self) -> float:
         tolerance = number("tolerance", self.tolerance)

@@ -336,6 +336,11 @@ class Effect:
                 changed[f.name] = value
         return dataclasses.replace(self, **changed) if changed else self
 
+    def at_interval(self, control_dt: float) -> Effect:
+        """The effect as a scene with this control interval [s] has it: one whose structure depends on that,
+        such as the number of readings that it keeps, overrides this."""
+        return self
+
     def states(self, arm: Arm) -> dict[str, State]:
         """Its states by their names."""
         return {s.name: s for h in self.hooks(arm) for s in states_of(h)}

@@ -79,15 +79,35 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
     return sliders
 
 
+def strengths(field: str, values: Any) -> float | tuple[float, ...]:
+    """A strength, or a sequence of one for each joint."""
+    one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
+    if one:
+        return strength(field, values)
+    return tuple(strength(f"{field}[{i}]", x) for i, x in enumerate(numbers(field, values)))
+
+
 def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint, none negative."""
-    one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
-    named = {field: values} if one else {f"{field}[{i}]": x for i, x in enumerate(numbers(field, values))}
-    xs = tuple(strength(name, value) for name, value in named.items())
-    for name, x in zip(named, xs, strict=True):
+    xs = strengths(field, values)
+    for name, x in _named(field, xs):
         if x < 0.0:
             raise ValueError(f"{name} is {x}; it must not be negative")
-    return xs[0] if one else xs
+    return xs
+
+
+def positive(field: str, values: Any) -> float | tuple[float, ...]:
+    """A strength, or a sequence of one for each joint, all positive."""
+    xs = not_negative(field, values)
+    for name, x in _named(field, xs):
+        if x == 0.0:
+            raise ValueError(f"{name} is {x}; it must be positive")
+    return xs
+
+
+def _named(field: str, xs: float | tuple[float, ...]) -> list[tuple[str, float]]:
+    """Numbers with their names."""
+    return [(f"{field}[{i}]", x) for i, x in enumerate(xs)] if isinstance(xs, tuple) else [(field, xs)]
 
 
 def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
