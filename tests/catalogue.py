@@ -147,11 +147,29 @@ def every_effect(arm):
     )  # fmt: skip
 
 
+def disturbed(arm):
+    """Sensors with every fault, and forces that nobody controls."""
+    pair = {"amplitude": (1.0, -2.0), "frequency": 7.0, "phase": (0.3, 1.0)}
+    return (
+        e.SensorBias(0.01, -0.02), e.SensorNoise(0.01, 0.02), e.Quantisation(0.01, 0.02),
+        e.SensorDelay(0.01, 0.025), e.DroppedSamples(0.2),
+        e.TipForce(step=(1.0, 2.0), start=0.015, **pair, density=0.1, deviation=2.0, time_constant=0.05),
+        e.JointTorque(step=0.3, amplitude=0.5, frequency=9.0, density=0.02, deviation=0.3, time_constant=0.1),
+    )  # fmt: skip
+
+
+GROUPS = {"disturbed": disturbed}
+"""Groups of effects that ``every_effect`` does not have: functions of an arm."""
+
+
 def _scenes():
     yield from aimed.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)
+    for name, group in GROUPS.items():
+        yield f"4R {name} rk8", rde.Scene(FOUR_R, (GRAVITY, *group(FOUR_R)), "rk8", 0.01)
+        yield f"RPRP {name} 1e-6", rde.Scene(RPRP, (GRAVITY, *group(RPRP)), tolerance=1e-6)
     for kind in ("4R", "RPRP"):
         for name, effects in USERS.items():
             yield f"{kind} users' {name} 1e-6", rde.Scene(ARMS[kind], (GRAVITY, *effects), tolerance=1e-6)

@@ -259,8 +259,8 @@ class Effect:
     the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
     quantity of its own name. ``interval`` is the control interval [s].
 
-    Numbers that are None are absent: a lane has no memory for them, and none of the effect's hooks may name
-    them.
+    Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
+    the effect's hooks may name them.
 
     Attributes
     ----------
@@ -321,7 +321,7 @@ class Effect:
         count, changed = len(arm.joints), {}
         for f in dataclasses.fields(self):
             given = getattr(self, f.name)
-            if given is None:
+            if _is_absent(f, given):
                 continue
             value = _of_python(given, static=f.name in self.static)
             if f.name in self.of_joints:
@@ -374,7 +374,7 @@ class Effect:
         values: dict[str, float] = {}
         for f in dataclasses.fields(self):
             value = getattr(self, f.name)
-            if f.name in self.static or value is None:
+            if f.name in self.static or _is_absent(f, value):
                 continue
             row = {f"{f.name}[{k}]": v for k, v in enumerate(value)} if isinstance(value, tuple) else None
             values |= {f.name: value} if row is None else row
@@ -384,6 +384,11 @@ class Effect:
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
+
+
+def _is_absent(field: dataclasses.Field[Any], value: Any) -> bool:
+    """Whether a number is left out, as its default None allows."""
+    return value is None and field.default is None
 
 
 def _of_python(value: Any, static: bool) -> Any:
