@@ -109,6 +109,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("scene", metavar="NAME_OR_PATH")
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
+    p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
     p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
     p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
@@ -210,6 +211,12 @@ def show_scene(options: argparse.Namespace) -> None:
         found = bill(scene)
         head = ("of", *next(iter(found.values()))._fields)
         print(table(head, ((owner, *counts) for owner, counts in found.items())))
+    elif options.cost:
+        from redundant_envs.envs import cost
+        from redundant_envs.tables import table
+
+        rows = cost.costs(cost.parts(scene))
+        print(table(cost.COLUMNS, (row.values() for row in rows)))
     elif options.drawing is not None:
         from redundant_envs.envs.schematic import save_schematic
 

@@ -13,14 +13,27 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
+from redundant_envs.effects.hooks import (
+    COMMAND,
+    MOST_INSTANTS,
+    Effect,
+    Field,
+    Friction,
+    Gap,
+    Impact,
+    State,
+    states_of,
+)
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.ranges import plain as plain_ranges
+from redundant_envs.ranges import ranges
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
+from redundant_envs.scene_numbers import check_ranges, entries_of, is_of_task
 from redundant_envs.values import check_bounds, check_keys, check_registered, plain, shown, typed
 
 MOST_SUBSTEPS = 1_000_000
@@ -55,6 +68,11 @@ class Scene:
     actuation : {"joint", "generalized"}
         "joint": efforts act at the joints, Q = B t. "generalized": the report's convention,
         efforts conjugate to the absolute angles.
+    randomize : mapping of str to mapping, optional
+        Numbers of the arm, of effects or of the task that every episode of an environment draws anew, by
+        their names, such as {"gravity.g": {"uniform": [9, 10]}}; docs/scenes.md has all forms. Simulations
+        and batches, which have no episodes, use the numbers of arm and effects. It is kept as a tuple of
+        :class:`~redundant_envs.ranges.Range`.
     """
 
     robot: Arm
@@ -64,6 +82,7 @@ class Scene:
     substeps: int = 1
     tolerance: float | None = None
     actuation: str = "joint"
+    randomize: Any = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.robot, Arm):
@@ -78,6 +97,13 @@ class Scene:
             )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
+        dry, hard = self.attached.of(Friction), (*impacts, *self.attached.of(Gap))
+        if dry and hard:
+            raise ValueError(
+                f"effects has {type(dry[0].effect).__name__} and {type(hard[0].effect).__name__}: joints "
+                "that stick and hard stops do not go together yet; give one a smooth form, such as "
+                "SmoothCoulombFriction or LimitSpring"
+            )
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)
@@ -91,10 +117,17 @@ class Scene:
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
                 "scene's own robot, and the effects"
             )
+        self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
         if len(self.attached.of(Field)) > 1:
             raise ValueError("effects has two uniform fields; combine them into one Gravity")
+        if len(instants := self.attached.instants) > MOST_INSTANTS:
+            owners = ", ".join(a.key for a in instants)
+            raise ValueError(
+                f"effects has {len(instants)} instants, of {owners}; a scene may have {MOST_INSTANTS}: each "
+                "divides every interval once more; leave some out"
+            )
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
@@ -108,6 +141,9 @@ class Scene:
             object.__setattr__(self, "tolerance", self._checked_tolerance())
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
+        object.__setattr__(self, "randomize", ranges({} if self.randomize is None else self.randomize))
+        known = [one for one in self.randomize if not is_of_task(one.name)]
+        check_ranges(self, entries_of(self, known))
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
@@ -165,7 +201,7 @@ class Scene:
         return dict(self._parameters)
 
     def states(self) -> dict[str, State]:
-        """States of the effects by name: "actuator_lag.effort[0]"."""
+        """States of the effects by name: "lag.effort[0]"."""
         return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
 
     @functools.cached_property
@@ -199,8 +235,23 @@ class Scene:
 
     def action_units(self) -> tuple[str, ...]:
         """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
-        units = ((e.key, e.action_units(self.robot)) for e in self.effects)
+        effects = sorted(self.effects, key=self.attached.place_in_chain)
+        units = ((e.key, e.action_units(self.robot)) for e in effects)
         return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
+
+    def command_units(self) -> tuple[str, ...]:
+        """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
+        return self.attached.command_units(self.robot)
+
+    def units(self) -> dict[str, str]:
+        """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
+        found = {}
+        for effect in self.effects:
+            for name, unit in effect.units(self.robot).items():
+                if unit == COMMAND:
+                    unit = self.attached.unit_at(effect, int(name.partition("[")[2][:-1]), self.robot)
+                found[f"{effect.key}.{name}"] = unit
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""
@@ -213,7 +264,9 @@ class Scene:
         """The same for any scene; for comparisons, not for :meth:`from_dict`."""
         effects = [plain(type(e).__name__, e) for e in self.effects]
         numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
+        drawn = numbers.pop("randomize")
+        found = {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
+        return {**found, "randomize": plain_ranges(drawn)} if drawn else found
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:

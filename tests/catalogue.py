@@ -158,7 +158,26 @@ def disturbed(arm):
     )  # fmt: skip
 
 
-GROUPS = {"disturbed": disturbed}
+def motors(arm):
+    """Motors that take a voltage, and joints with friction."""
+    return (
+        e.Armature(0.02), e.Play(0.4), e.DeadZone(0.2), e.DCMotor(2.0, 0.004, 0.3, 1.5), e.Lag(0.01),
+        e.TorqueSpeed(4.0, 20.0), e.QuadraticFriction(0.02), e.SmoothCoulombFriction(0.05, 0.5),
+        e.LuGre(30.0, 0.2, 0.05, 0.1, 0.15, 0.5),
+    )  # fmt: skip
+
+
+def delays(arm):
+    """Commands that arrive two intervals and a half later."""
+    return (e.CommandDelay(0.025, 0.05),)
+
+
+def dry_friction(arm):
+    """Joints that stick and slip."""
+    return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
+
+
+GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction, "disturbed": disturbed}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

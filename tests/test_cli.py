@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import importlib.util
 import os
 import subprocess
@@ -15,6 +16,7 @@ import yaml
 
 from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
+from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.progress import counted
@@ -65,6 +67,9 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("scene four_r_free --source", "use --listing or --bill"),
         ("scene chain.yaml --drawing chain.svg", "only RPRP and FourR have a drawing"),
         ("scene nowhere", ", ".join(scene_names())),
+        ("scene nowhere --cost", ", ".join(scene_names())),
+        ("study effects --config nowhere.yaml", "no such file"),
+        ("study effects Wind", "effect is 'Wind'; choose CentringSpring, "),
         ("simulate --scene nowhere", ", ".join(scene_names())),
     ],
 )
@@ -88,8 +93,20 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert text == listing(load_scene("four_r_free"))
     assert "redundant_envs/robots/four_r.py:" in text
     head, *lines = [line.split() for line in printed(name, "--bill").splitlines()]
-    assert head == ["of", "additions", "products", "divisions", "roots", "sine_pairs", "bytes"]
+    kinds = ["additions", "products", "divisions", "roots", "sine_pairs", "comparisons", "selections"]
+    assert head == ["of", *kinds, "bytes"]
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
+
+
+def test_scene_prints_what_it_costs(capsys, monkeypatch):
+    monkeypatch.setattr(cost, "costs", functools.partial(cost.costs, lanes=16, turns=2))
+    assert main(["scene", "four_r_free", "--cost"]) == 0
+    out, err = capsys.readouterr()
+    head, *lines = out.splitlines()
+    assert tuple(head.split()) == cost.COLUMNS
+    assert [line.count("rk8 step") for line in lines] == [1] * 3 + [0] * 3
+    assert [line.split()[3 if "rk8" in line else 2] for line in lines] == 2 * ["bare", "gravity", "whole"]
+    assert "cost 1/" in err
 
 
 def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
@@ -103,7 +120,7 @@ def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
 def test_list_names_everything(capsys):
     assert main(["list"]) == 0
     registered = {i for i in gym.registry if i.startswith("redundant_envs/")}
-    studies = {"throughput", "environments", "stops", "accuracy"}
+    studies = {"throughput", "environments", "effects", "stops", "accuracy"}
     assert {*ids(), *registered, *scene_names(), *METHODS, *studies} <= {*capsys.readouterr().out.split()}
 
 

@@ -320,7 +320,8 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
     instructions in our own order."""
     vectors = VECTORS[LANES if function.whole_blocks else lanes]
     results = function.results
-    join_products(results, function.aside_results)
+    if function.joins:
+        join_products(results, function.aside_results)
     calls = [n for n in reached(results) if n.name == "stage"]
     stages = Stages(calls, function.spaces, function.known) if calls else None
     results = specialise(results, function.known)

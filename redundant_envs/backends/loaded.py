@@ -20,7 +20,7 @@ from redundant_envs.backends import IMPORTED
 PACKAGE = Path(__file__).parents[1]
 ROOT = PACKAGE.name
 TRACED = re.compile(
-    rf"{ROOT}\.(algebra|dialect|dual|moving|quantities|scene|values|tracing\.\w+"
+    rf"{ROOT}\.(algebra|dialect|dual|moving|quantities|ranges|scene|scene_numbers|values|tracing\.\w+"
     r"|(robots|effects|tasks|numerics|events|lane|batch)\b.*)"
 )
 """Modules whose functions and numbers make programs."""

@@ -51,6 +51,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
         if dynamics.local:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
             defect = where(given_up, 0.0, defect)
+        if dynamics.counts_evaluations:
             told["evaluations"] = lane.evaluations
         if dynamics.stops:
             told["events"] = where(given_up, 0.0, lane.impacts)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,7 +130,7 @@ class Blocks:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         parts = ends.begin, interval.step.clear, interval.step.common_step, ends.end
-        if interval.dynamics.scene.substeps == 1:
+        if not interval.dynamics.repeats_common_step:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
@@ -138,13 +139,28 @@ class Blocks:
             return
         first = self.function("begin", *parts[:2], inputs=ends.inputs)
         step, last = self.function("step", parts[2]), self.function("end", parts[3])
+        pieces = [self.function("next_piece", interval.step.next_piece)] if interval.dynamics.instants else []
         with p.each(self.count) as number:
             block = self.block(number, 0)
             self.call(first, block)
-            with p.each(p["substeps"]):
+            with contextlib.ExitStack() as each:
+                for piece in pieces:
+                    each.enter_context(p.each(interval.dynamics.pieces))
+                    p.call(piece, **block.pointers)
+                    each.enter_context(self.going_on(block))
+                each.enter_context(p.each(p["substeps"]))
                 p.call(step, **block.pointers)
             p.call(last, **block.pointers, **ends.outputs(block))
             ends.finish(block)
+
+    @contextlib.contextmanager
+    def going_on(self, block: Block) -> Iterator[None]:
+        """Where a lane of a block has a piece of the interval before it: others wait at its end."""
+        if not self.interval.dynamics.instants:
+            yield
+            return
+        with self.p.when(self.mask(block.pointers, "h") & self.valid(block) != 0):
+            yield
 
     def call(self, function: LaneFunction, block: Block, outputs: Mapping[str, Any] | None = None) -> None:
         """Call a function on a block, with the rows of tables that it reads: copies padded with 0 for a block

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
-from redundant_envs.draws import GROUPS, KEY_WORDS, START_OF_EPISODES, WORDS, uniform
+from redundant_envs.draws import KEY_WORDS, WORDS, uniform
 from redundant_envs.lane.dynamics import DRAW_KEY
 from redundant_envs.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
 from redundant_envs.lane.memory import Lane
@@ -63,7 +63,7 @@ class EnvironmentKernel:
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
-        self.reset = self.blocks.function("reset", episode.reset)
+        self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
         self.states_begin = bool(episode.dynamics.effect_states.computed)
         """Whether states of effects have a computed value at the start of an episode."""
         if self.states_begin:
@@ -116,7 +116,7 @@ class EnvironmentKernel:
                 p.store(p["episode_keys"], self._flag(lane), then)
                 some.value = 1
         with p.when(some.value != 0):
-            p.call(self.reset, **block.pointers)
+            self.reset(block)
         return some.value
 
     def begin_states(self, block: Block) -> None:
@@ -129,6 +129,19 @@ class EnvironmentKernel:
                 self.blocks.store(block.pointers, k, "resetting", 1.0)
         p.call(self.begun, **block.pointers)
 
+    def randomized(self) -> list[LaneFunction]:
+        """Functions that draw the numbers of an episode, and compute what follows from them: without joined
+        products, to the bits of numbers that are set from outside."""
+        randomized, make = self.episode.randomized, self.blocks.function
+        if not randomized.drawn:
+            return []
+        return [make("draw", randomized.draw), make("prepare", randomized.prepare, joins=False)]
+
+    def reset(self, block: Block) -> None:
+        """Begin an episode in the lanes of a block that are ``resetting``."""
+        for function in self.resets:
+            self.p.call(function, **block.pointers)
+
     def _clear(self, block: Block) -> None:
         with self.p.each(LANES) as k:
             self.blocks.store(block.pointers, k, "resetting", 0.0)
@@ -137,11 +150,12 @@ class EnvironmentKernel:
         """The draws of a lane's next episode, from its key and nothing else."""
         p = self.p
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
-        draws = self.episode.draws
-        for first in range(0, len(draws), WORDS):
-            words = philox(key[:2], [START_OF_EPISODES * GROUPS + first // WORDS, 0, key[2], key[3]])
-            for name, word in zip(draws[first : first + WORDS], words, strict=False):
-                self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
+        streams = [((0, 0), self.episode.draws), *self.episode.randomized.streams()]
+        for (first, second), draws in streams:
+            for group in range(0, len(draws), WORDS):
+                words = philox(key[:2], [first + group // WORDS, second, key[2], key[3]])
+                for name, word in zip(draws[group : group + WORDS], words, strict=False):
+                    self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
         if self.episode.dynamics.draws:
             for name, word in zip(DRAW_KEY, key, strict=True):
                 self.blocks.store(block.pointers, k, name, p.number(word))
@@ -170,7 +184,7 @@ class EnvironmentKernel:
                 self._keep_last(block.first + k)
                 self.draw(block, k)
                 p.store(p["episode_keys"], self._flag(block.first + k), DUE)
-            p.call(self.reset, **pointers)
+            self.reset(block)
             p.call(self.observed, **pointers, **self.outputs(block))
             with p.each_set(done) as k:
                 for table, names in self.episode.tables.items():

@@ -65,16 +65,14 @@ class Slots:
         groups = (count + (GROUP - 1)) >> 6
         # Slots never wait for the last lanes of a group: these continue beside those of the next one, but
         # for intervals of several common steps.
-        repeated = self.dynamics.scene.substeps > 1
+        repeated = self.dynamics.repeats_common_step
         with p.each(groups if repeated else groups + 1) as group:
             first = group * GROUP
             end = p.select(first + GROUP < count, first + GROUP, count)
             if repeated:
                 with p.each(end, start=first) as number:
                     self.blocks.call(self.cleared, self.block(number))
-                with p.each(p["substeps"]):
-                    self.group(first, end)
-                    self.run(first, lambda: self.busy.value > 0)
+                self.pieces(first, end)
                 start = first
             else:
                 self.before.value = self.busy.value
@@ -87,15 +85,29 @@ class Slots:
                 p.call(self.ended, **block.pointers, **self.ends.outputs(block))
                 self.ends.finish(block)
 
+    def pieces(self, first: Scalar, end: Scalar) -> None:
+        """Cross an interval that has several common steps with a group of blocks."""
+        p, i = self.p, self.dynamics
+        with contextlib.ExitStack() as each:
+            if i.instants:
+                each.enter_context(p.each(i.pieces))
+                with p.each(end, start=first) as number:
+                    p.call(self.begun, **self.block(number).pointers)
+            each.enter_context(p.each(p["substeps"]))
+            self.group(first, end)
+            self.run(first, lambda: self.busy.value > 0)
+
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
         make, step, boundaries = self.blocks.function, self.interval.step, self.interval.boundaries
         i, inputs = self.dynamics, self.ends.inputs
         begin: tuple[Procedure, ...] = (self.ends.begin, step.clear)
         self.goes_on = self.blocks.program()
-        if i.scene.substeps > 1:
+        if i.repeats_common_step:
             self.cleared = make("clear", *begin, inputs=inputs)
             begin, inputs = (), {}
+        if i.instants:
+            self.begun = make("next_piece", step.next_piece)
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
         self.started = make("start", *begin, step.start, inputs=inputs)
@@ -104,7 +116,7 @@ class Slots:
             forces = boundaries.update_constraint_forces
             self.common_held = make("common_held", step.common_step, forces, step.judge)
             self.released = make("release", boundaries.release)
-        if i.boundaries:
+        if i.bounded:
             self.confirmed = make("confirm_crossings", boundaries.confirm_crossings)
         if i.controlled:
             self.skipped = make("skip_common_step", step.skip_common_step)
@@ -115,7 +127,7 @@ class Slots:
         of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
         after = [f for f in self.goes_on.values() if f not in of_entry]
         of_slots = [*after, self.stepped, self.recorded]
-        if i.stops:
+        if i.resolves:
             self.contact = make("find_contact_forces", boundaries.find_contact_forces)
             of_slots.append(self.contact)
         self.name_fields(of_blocks, of_entry, of_slots)
@@ -148,12 +160,13 @@ class Slots:
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
             block = self.block(number)
-            blocks.call(self.started, block)
-            self.common_step(block)
-            leaving = blocks.mask(block.pointers, "reason") & blocks.valid(block)
-            with p.each_set(leaving) as lane:
-                p.store(self.waiting, self.tail.value, block.first + lane)
-                self.tail.value = self.tail.value + 1
+            with blocks.going_on(block):
+                blocks.call(self.started, block)
+                self.common_step(block)
+                leaving = blocks.mask(block.pointers, "reason") & blocks.valid(block)
+                with p.each_set(leaving) as lane:
+                    p.store(self.waiting, self.tail.value, block.first + lane)
+                    self.tail.value = self.tail.value + 1
 
     def run(self, first: Scalar, busy: Callable[[], Scalar]) -> None:
         """Take trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
@@ -181,7 +194,7 @@ class Slots:
                 self._held_or_free(block)
             else:
                 p.call(self.common, **pointers)
-            if i.boundaries:
+            if i.bounded:
                 with p.when(self.blocks.mask(pointers, "reason") != 0):
                     p.call(self.confirmed, **pointers)
 
@@ -204,7 +217,7 @@ class Slots:
         p, i, slots, mask = self.p, self.dynamics, self.slots.pointers, self.blocks.mask
         if not i.boundaries:
             self.begin(self.slots)
-        if i.stops:
+        if i.resolves:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)
                 p.call(self.goes_on[Request.FORCES], **slots)
@@ -212,7 +225,7 @@ class Slots:
                     self.log()
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
-        if i.stops:
+        if i.resolves:
             p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
 
@@ -263,7 +276,8 @@ class Slots:
 
     def _bring(self, names: Sequence[str], seats: Seats, seat: Scalar, source: Any, lane: Scalar) -> None:
         """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
-        numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER]
+        fields = self.layout.fields.items()
+        numbers = [n for n, f in fields if f.lifetime is PARAMETER and not f.at_reset]
         self._copy(names, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
             self._copy(numbers, seats.pointers, seat, source, lane)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,10 +16,12 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from redundant_envs.algebra import arguments_of, numbered
+from redundant_envs import dialect
+from redundant_envs.algebra import arguments_of, numbered, where
 from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.effects import REGISTRY, hooks
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, State, states_of
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, Instant, State, states_of
+from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
 from redundant_envs.robots.arm import Arm
@@ -37,6 +40,10 @@ def identifier(parameter: str) -> str:
     users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has."""
     dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
     return parameter.replace(".", dot).replace("[", dot).replace("]", "")
+
+
+TIME = "time in the step"
+"""Name of the time that a state's closed form takes: it is no identifier, so no other quantity has it."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +66,8 @@ class Bound:
 
 Functions = Mapping[str, Bound]
 """The functions that a hook or a state has, by their fields, such as "damping"."""
+RENEWAL = "renewal"
+"""Key of the update of a state at an instant, among the functions of the state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +78,8 @@ class Attached(Generic[Kind]):
     hook: Kind
     functions: Functions
     states: Mapping[str, Functions]  # field of each of its states -> functions of the state
-    law: str  # name of the boundary at which a force changes its law; "" without one
+    law: str  # name of the boundary at which a force with a switch changes its law; "" without one
+    guards: tuple[str, ...]  # names of the boundaries at which the values of its guard change their signs
 
     @property
     def key(self) -> str:
@@ -81,6 +91,34 @@ class Attached(Generic[Kind]):
         """The field with the law of a force that holds; see :attr:`Boundary.side`."""
         return f"side_{self.law}"
 
+    @property
+    def has_laws(self) -> bool:
+        """Whether it has more than one law."""
+        return bool(self.law or self.guards)
+
+    def guard_values(self, x: Quantities) -> tuple[Any, ...]:
+        """The values of its guard, from quantities."""
+        found = self.functions["guard"](x) if self.guards else ()
+        return found if isinstance(found, tuple) else (found,)
+
+    def settle_law(self, x: Quantities) -> None:
+        """Let the quantities themselves decide which of its laws holds."""
+        if self.law:
+            hook: Any = self.hook
+            x[self.side] = side_beyond(*x.each((hook.motion[0], *map(self.parameter, hook.switch))))
+        for name, value in zip(self.guards, self.guard_values(x), strict=True):
+            x[f"side_{name}"] = side_of_guard(value)
+
+    @property
+    def instant(self) -> str:
+        """The field with the time of the instant of its effect."""
+        return f"instant_{self.key}"
+
+    @property
+    def passed(self) -> str:
+        """The field that says whether the instant of its effect has passed."""
+        return passed_field(self.key)
+
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
         return f"{self.key}{own}"
@@ -90,8 +128,14 @@ class Attached(Generic[Kind]):
         return self.effect.parameters()[own[1:]]
 
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
-        """Results of the functions of its states that are the "derivative" or the "update", by field."""
+        """Results of the functions of its states that are the "derivative", the "update" at the end of an
+        interval, or :data:`RENEWAL`, by field."""
         return {field: own[what](x) for field, own in self.states.items() if what in own}
+
+
+def side_of_guard(value: Any) -> Any:
+    """The side of a guard: 1 where it is positive or 0, else -1."""
+    return where(value >= 0.0, 1.0, -1.0)
 
 
 class EffectStates(dict[str, State]):
@@ -113,8 +157,13 @@ class EffectStates(dict[str, State]):
         return tuple(name for name, state in self.items() if state.derivative is not None)
 
     @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """Those of the integrated ones that have a closed form, too."""
+        return tuple(name for name, state in self.items() if state.closed is not None)
+
+    @cached_property
     def updated(self) -> tuple[str, ...]:
-        """Those that are constant within an interval, and updated at its end."""
+        """Those that are constant within a piece of an interval, and updated at its end or at an instant."""
         return tuple(name for name, state in self.items() if state.update is not None)
 
 
@@ -127,8 +176,9 @@ class Attachments(tuple[Attached[Hook], ...]):
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
         """The hooks of effects on an arm."""
-        laws = itertools.count(1)
-        made = cls(_attached(effect, hook, laws) for effect in effects for hook in effect.hooks(arm))
+        switches, guards = itertools.count(1), itertools.count(1)
+        every = ((effect, hook) for effect in effects for hook in effect.hooks(arm))
+        made = cls(_attached(effect, hook, switches, guards) for effect, hook in every)
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
 
@@ -154,7 +204,7 @@ class Attachments(tuple[Attached[Hook], ...]):
             (name, a.key, *_root_and_index(state.name), *_kind_and_number(name))
             for a in self
             for state, functions in zip(states_of(a.hook), a.states.values(), strict=True)
-            for name in dict.fromkeys(n for own in ("update", "initial") if own in functions
+            for name in dict.fromkeys(n for own in ("update", RENEWAL, "initial") if own in functions
                                       for n in functions[own].names if DRAWN in n)
         ]  # fmt: skip
         most: dict[tuple[str, str, bool], int] = {}
@@ -174,16 +224,40 @@ class Attachments(tuple[Attached[Hook], ...]):
         return made
 
     @cached_property
-    def take_interval(self) -> bool:
-        """Whether functions take the control interval."""
-        own = (f for a in self for functions in (a.functions, *a.states.values()) for f in functions.values())
-        return any(hooks.INTERVAL in f.names for f in own)
-
-    @cached_property
     def chains(self) -> dict[str, list[Attached[Actuation]]]:
         """For the command of each motor the links between it and the effort, in order."""
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
         return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
+
+    def command_units(self, arm: Arm) -> tuple[str, ...]:
+        """Units of the motors' commands; ValueError if units do not meet in the chain of one."""
+        return tuple(_command_unit(chain, arm, k) for k, chain in enumerate(self.chains.values()))
+
+    def unit_at(self, effect: Effect, joint: int, arm: Arm) -> str:
+        """Unit of the command that reaches the first link of an effect in the chain of a joint's motor."""
+        command = self.commands[joint]
+        unit = _command_unit(self.chains[command], arm, joint)
+        for link in self.chains[command]:
+            if link.effect is effect:
+                break
+            if link.hook.takes:
+                unit = link.hook.gives or hooks.effort_unit(arm, joint)
+        return unit
+
+    def place_in_chain(self, effect: Effect) -> float:
+        """The first place of an effect's links in the chains; beyond all places for one without links."""
+        links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
+        return min(links, default=math.inf)
+
+    @cached_property
+    def instants(self) -> tuple[Attached[Instant], ...]:
+        """Instants that divide an interval into pieces."""
+        return self.of(Instant)
+
+    def take(self, name: str) -> bool:
+        """Whether one of the functions takes a quantity."""
+        parts = (part for a in self for part in (a.functions, *a.states.values()))
+        return any(name in bound.names for part in parts for bound in part.values())
 
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
         """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
@@ -244,6 +318,28 @@ class Attachments(tuple[Attached[Hook], ...]):
         return with_inertias(arm, self.inertias, found) if found else arm
 
 
+def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) -> str:
+    """Unit of the command at the beginning of a motor's chain; ValueError if units do not meet."""
+    effort, given, giver, first = hooks.effort_unit(arm, joint), "", "", ""
+    for link in chain:
+        takes = link.hook.takes
+        if not takes:  # it hands on what it gets
+            continue
+        if giver and takes != given:
+            raise ValueError(
+                f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and {link.key!r} behind it "
+                f"takes {takes!r}; leave one of them out, or change the 'link' of one"
+            )
+        first = first or takes
+        given, giver = link.hook.gives or effort, link.key
+    if giver and given != effort:
+        raise ValueError(
+            f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and the motor's effort is in "
+            f"{effort!r}; add an effect that takes {given!r}, such as a motor"
+        )
+    return first or effort
+
+
 DRAWN = " draws "
 """Between the field of a state and its draw in the name of a quantity, as in no other name."""
 
@@ -274,28 +370,46 @@ def _check_streams(states: Iterable[tuple[str, str]]) -> None:
             )
 
 
-def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:
-    key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(laws)}"
+def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
+    key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
+    guard = getattr(hook, "guard", None)
+    guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
+    laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
 
-    def name_of(source: str) -> str:
-        if source == hooks.SIDE and law:
-            return f"side_{law}"
+    def name_of(source: str, field: str = "") -> str:
+        if laws.get(source):
+            return f"side_{laws[source]}"
+        if source == hooks.ELAPSED and field == "closed":
+            return TIME
+        if source == hooks.PASSED:
+            return passed_field(key)
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
 
-        def quantity(argument: str) -> str:
+        def quantity(argument: str, field: str) -> str:
             source = part.bind.get(argument, argument)
             if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own
                 return f"{key}.{part.name}{DRAWN}{source}"
-            return name_of(source)
+            return name_of(source, field)
 
         return {
-            field: Bound(f, tuple(map(quantity, arguments_of(f))), key)
+            _called(field, part): Bound(f, tuple(quantity(a, field) for a in arguments_of(f)), key)
             for field, f in values.items()
             if callable(f)
         }
 
     states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
-    return Attached(effect, hook, bound(hook), states, law)
+    return Attached(effect, hook, bound(hook), states, law, guards)
+
+
+def _called(field: str, part: Any) -> str:
+    """The key of a function among those of a hook or a state."""
+    at_instant = isinstance(part, State) and part.when == "instant"
+    return RENEWAL if at_instant and field == "update" else field
+
+
+def passed_field(key: str) -> str:
+    """The field that says whether the instant of the effect with a key has passed."""
+    return f"passed_{key}"

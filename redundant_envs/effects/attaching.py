@@ -17,22 +17,30 @@ from redundant_envs.algebra import arguments_of, name_of, numbered
 from redundant_envs.draws import DRAW
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
-    INTERVAL,
+    CONTROL_DT,
+    ELAPSED,
+    MOST_GUARDS,
+    PASSED,
     SIDE,
+    SPEED,
+    WHEN,
     Actuation,
     Effect,
     Field,
     Force,
+    Friction,
     Gap,
     Hook,
     Impact,
     Inertia,
+    Instant,
     Link,
     Point,
     PointMass,
     Reading,
     Sensing,
     State,
+    sides,
     states_of,
 )
 from redundant_envs.quantities import Quantities
@@ -55,7 +63,7 @@ class May(enum.Enum):
 class Rule(NamedTuple):
     """The rule of a function of a hook or a state."""
 
-    values: int = 1  # that it returns
+    values: int = 1  # that it returns; at most so many for a guard
     may: May = May.ANYTHING
     refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
 
@@ -66,22 +74,28 @@ RULES: dict[type, dict[str, Rule]] = {
     Force: {
         "function": Rule(),
         "kink": Rule(),
+        "guard": Rule(MOST_GUARDS),
         "potential": Rule(1, May.POSITION),
         "conservative": Rule(1, May.POSITION),
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
-    Actuation: {"function": Rule(), "kink": Rule()},
+    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
+    Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
+                             "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
                            "numbers")},
     Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
                                "numbers")},
+    Instant: {"after": Rule(1, May.PARAMETERS, "after {name} depends on {more}; an instant may depend on "
+                            "parameters and control_dt alone")},
     State: {
         "derivative": Rule(),
         "update": Rule(),
         "initial": Rule(1, May.MOTION, "{field} {name} depends on {more}; it may depend on parameters, on "
                         "draws and on the motion at the start"),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
+        "closed": Rule(),
     },
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
@@ -117,6 +131,7 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{called}, hook {n} ({type(hook).__name__}): {error}") from None
+    _check_instants(called, hooks)
     check_numbers(called, effect, arm, hooks)
     _check_uses(called, effect, arm, hooks)
     forces = [h for h in hooks if isinstance(h, Force)]
@@ -156,6 +171,33 @@ def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
                 )
             own[name] = True
     return own
+
+
+def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
+    """Refuse a second instant of an effect, and what only an effect with an instant may have."""
+    instants = [hook for hook in hooks if isinstance(hook, Instant)]
+    if len(instants) > 1:
+        raise ValueError(
+            f"{called} has {len(instants)} instants; give one, and further ones to other effects"
+        )
+    for n, part in ((n, part) for n, hook in enumerate(hooks) for part in (hook, *states_of(hook))):
+        if isinstance(part, State) and (part.when not in WHEN or (part.when == "instant" and not instants)):
+            raise ValueError(
+                f"{called}, hook {n}: the state {part.name!r} has when={part.when!r:.40}; give "
+                f"{' or '.join(map(repr, WHEN))}, the latter in an effect with an Instant"
+            )
+        if isinstance(part, State) and part.when == "instant" and part.update is None:
+            raise ValueError(
+                f"{called}, hook {n}: the state {part.name!r} has when='instant' and no update; give one"
+            )
+        functions = [getattr(part, f.name) for f in dataclasses.fields(part)]
+        bind: Mapping[str, str] = getattr(part, "bind", {})
+        named = {bind.get(a, a) for f in functions if callable(f) for a in arguments_of(f)}
+        if PASSED in named and not instants:
+            raise ValueError(
+                f"{called}, hook {n}: a function takes {PASSED!r}, and the effect has no instant; add "
+                "Instant(after=...) to its hooks"
+            )
 
 
 def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
@@ -229,10 +271,14 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
+    if isinstance(hook, Actuation):
+        _check_units(hook)
     for part in (hook, *states_of(hook)):
+        allowed = _Allowed(part, hook, own, arm)
         if isinstance(part, State):
             if (part.derivative is None) == (part.update is None):
                 raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
+            _check_closed(part)
             if part.derivative is not None and isinstance(hook, Sensing):
                 raise ValueError(
                     f"the state {part.name!r} of a sensor has a derivative; give an update: a sensor is read "
@@ -243,7 +289,39 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
         for field, rule in RULES.get(type(part), {}).items():
             given = getattr(part, field)
             if given is not None and (field != "initial" or callable(given)):
-                _check_function(field, rule, part, own, arm)
+                _check_function(field, rule, allowed)
+
+
+def _check_closed(state: State) -> None:
+    """Refuse a closed form without a derivative, or one that does not depend on the time."""
+    if state.closed is None:
+        return
+    if state.derivative is None:
+        raise ValueError(
+            f"the state {state.name!r} has a closed form and no derivative; give the derivative, too: error "
+            "control integrates it"
+        )
+    takes = [state.bind.get(argument, argument) for argument in arguments_of(state.closed)]
+    for source, what in ((ELAPSED, "the time since the step began"), (f".{state.name}", "the value then")):
+        if source not in takes:
+            raise ValueError(
+                f"closed of the state {state.name!r}, {name_of(state.closed)}, does not take {source!r}, "
+                f"{what}; a closed form is a function of both"
+            )
+
+
+def _check_units(hook: Actuation) -> None:
+    """Refuse units of a link that are no text, and one that it gives without one that it takes."""
+    for field in ("takes", "gives"):
+        unit = getattr(hook, field)
+        if not isinstance(unit, str) or unit != unit.strip():
+            raise ValueError(
+                f"{field} is {unit!r:.80}; give a unit such as 'V', or '' for that of the command"
+            )
+    if hook.gives and not hook.takes:
+        raise ValueError(
+            f"gives is {hook.gives!r} without takes; name the unit of the command, too, takes='rad/s'"
+        )
 
 
 def _check_place(hook: Hook, arm: Arm) -> None:
@@ -269,6 +347,8 @@ def _check_place(hook: Hook, arm: Arm) -> None:
             f"joints is {joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
     if isinstance(hook, Force) and hook.switch is not None:
+        if hook.guard is not None:
+            raise ValueError("switch and guard are given, and both say which law holds; give the guard alone")
         if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
             raise ValueError(
                 f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')"
@@ -284,14 +364,26 @@ def _is_one_of(count: int, index: Any) -> bool:
     return isinstance(index, int) and not isinstance(index, bool) and 0 <= index < count
 
 
-def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> None:
+class _Allowed(NamedTuple):
+    """A hook or one of its states, and what the functions of it may take."""
+
+    part: Any
+    hook: Any
+    own: Own
+    arm: Arm
+
+
+def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     """Check a function of a hook or a state: its text, the names that it takes, and its rule."""
+    part, arm = known.part, known.arm
     function = getattr(part, field)
     values, name = dialect.check(function), name_of(function)
-    roots = dict(_roots(field, function, part, own, arm))
+    if field == "guard" and values > MOST_GUARDS:
+        raise ValueError(f"guard {name} returns {values} values; it may return {MOST_GUARDS} at most")
+    roots = dict(_roots(field, function, known))
     at_point = isinstance(part, Force) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
-    if values != wanted:
+    if values != wanted and field != "guard":
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
         if field == "function":
             raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
@@ -315,10 +407,9 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
         raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
 
 
-def _roots(
-    field: str, function: Callable[..., Any], part: Any, own: Own, arm: Arm
-) -> Iterator[tuple[str, Set[str]]]:
+def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterator[tuple[str, Set[str]]]:
     """What each quantity that a function takes depends on; refuses names that nothing has."""
+    part, _, own, arm = known
     if not isinstance(part.bind, Mapping):
         raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
     values = [getattr(x, field.name) for x in (part, *states_of(part)) for field in dataclasses.fields(x)]
@@ -346,18 +437,33 @@ def _roots(
                 )
             yield source, set()
             continue
-        if source == INTERVAL:
+        if source == SPEED and isinstance(part, Friction):
+            continue
+        if source == ELAPSED and field == "closed":
             yield source, set()
             continue
-        chosen = source == SIDE and getattr(part, "switch", None) is not None
+        if source in (PASSED, CONTROL_DT):
+            yield source, {source} - {CONTROL_DT}
+            continue
         try:
-            yield source, roots_of(part.motion[0] if chosen else source, arm)
+            yield source, _roots_of_side(source, field, known) or roots_of(source, arm)
         except ValueError:
             raise ValueError(
                 f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
                 "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
                 "s1, c1, m1, l1, or bind a number of the effect by '.name'"
             ) from None
+
+
+def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
+    """What a side depends on, which says which law of a hook holds; nothing if a quantity is no side."""
+    hook, arm = known.hook, known.arm
+    if source == SIDE and getattr(hook, "switch", None) is not None:
+        return roots_of(hook.motion[0], arm)
+    guard = getattr(hook, "guard", None)
+    if guard is None or field == "guard" or source not in sides(dialect.check(guard)):
+        return frozenset()
+    return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
 
 
 def _check_own(where: str, source: Any, own: Iterable[str]) -> None:

@@ -28,14 +28,14 @@ TIMES = "frequency", "time_constant"
 
 
 @physics
-def step(elapsed, start, interval, size):
+def step(elapsed, start, control_dt, size):
     """From the first control interval on that begins at the time ``start`` or later."""
-    return where(elapsed >= start - ROUNDING * interval, size, 0.0)
+    return where(elapsed >= start - ROUNDING * control_dt, size, 0.0)
 
 
 @physics
-def later(elapsed, interval):
-    return elapsed + interval
+def later(elapsed, control_dt):
+    return elapsed + control_dt
 
 
 @physics
@@ -50,15 +50,15 @@ def angular_rate(frequency):
 
 
 @physics
-def white(density, interval, normal1):
+def white(density, control_dt, normal1):
     """Constant in an interval, with a variance that makes the impulse of any time independent of it."""
-    return density / sqrt(interval) * normal1
+    return density / sqrt(control_dt) * normal1
 
 
 @physics
-def wandering(force, deviation, time_constant, interval, normal1):
+def wandering(force, deviation, time_constant, control_dt, normal1):
     """The exact law of an Ornstein-Uhlenbeck process from one instant to another (Gillespie 1996)."""
-    decay = exp(-interval / time_constant)
+    decay = exp(-control_dt / time_constant)
     return force * decay + deviation * sqrt(1.0 - decay * decay) * normal1
 
 

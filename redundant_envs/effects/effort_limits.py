@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, physics
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, units_of_joints
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 
@@ -37,7 +37,9 @@ class EffortLimits(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]
-        return tuple(Actuation(k, saturate, own, Link.LIMITS) for k, own in enumerate(bind))
+        return tuple(
+            Actuation(k, saturate, own, Link.LIMITS, takes=effort_unit(arm, k)) for k, own in enumerate(bind)
+        )
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

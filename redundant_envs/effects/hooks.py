@@ -10,11 +10,15 @@ import dataclasses
 import enum
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from redundant_envs.robots.arm import Arm
+
+ELAPSED = "elapsed"
+"""Argument of a state's closed form: the time since its value was that which the form takes, s."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,17 @@ class State:
     ``normal1``, ``normal2``, ... of the standard normal distribution. All draws are independent: each lane,
     interval and state has others. They follow from the key of the lane's episode, the number of the interval,
     the effect's key and the state's name, so that no other effect changes them.
+
+    ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
+    and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
+    derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
+    derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
+    follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
+    state which lags behind them does so by the right time.
+
+    With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
+    there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
+    state stays.
     """
 
     name: str
@@ -44,6 +59,36 @@ class State:
     bind: Mapping[str, str] = field(default_factory=dict)
     initial: float | Callable[..., Any] = 0.0
     rate: Callable[..., Any] | None = None
+    closed: Callable[..., Any] | None = None
+    when: str = "interval"
+
+
+WHEN = ("interval", "instant")
+"""Allowed values of :attr:`State.when`."""
+PASSED = "passed"
+"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
+CONTROL_DT = "control_dt"
+"""Argument of all functions of effects: the control interval of the scene, s."""
+MOST_INSTANTS = 4
+"""Most instants in a scene: each adds a piece to every interval."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A time within each control interval at which something of the effect changes; at most one per effect.
+
+    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone, so
+    that it may differ from lane to lane. The interval is crossed in two pieces that meet there, so no step
+    contains the change, and the pieces share the tolerance. Functions of the effect then may take ``passed``:
+    0 before the instant, 1 from then on; states of the effect may be updated there.
+
+    A time that is negative, not below the length of the interval, or no number does not happen in it. A time
+    of 0 is the start of the interval, and adds no step. ``bind`` says what arguments stand for, see
+    :class:`Effect`.
+    """
+
+    after: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -62,10 +107,15 @@ class Point:
     number: int
 
 
-INTERVAL = "interval"
-"""Argument of functions of effects that is the control interval, s."""
 SIDE = "side"
-"""Argument of a force's functions that selects which of its laws holds."""
+"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
+MOST_GUARDS = 4
+"""Most values of the guard of one hook: its functions have as many sides."""
+
+
+def sides(count: int) -> list[str]:
+    """Arguments that are the sides of a guard with some values: "side", or "side1", "side2", ..."""
+    return [SIDE] if count == 1 else [f"{SIDE}{k + 1}" for k in range(count)]
 
 
 @dataclass(frozen=True)
@@ -96,6 +146,12 @@ class Force:
     contains two laws: the change is located in time, as an impact is. So each law must be smooth beyond its
     own positions, too, and both must give the same force where they meet.
 
+    ``guard`` is the same for a law that changes where any function changes its sign, of positions, rates,
+    states and commands: its functions then may take ``side``, 1 where the guard is positive or 0, and -1
+    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Under
+    error control each change of a sign is located in time, so each law must be smooth beyond its own range,
+    and the guard, too. With fixed steps the sign at each stage selects the law.
+
     Other kinks are found by running the function on numbers that know whether they move (comparisons,
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
     same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
@@ -113,6 +169,7 @@ class Force:
     states: tuple[State, ...] = ()
     switch: tuple[str, str] | None = None
     kink: Callable[..., Any] | None = None
+    guard: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         if self.potential is not None and self.conservative is None:
@@ -136,10 +193,11 @@ class Link(enum.IntEnum):
     """Position of an effect in the chain from the command of a motor to its effort."""
 
     DELAY = 0
-    DEAD_ZONE = 1
-    LAG = 2
-    TORQUE_SPEED = 3
-    LIMITS = 4
+    CONTROL = 1
+    DEAD_ZONE = 2
+    LAG = 3
+    TORQUE_SPEED = 4
+    LIMITS = 5
 
 
 @dataclass(frozen=True)
@@ -150,7 +208,13 @@ class Actuation:
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
     ``bind`` says what arguments stand for, see :class:`Effect`.
 
-    Kinks and ``kink`` are as in :class:`Force`, if a rate or a state comes before them in the chain.
+    A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
+    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
+    "rad/s" and gives "V" stands before a motor that takes "V". The command of a motor has the unit that the
+    first of these links takes. A chain whose units do not meet is refused.
+
+    Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
+    chain.
     """
 
     joint: int
@@ -159,6 +223,30 @@ class Actuation:
     link: Link = Link.LIMITS
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
+    guard: Callable[..., Any] | None = None
+    takes: str = ""
+    gives: str = ""
+
+
+SPEED = "speed"
+"""Argument of the limit of a friction: the size of the rate of its joint."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Dry friction in a joint: a set-valued force that holds the joint as long as that takes no more than its
+    limit, and that opposes its rate with the limit while it moves.
+
+    ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
+    rate of the joint; at the speed 0 it is the limit of static friction. A joint that sticks has the rate 0
+    exactly, and keeps its position. When joints stick and slip is located in time, with every integrator.
+    The limits of several frictions in one joint add up. ``bind`` says what arguments stand for, see
+    :class:`Effect`.
+    """
+
+    joint: int
+    limit: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -240,7 +328,7 @@ class Sensing:
     states: tuple[State, ...] = ()
 
 
-Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
+Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
 
 
 def states_of(hook: Any) -> tuple[State, ...]:
@@ -257,7 +345,8 @@ class Effect:
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
     the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
-    quantity of its own name. ``interval`` is the control interval [s].
+    quantity of its own name. ``control_dt`` is the control interval of the scene [s], also while a simulator
+    advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.
@@ -337,8 +426,8 @@ class Effect:
         return dataclasses.replace(self, **changed) if changed else self
 
     def at_interval(self, control_dt: float) -> Effect:
-        """The effect as a scene with this control interval [s] has it: one whose structure depends on that,
-        such as the number of readings that it keeps, overrides this."""
+        """The effect as a scene with this control interval [s] has it. An effect whose number of states
+        depends on the interval overrides this; functions take ``control_dt`` as an argument instead."""
         return self
 
     def states(self, arm: Arm) -> dict[str, State]:
@@ -353,7 +442,11 @@ class Effect:
         return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
-        """Own numbers in units of which an environment takes its actions, one for each motor; () if none."""
+        """Own numbers in units of which an environment takes its actions, one for each motor; () if none.
+
+        They have the unit of the command that reaches the effect's links. If several effects of a scene give
+        such numbers, those of the effect whose links come first in the chains are used.
+        """
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
@@ -381,6 +474,15 @@ class Effect:
         return values
 
 
+COMMAND = "unit of the command"
+"""Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
+
+
+def effort_unit(arm: Arm, joint: int) -> str:
+    """Unit of the effort of a joint's motor."""
+    return "N" if arm.prismatic[joint] else "N m"
+
+
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
@@ -403,6 +505,10 @@ def _of_python(value: Any, static: bool) -> Any:
     return value.item() if static else float(value)
 
 
+WORD_BEGINS = re.compile(r"(?<=[^A-Z_])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+"""Places in the name of a class before which another word begins."""
+
+
 def snake_case(name: str) -> str:
-    """LimitSpring -> limit_spring."""
-    return "".join("_" + c.lower() if c.isupper() else c for c in name).lstrip("_")
+    """LimitSpring -> limit_spring, DCMotor -> dc_motor: a run of capitals is one word."""
+    return WORD_BEGINS.sub("_", name).lower()

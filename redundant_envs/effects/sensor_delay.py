@@ -6,28 +6,26 @@ import dataclasses
 import functools
 import itertools
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.algebra import floor, numbered, physics, where
-from redundant_envs.effects.hooks import INTERVAL, Effect, Hook, Sensing, State
+from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 
 MOST_KEPT = 1024
 """Readings that a sensor keeps at most: each is a number of every lane, and moves on in every step."""
-ROUNDING = 4.0 * sys.float_info.epsilon
-"""Relative distance of a delay from whole control steps that is taken for rounding: 0.3 s are three steps of
-0.1 s, though 0.3 / 0.1 is less than 3."""
 
 
 @physics
-def steps_back(seconds, interval):
-    """The delay in control steps; those that are whole but for rounding are whole."""
-    steps = seconds / interval
+def steps_back(seconds, control_dt):
+    """The delay in control steps; those that are whole but for rounding are whole: 0.3 s are three steps of
+    0.1 s, though 0.3 / 0.1 is less than 3."""
+    steps = seconds / control_dt
     whole = floor(steps + 0.5)
     return where(abs(steps - whole) <= ROUNDING * whole, whole, steps)
 
@@ -36,10 +34,10 @@ def steps_back(seconds, interval):
 def delayed(count: int) -> Callable[..., Any]:
     """The function of a sensor that keeps a number of readings, the latest first."""
 
-    @physics(takes=("seconds", INTERVAL, *numbered("kept{}", count)))
-    def delayed(seconds, interval, *kept):
+    @physics(takes=("seconds", "control_dt", *numbered("kept{}", count)))
+    def delayed(seconds, control_dt, *kept):
         """On the line through the readings before and after the instant."""
-        steps = steps_back(seconds, interval)
+        steps = steps_back(seconds, control_dt)
         whole = floor(steps)
         newer, older = kept[0], kept[min(1, count - 1)]
         for k in range(1, count):
@@ -74,15 +72,15 @@ class SensorDelay(Effect):
         The delay, s, from 0 to ``longest``.
     longest : float
         The longest delay that may be set, s: as many readings are kept as it needs, at most 1024.
-    kept : int, optional
-        Number of readings that each sensor keeps; a scene sets it, from ``longest`` and its control interval.
+    control_dt : float, optional
+        Control interval, s. A scene gives its own; nothing else may.
     """
 
     seconds: float
     longest: float
-    kept: int | None = None
+    control_dt: float | None = None
 
-    static = ("longest", "kept")
+    static = ("longest", "control_dt")
 
     def __post_init__(self) -> None:
         seconds, longest = (number(f"SensorDelay.{n}", getattr(self, n)) for n in ("seconds", "longest"))
@@ -105,7 +103,16 @@ class SensorDelay(Effect):
                 f"a sensor keeps at most {MOST_KEPT} readings; give at most {most:g} s, or a scene with a "
                 "longer control_dt"
             )
-        return dataclasses.replace(self, kept=math.ceil(steps) + 1)
+        return dataclasses.replace(self, control_dt=control_dt)
+
+    @property
+    def kept(self) -> int:
+        """Number of readings that each sensor keeps."""
+        if self.control_dt is None:
+            raise ValueError(
+                "SensorDelay keeps as many readings as its scene's control_dt asks for; make a Scene"
+            )
+        return math.ceil(steps_back(self.longest, self.control_dt)) + 1
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"seconds": "s"}
@@ -114,12 +121,11 @@ class SensorDelay(Effect):
         return tuple(self._late(s, arm) for s in every_sensor(arm))
 
     def _late(self, s: Sensor, arm: Arm) -> Hook:
-        count = self.kept or 1
-        names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(count)]
+        names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(self.kept)]
         unit, now = s.unit(arm), {"reading": s.quantity}
         states = [State(names[0], unit, update=latest, initial=latest, bind=now)]
         for newer, name in itertools.pairwise(names):
             bind = {**now, "newer": f".{newer}"}
             states.append(State(name, unit, update=moved_on, initial=latest, bind=bind))
         own = {"seconds": ".seconds", **{f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}}
-        return Sensing(s.joint, delayed(count), own, s.reading, tuple(states))
+        return Sensing(s.joint, delayed(self.kept), own, s.reading, tuple(states))

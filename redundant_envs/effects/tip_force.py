@@ -15,8 +15,8 @@ AXES = "[0]", "[1]"
 
 
 @physics
-def steps(elapsed, start, interval, size_x, size_y):
-    return d.step(elapsed, start, interval, size_x), d.step(elapsed, start, interval, size_y)
+def steps(elapsed, start, control_dt, size_x, size_y):
+    return d.step(elapsed, start, control_dt, size_x), d.step(elapsed, start, control_dt, size_y)
 
 
 @physics

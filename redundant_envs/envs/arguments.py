@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
 from redundant_envs.lane.episode import Episode
+from redundant_envs.lane.randomized import fixed
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
+from redundant_envs.scene_numbers import names_of
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
 from redundant_envs.values import check_keys, shown
 
@@ -40,7 +42,7 @@ def numbers_of_reward(task: Task) -> list[str]:
     return [name for name in task.parameters() if name in taken]
 
 
-def _check_of_reward(scene: Scene, task: Task, given: Mapping[str, Any]) -> None:
+def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
     fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
     of_reward = numbers_of_reward(task)
@@ -65,10 +67,14 @@ def checked_reset(
     check_keys("options", options, OPTION_KEYS)
     given, values = options.get("parameters"), None
     if task.goal_conditioned and isinstance(given, Mapping):
-        _check_of_reward(scene, task, given)
+        check_of_reward(scene, task, given)
     if given is not None:
         values = parameters.lane_values(scene, memory, lanes, given, True, task)
-    present = values or parameters.present(memory, lanes, scene.parameters())
+        values |= _fixed(episode, given, len(lanes))
+    present = values or parameters.present(
+        memory, lanes, (*scene.parameters(), *map(fixed, episode.randomized.entries))
+    )
+    present = _narrowest(episode, present)
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
     rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
@@ -92,6 +98,26 @@ def checked_reset(
                     f"{reach[lane]:.6g} m: choose a goal within it"
                 )
     return values, writes
+
+
+def _fixed(episode: Episode, given: Mapping[str, Any], count: int) -> parameters.Table:
+    """For each number that episodes draw, whether options set it for some lanes: it is not drawn then."""
+    entries = episode.randomized.entries
+    scene, of_task = episode.dynamics.scene, episode.task.parameters()
+    named = {entry for name in given for entry in names_of(scene, name, of_task)} if entries else set()
+    return {fixed(entry): np.full(count, float(entry in named)) for entry in entries}
+
+
+def _narrowest(episode: Episode, values: parameters.Table) -> parameters.Table:
+    """Numbers of lanes with the shortest lengths and travels that a reset may draw: a start or a goal that
+    options give has to be possible in every episode."""
+    scene, found = episode.dynamics.scene, dict(values)
+    lowers = {lower for _, lower, _ in hard_stops(scene)}
+    for entry, (low, high) in episode.randomized.ends().items():
+        if entry in values:
+            end = high if entry in lowers else low
+            found[entry] = np.where(values[fixed(entry)] > 0.0, values[entry], end)
+    return found
 
 
 def checked_options(options: Any) -> dict[str, Any]:

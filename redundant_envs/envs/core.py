@@ -18,6 +18,8 @@ from redundant_envs.draws import KEY_WORDS
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
+from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import TIP, Episode
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
@@ -98,17 +100,24 @@ class Core(Copied):
         accuracy: str | float | None = None,
         env_id: str | None = None,
         threads: int = 1,
+        variation: Variation = AS_IN_THE_SCENE,
     ) -> None:
-        self.scene = scene_at(scene, accuracy)
+        self.scene, self.variation = scene_at(scene, accuracy), variation
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
+        variation.check(self.scene, task)
+        self.bounds = variation.bounds(self.scene, task)
+        """Bounds of the numbers that observations show."""
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
-        self.simulator = environment_simulator(self.scene, self.task)
+        self.simulator = self._found_simulator(vars(self))
         numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
-        self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers)
+        randomized = self.episode.randomized
+        numbers |= randomized.numbers()
+        drawn = bool(randomized.drawn)
+        self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers, drawn)
         arm = self.scene.robot
         rest = [0.5 * (low + high) for low, high in self.start_ranges()]
         named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
@@ -145,7 +154,10 @@ class Core(Copied):
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
-        return environment_simulator(state["scene"], state["task"])
+        scene, task, variation = state["scene"], state["task"], state["variation"]
+        simulated = variation.simulated(scene)
+        fields = map(Dynamics(simulated).field_of, variation.entries(scene, task))
+        return environment_simulator(simulated, task, tuple(fields))
 
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""
@@ -317,7 +329,7 @@ class Core(Copied):
         dynamics = self.simulator.dynamics
         motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
         finite = (*motion, *self.task.memory, "steps")
-        kept = numbers_of_reward(self.task)
+        kept = (*numbers_of_reward(self.task), *self.episode.randomized.numbers())
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for name in OF_KEYS:
             parameters.check_array("state", name, state[name], getattr(self, name))

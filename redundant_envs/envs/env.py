@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -18,6 +18,7 @@ from redundant_envs.envs.arguments import check_action, checked_options, checked
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import Face
 from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
+from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
 
@@ -38,13 +39,16 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         render_mode: str | None = None,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
+        randomize: bool = True,
+        observe_parameters: Sequence[str] = (),
     ) -> None:
         self._check_choices(on_bad_action, render_mode)
+        variation = Variation.of(randomize, observe_parameters)
         if render_mode == "human":
             from redundant_envs.envs.rendering import load_pygame
 
             load_pygame()  # a missing package is reported at once, not at the first step
-        core = self._core_of(scene, 1, task, accuracy)
+        core = self._core_of(scene, 1, task, accuracy, variation)
         self.observation_space, self.action_space = self._take(core)
         self._lane = SingleLane(self.core)
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
@@ -187,7 +191,7 @@ class SingleLane:
         """Whether the episode was terminated, and the reward, of the last step."""
         self.points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
         """Tip and goal, m."""
-        self._shown = _reader(columns, [column for column, *_ in columns.places_shown]).unpack
+        self._shown = self._showing(columns)
         self._names = tuple(columns.names)
         self._unread = dict.fromkeys(columns.names, UNREAD)
         self._operation, self._memory = -1, core.memory
@@ -201,6 +205,14 @@ class SingleLane:
     def _reading(self, columns: Columns, names: Any) -> Any:
         """A function that reads some quantities of the last step."""
         return functools.partial(_reader(columns, names).unpack_from, self._buffer)
+
+    def _showing(self, columns: Columns) -> Callable[[Any], Sequence[Any]]:
+        """A function that reads all that ``info`` has from the bytes of a step."""
+        shown = _reader(columns, [column for column, *_ in columns.places_shown]).unpack
+        if not columns.drawn:
+            return shown
+        drawn = _reader(columns, columns.drawn_fields).unpack
+        return lambda data: (*shown(data), columns.drawn_of(drawn(data)))
 
     def run(self, operation: int) -> NDArray[np.float32]:
         """Run an operation of the kernel; returns the observation."""

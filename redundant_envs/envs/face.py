@@ -17,6 +17,7 @@ from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.outputs import Outputs
+from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TIP
 from redundant_envs.scene import Scene
 from redundant_envs.tables import table
@@ -67,9 +68,7 @@ class Parameters(dict[str, Parameter]):
 def parameters_of(core: Core) -> Parameters:
     """The numbers of all lanes of a core."""
     scene, task = core.scene, core.task
-    units = {**scene.robot.units, **task.units}
-    for effect in scene.effects:
-        units |= {f"{effect.key}.{name}": unit for name, unit in effect.units(scene.robot).items()}
+    units = {**scene.robot.units, **task.units, **scene.units()}
     named: dict[str, list[str]] = {}
     for name in scene.parameters():
         named.setdefault(name.split("[")[0] if "." in name else OF_ARM[name[0]], []).append(name)
@@ -108,13 +107,13 @@ class Face:
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
-        max_episode_steps: int | None = None, threads: int = 1,
+        variation: Variation, max_episode_steps: int | None = None, threads: int = 1,
     ) -> Core:  # fmt: skip
         """The core of the class's task, for a scene in the form that the spec of an environment can hold."""
         if isinstance(scene, Scene):
             raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
         made = make_task(task, self.task_name)
-        return Core(scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads)
+        return Core(scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads, variation)
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
@@ -122,7 +121,7 @@ class Face:
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
         self.metadata = {**self.metadata, "render_fps": round(1.0 / core.scene.control_dt)}
         self._renderer: Any = None
-        seen: spaces.Space[Any] = spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
+        seen: spaces.Space[Any] = _box(core)
         if self.goal_conditioned:
             far = 2.0 * core.reach if is_confined(core.scene) else np.inf
             place = spaces.Box(-far, far, (2,), np.float64)
@@ -246,6 +245,15 @@ class VectorFace(Face):
         if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
+
+
+def _box(core: Core) -> spaces.Box:
+    """Observations of one environment: quantities within -1 to 1, then numbers within their ranges."""
+    if not core.bounds:
+        return spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
+    of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
+    low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
+    return spaces.Box(low, high, dtype=np.float32)
 
 
 def observation_of(batch: Any, lane: int) -> Any:

@@ -79,10 +79,11 @@ def texts() -> dict[str, Any]:
 def action_table(scene: Scene) -> str:
     """Actions with their limits."""
     values, arm, rows = scene.parameters(), scene.robot, []
-    for k, (joint, limit) in enumerate(zip(arm.joints, scene.action_units(), strict=True)):
-        unit = "N" if arm.prismatic[k] else "N m"
-        rows.append((k, f"effort at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit))
-    return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", "Unit of the effort"), rows)
+    units = zip(arm.joints, scene.action_units(), scene.command_units(), strict=True)
+    what = "effort" if all(unit in ("N", "N m") for unit in scene.command_units()) else "command"
+    for k, (joint, limit, unit) in enumerate(units):
+        rows.append((k, f"{what} at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit))
+    return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", f"Unit of the {what}"), rows)
 
 
 def observation_table(scene: Scene, task: Task) -> str:

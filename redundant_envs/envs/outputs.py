@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ INFO_NAMES = {
     "events_sum": "events",
     "error_most": "error_estimate",
 }
+DRAWN = "parameters"
+"""Name in ``info`` of the numbers that the episode has drawn."""
 SUM = re.compile(r"(.*?)(?:_term)?_sum$")
 """Names of sums over the episode, of terms of the reward."""
 
@@ -51,12 +54,17 @@ class Columns:
         self._places = {
             name: (k, row) for k, t in enumerate(self.tables.values()) for row, name in enumerate(t)
         }
-        hidden = (*ENDS, *TIP, *GOAL)
+        hidden = (*ENDS, *TIP, *GOAL, *episode.drawn)
+        self.drawn_fields, named = episode.drawn, episode.randomized.fields_by_name
+        self.drawn = {name: len(fields) for name, fields in named.items()}
+        """Numbers that every episode draws, and how many entries each has: their fields are in this order."""
         self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
         """Quantities in ``info``: quantity, table, row."""
         labels = {**INFO_NAMES, **episode.task.labels}
         shown = (labels.get(n) or SUM.sub(r"return_\1", n) for n, *_ in self.places_shown)
         self.names = [*shown]  # names of these in ``info``
+        if self.drawn:
+            self.names.append(DRAWN)
         self._names_and_masks = tuple(name for n in self.names for name in (n, f"_{n}"))
         self._unread = dict.fromkeys(self._names_and_masks, UNREAD)
 
@@ -78,14 +86,28 @@ class Columns:
 
     def _all_shown(self, out: Outputs) -> list[NDArray[Any]]:
         rows = [out[table][row] for _, table, row in self.places_shown]
-        masks = np.ones((len(rows), out.flags.shape[1]), np.bool_)  # one call, not many
+        masks = np.ones((len(self.names), out.flags.shape[1]), np.bool_)  # one call, not many
+        if self.drawn:
+            found = self.drawn_of([self.of(out, field) for field in self.drawn_fields])
+            nested = {f"_{name}": masks[-1].copy() for name in found}  # as Gymnasium nests a dict in infos
+            rows.append({**found, **nested})
         return [x for pair in zip(rows, masks, strict=True) for x in pair]
+
+    def drawn_of(self, values: Iterable[Any]) -> dict[str, Any]:
+        """The numbers that episodes have drawn, by name, from the values of their fields, of one lane or of
+        all."""
+        rest = iter(values)
+        rows = {name: [*itertools.islice(rest, count)] for name, count in self.drawn.items()}
+        return {name: row[0] if len(row) == 1 else np.stack(row, axis=-1) for name, row in rows.items()}
 
     def info(self, out: Outputs, lane: int) -> dict[str, Any]:
         """Values for a lane's ``info``, as Python numbers."""
         tables = [table[:, lane].tolist() for table in out]
         values = (tables[table][row] for _, table, row in self.places_shown)
-        return dict(zip(self.names, values, strict=True))
+        found = dict(zip(self.names, values, strict=False))
+        if self.drawn:
+            found[DRAWN] = self.drawn_of(float(self.of(out, field)[lane]) for field in self.drawn_fields)
+        return found
 
 
 class _Unread:

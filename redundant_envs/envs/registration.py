@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
 
-ARGUMENTS = ("scene", "accuracy", "task", "on_bad_action", "max_episode_steps")
+ARGUMENTS = (
+    "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
+)  # fmt: skip
 """Arguments of all environments, beside their number and the arguments of rendering."""
 
 
@@ -61,12 +63,20 @@ def check_arm(env_id: str | None, kind: str) -> None:
 
 
 def check_motors(scene: Scene) -> None:
-    """Refuse a scene without the limits in whose units actions are."""
+    """Refuse a scene without the limits in whose units actions are, or with limits in another unit."""
     if not scene.action_units() or scene.actuation != "joint":
         raise ValueError(
             "scene has no EffortLimits at joints, in whose units actions are; add them to its effects, with "
             "actuation 'joint'"
         )
+    units = scene.units()
+    for name, taken in zip(scene.action_units(), scene.command_units(), strict=True):
+        known = units.get(name, units.get(name.partition("[")[0], taken))
+        if known != taken:
+            raise ValueError(
+                f"actions are shares of {name}, which is in {known!r}, and the command of this motor is in "
+                f"{taken!r}; let the effect that takes {taken!r} give its own numbers, by action_units"
+            )
 
 
 def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:

@@ -18,6 +18,7 @@ from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
+from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
@@ -189,7 +190,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
-        max_episode_steps; and threads, over blocks of 8 environments.
+        max_episode_steps, randomize, observe_parameters; and threads, over blocks of 8 environments.
     """
     module, _, name = env_id.rpartition(":")
     if module:
@@ -208,7 +209,9 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     spec = dataclasses.replace(spec, kwargs={**arguments}, max_episode_steps=steps)
     own = {name: arguments.pop(name) for name in ("on_bad_action", "render_mode") if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
-    core = Core(num_envs=num_envs, task=task, env_id=full, max_episode_steps=steps, **arguments)
+    varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))
+    made = {"num_envs": num_envs, "task": task, "env_id": full, "max_episode_steps": steps, **arguments}
+    core = Core(**made, variation=varied)
     env = SB3VecEnv(core, **own, monitor=monitor)
     env.spec = spec
     return env

@@ -14,7 +14,8 @@ from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import VectorFace, observation_of
-from redundant_envs.envs.outputs import Outputs
+from redundant_envs.envs.outputs import DRAWN, Outputs
+from redundant_envs.envs.variation import Variation
 from redundant_envs.model.parameters import check_array, check_keys
 from redundant_envs.values import whole_number
 
@@ -40,11 +41,14 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         render_mode: str | None = None,
         accuracy: str | float | None = None,
         threads: int = 1,
+        randomize: bool = True,
+        observe_parameters: Sequence[str] = (),
     ) -> None:
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode)
-        core = self._core_of(scene, num_envs, task, accuracy, max_episode_steps, threads)
+        variation = Variation.of(randomize, observe_parameters)
+        core = self._core_of(scene, num_envs, task, accuracy, variation, max_episode_steps, threads)
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -147,6 +151,8 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         if mask is not None:
             for name in self.core.columns.names:
                 infos[f"_{name}"] &= mask
+            for name in self.core.columns.drawn:
+                infos[DRAWN][f"_{name}"] &= mask
         return infos
 
 

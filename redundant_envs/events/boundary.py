@@ -1,7 +1,8 @@
 """Boundaries of a motion: a coordinate between two limits, and what happens where it reaches one of them.
 
-The coordinate is the travel of a joint, or any other function of the motion. In all modules of events, sides
-are 1 at the upper limit, -1 at the lower one, 0 at none.
+The coordinate is the travel of a joint, or any other function of the motion. A guard has no coordinate: it is
+a value that must keep its sign as long as a law holds, as a stop must not have to pull. In all modules of
+events, sides are 1 at the upper limit, -1 at the lower one, 0 at none.
 """
 
 from __future__ import annotations
@@ -42,6 +43,12 @@ class Boundary:
     gap: Callable[..., Any] | None = None  # any other one: takes quantities by name, gives its value, m
     restitution: str = ""  # field with that of a stop
     bounces: bool = True
+    guards: bool = False  # whether a law holds as long as a value keeps its sign; then there is no coordinate
+
+    @property
+    def sticks(self) -> bool:
+        """Whether it is that of a joint with dry friction, whose law is the way in which it slips, or 0."""
+        return self.guards and self.joint is not None
 
     @property
     def number(self) -> int:
@@ -53,6 +60,16 @@ class Boundary:
     def side(self) -> str:
         """The field with the law of a force that holds: 1 above the upper limit, -1 below the lower one."""
         return f"side_{self.name}"
+
+    @property
+    def pull(self) -> str:
+        """The field of a guard with its value, positive where the present law does not hold any more."""
+        return f"pull_{self.name}"
+
+    @property
+    def rest(self) -> str:
+        """The field with the position at which a joint with dry friction sticks."""
+        return f"rest_{self.name}"
 
     @property
     def active(self) -> str:
@@ -73,6 +90,7 @@ class BoundedCoordinate(NamedTuple):
     upper: Any
     bounces: bool = True  # whether its limits are stops; otherwise it passes them
     scale: Any = 0.0  # size of the numbers from which it is computed, if these are larger than its own
+    guards: bool = False  # whether it is no coordinate, but a guard whose value is watched as a pull is
 
     @property
     def free(self) -> Any:
@@ -95,6 +113,12 @@ class BoundedCoordinate(NamedTuple):
     def limit(self, side: Any) -> Any:
         """The limit of a side."""
         return where(side > 0.0, self.upper, self.lower)
+
+
+def guarded(watched: Watched) -> BoundedCoordinate:
+    """A guard in a step: like a coordinate that always rests, so that only its pull counts."""
+    still = 0.0, 0.0, 0.0, 0.0
+    return BoundedCoordinate(*still, watched, 1.0, -math.inf, math.inf, bounces=False, guards=True)
 
 
 @branches

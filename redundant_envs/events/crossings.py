@@ -9,9 +9,13 @@ import enum
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import floor, logical_not, maximum, minimum, sqrt
-from redundant_envs.events.boundary import BoundedCoordinate, direction
+from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
+
+JUST_LEFT = 1e-4
+"""Value of a guard at the start of a step, in units of its range in the step, that is nearly 0, as after a
+passage that was found late: one to and fro before the second stage has at most a thousandth of that range."""
 
 
 class Crossing(enum.IntEnum):
@@ -81,6 +85,18 @@ def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
     """Distances by which a parabola may leave the range of its values at the stages, down and up."""
     down, up = overshoot_at_extremes(w, overshoot)
     return down * (w.most - w.least), up * (w.most - w.least)
+
+
+@branches
+def may_pass(w: Watched, overshoot: Overshoot) -> Any:
+    """Whether a guard may be positive at a stage of a step, or between two of them, by more than rounding.
+
+    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage.
+    """
+    size = w.most - w.least
+    left = w.most == w.first and -w.first <= JUST_LEFT * size
+    _, up = margins(w, overshoot)
+    return w.most > ROUNDING * size if left else w.most + up > ROUNDING * size
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:

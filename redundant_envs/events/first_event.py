@@ -22,6 +22,10 @@ STRAIGHT_SHARE = 2e-8
 """The same where the order of events decides: even without acceleration the error is rounding."""
 
 
+LATE_SHARE = 1e-7
+"""Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
+
+
 class Encounter(NamedTuple):
     """A coordinate and its boundary in a trial step."""
 
@@ -33,6 +37,7 @@ class Encounter(NamedTuple):
     turning_time: Any  # at which the coordinate turns in it, s
     cleared: Any  # whether it is known to turn before its limit
     mobility: Any  # of the coordinate, 1/kg
+    late: Any = LATE_SHARE  # fraction of the step by which a release or a passage may be found late
 
     @property
     def pull(self) -> Any:
@@ -156,6 +161,23 @@ def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
     if turns or side == 0.0:
         side = direction(e.crossing)
     return Event(time, side, turns)
+
+
+@branches
+def first_passage(e: Encounter, h: Any, node: float) -> Event:
+    """The first event of a guard: where the parabola through its values at both ends of the step, and at a
+    ``node`` between them, is 0; or where the chord is, if the parabola has no such zero."""
+    if not e.pull > 0.0:
+        return Event(h + 1.0, 0.0, False)
+    start = minimum(e.start_force, 0.0)
+    guess = start / (start - e.pull)
+    if node > 0.0:
+        slope = (e.motion.watched.middle - start) / node
+        bend = (e.pull - e.motion.watched.middle) / (1.0 - node) - slope
+        slope = slope - node * bend
+        share = -2.0 * start / (slope + sqrt(maximum(slope * slope - 4.0 * bend * start, 0.0)))
+        guess = inside(share, 0.0, 1.0, guess)
+    return Event(h * guess, 0.0, False)
 
 
 @branches

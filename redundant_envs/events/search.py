@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
-from redundant_envs.events.crossings import Crossing, Overshoot, most_pull
+from redundant_envs.events.crossings import Crossing, Overshoot, may_pass, most_pull
 from redundant_envs.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
 from redundant_envs.tracing.ways import branches
 
@@ -23,10 +23,6 @@ NEAR = 8.0
 enough to be straight: their order must not depend on how it is guessed."""
 MOST_LONG_PIECES = 8.0
 """After so many impacts pieces are straight, too: no comparison would show what they neglect (0022)."""
-RELEASE_SHARE = 1e-7
-"""Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
-PUSH_ON = 5e-8
-"""Fraction of the step added to a guess of a release, so that it is after the release in most cases."""
 MOST_GUESSES = 10
 """Number of trial steps towards an event before its bracket is halved, so that every search ends."""
 MOST_TURN_GUESSES = 60
@@ -100,6 +96,7 @@ class Sought(NamedTuple):
     acceleration: Any  # outward, m/s^2
     time: Any  # of the first event that it has in the step, s
     bounces: Any  # whether its limit is a stop
+    late: Any  # fraction of the step by which the event may be found late
 
 
 class LastPiece(NamedTuple):
@@ -118,8 +115,11 @@ def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
     """Whether a step may hide an event of a coordinate that is larger than rounding.
 
     A free coordinate may reach its limit and leave it; the stop of a resting one may have to pull before the
-    end, though not at the end. In either case a step of half the length follows.
+    end, though not at the end; and a guard may be positive before the end, though not there. In each case a
+    step of half the length follows.
     """
+    if e.motion.guards:
+        return logical_not(e.pull > 0.0) & may_pass(e.motion.watched, overshoot)
     if e.motion.free:
         return e.crossing == Crossing.UNCLEAR
     moves = most_pull(e.motion, overshoot) * e.mobility * (h * h)
@@ -172,7 +172,7 @@ def sought_boundary(search: Search, trial: Trial) -> Sought:
     s, limit = e.motion, e.motion.limit(side)
     gap = where(s.free, side * (s.position - limit), e.pull)
     speed, acceleration = side * s.velocity, side * s.watched.last
-    return Sought(chosen, s.free, s.closeness, limit, gap, speed, acceleration, event.time, s.bounces)
+    return Sought(chosen, s.free, s.closeness, limit, gap, speed, acceleration, event.time, s.bounces, e.late)
 
 
 @branches
@@ -241,7 +241,8 @@ def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
     step = numerator / denominator  # one division for both formulas
     if search.tries <= MOST_GUESSES:
         if not sought.free:
-            guess = low + (high - low) * step + PUSH_ON * trial.left
+            # A little later, so that it is after the event in most cases.
+            guess = low + (high - low) * step + 0.5 * sought.late * trial.left
         elif sought.speed > 0.0:
             guess = trial.h + step
     return inside(guess, low, high, middle)
@@ -319,7 +320,7 @@ def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, p
     The search is given before and after it, and whether a last piece to the stop is ``possible``.
     """
     gap, narrow = sought.gap, after.is_narrow(trial.left)
-    late = gap * (trial.h - before.low) <= RELEASE_SHARE * trial.left * (gap - before.gap_low)
+    late = gap * (trial.h - before.low) <= sought.late * trial.left * (gap - before.gap_low)
     # A coordinate that is distinguishable from its limit at the end of the bracket has not arrived.
     rounding = sought.closeness + 4.0 * ROUNDING * trial.left * abs(sought.speed)
     at_limit = (abs(gap) <= sought.closeness) | possible | (narrow & (gap >= -rounding))

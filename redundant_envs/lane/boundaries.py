@@ -7,14 +7,15 @@ without a joint has a gap, any function of the motion; dual numbers give its der
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, any_of, cases, maximum, minimum, total, where
+from redundant_envs.algebra import ABSENT, all_of, any_of, cases, logical_not, maximum, minimum, total, where
 from redundant_envs.dual import Dual, dual
 from redundant_envs.events import boundary, contacts, crossings
-from redundant_envs.events.boundary import Boundary, BoundedCoordinate
+from redundant_envs.events.boundary import ROUNDING, Boundary, BoundedCoordinate, side_beyond
 from redundant_envs.events.contacts import Resolved
+from redundant_envs.lane import pieces
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
 from redundant_envs.lane.memory import Lane
@@ -84,15 +85,16 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *(b.side for b in dynamics.laws))}
+    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)}
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
     """Quantities in a step, in which sliders may rest at their stops: "held1", ... are 1 while they do."""
-    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding))
+    x = dynamics.quantities(states, numbers, held=bool(dynamics.holding or dynamics.sticking))
     if dynamics.holding:
         x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
         x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
+    x.update({f"held{b.number}": where(numbers[b.side] == 0.0, 1.0, 0.0) for b in dynamics.sticking})
     return x
 
 
@@ -129,15 +131,15 @@ class Boundaries:
             BoundedCoordinate(
                 *motion(self.dynamics, b, lane),
                 *motion(self.dynamics, b, lane, origin),
-                Watched(*lane.get(WATCHED, of=f"{{}}_{b.name}")), self.active(lane, b),
+                self.watched(lane, b), self.active(lane, b),
                 *self.limits(lane, b), b.bounces, size if b.joint is None else 0.0,
             )
-            for b in self.dynamics.boundaries
+            for b in self.dynamics.bounded
         ]  # fmt: skip
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
-        for b, s in zip(self.dynamics.boundaries, self.in_step(lane, origin), strict=True):
+        for b, s in zip(self.dynamics.bounded, self.in_step(lane, origin), strict=True):
             lane[f"crossing_{b.name}"] = crossings.crossing_of(s, h, self.dynamics.overshoot)
             lane[f"turning_{b.name}"] = crossings.turning_time(s, h)
 
@@ -168,22 +170,137 @@ class Boundaries:
         starts = dict(zip(self.dynamics.stops, self.at_start(lane, boundary.starts_at_stop), strict=True))
         meets = any_of(
             s.free & ((lane[f"crossing_{b.name}"] != 0.0) | starts.get(b, False))
-            for b, s in zip(self.dynamics.boundaries, self.in_step(lane, "{}_start"), strict=True)
+            for b, s in zip(self.dynamics.bounded, self.in_step(lane, "{}_start"), strict=True)
         )
         near = lane.reason == Reason.NEAR_BOUNDARY
         lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
 
-    def is_cut(self, lane: Lane) -> Any:
-        """Whether an instant that is known beforehand lies within the common step."""
-        times = [time - lane.span_start for time in lane.get(self.dynamics.instants)]
-        return any_of((time > 0.0) & (time < lane.h) for time in times)
+    # ---- guards ------------------------------------------------------------------------------------------
+
+    def begin_laws(self, lane: Lane) -> None:
+        """Before a common step: which laws the state selects."""
+        for b in self.dynamics.laws:
+            position, _ = motion(self.dynamics, b, lane)
+            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
+        if self.dynamics.guarded:
+            self._settle_guards(lane, True)
+        if self.dynamics.sticking:
+            self._begin_modes(lane)
+        lane.copy(self.dynamics.rests, to="{}_start")
+        for b in self.dynamics.guards:
+            lane.copy((b.side, b.pull), to="{}_start")
+
+    def _begin_modes(self, lane: Lane) -> None:
+        """Joints with a rate slip that way; those without stick, unless the forces say otherwise."""
+        for b in self.dynamics.sticking:
+            position, rate = motion(self.dynamics, b, lane)
+            lane[b.side] = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
+            lane[b.pull] = -abs(rate)
+            self._come_to_rest(lane, b, position, lane[b.side] == 0.0)
+
+    def _come_to_rest(self, lane: Lane, b: Boundary, position: Any, sticks: Any) -> None:
+        """Record where a joint sticks; the position that is known stays, but for rounding."""
+        size = total(abs(q) for q in lane.get(self.dynamics.arm.coordinates))
+        known = abs(position - lane[b.rest]) <= ROUNDING * size
+        lane[b.rest] = where(sticks & logical_not(known), position, lane[b.rest])
+
+    def _settle_guards(self, lane: Lane, here: Any) -> None:
+        """Let the state of some lanes decide which laws of guards hold."""
+        numbers = known_numbers(self.dynamics, lane)
+        x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+        for name, value in self.dynamics.guard_values(x, begins=True).items():
+            side, pull = f"side_{name}", f"pull_{name}"
+            lane[side] = where(here, x[side], lane[side])
+            lane[pull] = where(here, -abs(value), lane[pull])
+
+    def record_pulls(self, lane: Lane) -> None:
+        """After a step: the values of guards in the present state; those of joints that stick are from the
+        last stage."""
+        if self.dynamics.guards:
+            numbers = known_numbers(self.dynamics, lane)
+            x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+            held = {b.name: lane[f"last_{b.name}"] for b in self.dynamics.sticking}
+            for name, value in self.dynamics.pulls(x, held).items():
+                lane[f"pull_{name}"] = value
+
+    # ---- joints that stick ---------------------------------------------------------------------------------
+
+    def keep_sticking(self, lane: Lane, before: Mapping[str, Any], now: dict[str, Any]) -> None:
+        """Let joints that stick keep their positions and their rate 0 to the last bit, in a new state ``now``
+        after a state ``before``."""
+        arm = self.dynamics.arm
+        for b in self.dynamics.sticking:
+            assert b.joint is not None
+            sticks, position, rate = lane[b.side] == 0.0, arm.coordinates[b.joint], arm.rates[b.joint]
+            others = self.dynamics.others_of_joint(b)
+            rest, kept = 0.0, before[position]
+            if others:
+                rest = total(_times(share, now[arm.rates[k]]) for k, share in others)
+                still = all_of(now[arm.coordinates[k]] == before[arm.coordinates[k]] for k, _ in others)
+                moved = (_times(share, now[arm.coordinates[k]]) for k, share in others)
+                kept = where(still, kept, total([lane[b.rest], *moved]))
+            now[rate] = where(sticks, rest, now[rate])
+            now[position] = where(sticks, kept, now[position])
+
+    def stick(self, lane: Lane) -> None:
+        """Let joints that stick have the rate 0 in the present state."""
+        names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
+        now = dict(zip(names, lane.get(names), strict=True))
+        self.keep_sticking(lane, dict(now), now)
+        lane.set(now, now.values())
+
+    def record_friction(self, lane: Lane, x: Quantities) -> None:
+        """The forces that hold joints, and the accelerations of others, in the present state."""
+        for b in self.dynamics.sticking:
+            lane[f"force_{b.name}"], lane[f"alpha_{b.name}"] = x[f"hold{b.number}"], x[f"alpha{b.number}"]
+        for name, value in self.dynamics.pulls(x).items():
+            lane[f"pull_{name}"] = value
+
+    def stick_or_slip(self, lane: Lane) -> Any:
+        """One pass of pivoting: of the joints without a rate the first whose mode contradicts the forces gets
+        another one; whether none does.
+
+        Joints stick where their limits hold them, or else slip the way in which they accelerate: a linear
+        complementarity problem with bounds, whose matrix, a block of B^T M^-1 B, is positive definite. So
+        there is one solution, and pivoting by the least index finds it (Murty 1974).
+        """
+        settled: Any = True
+        for b in self.dynamics.sticking:
+            position, rate = motion(self.dynamics, b, lane)
+            mode, force = lane[b.side], lane[f"force_{b.name}"]
+            wrong = where(mode == 0.0, lane[b.pull] > 0.0, mode * lane[f"alpha_{b.name}"] < 0.0)
+            wrong = wrong & (rate == 0.0) & logical_not(lane[f"loose_{b.name}"]) & settled
+            other = where(mode == 0.0, where(force > 0.0, -1.0, 1.0), 0.0)
+            lane[b.side] = where(wrong, other, mode)
+            self._come_to_rest(lane, b, position, wrong & (other == 0.0))
+            settled = settled & logical_not(wrong)
+        lane.changes = lane.changes + 1.0
+        return settled
+
+    def rest_or_tear_loose(self, lane: Lane, b: Boundary, passed: Any) -> None:
+        """At an event of a joint with dry friction: one that slipped has the rate 0 now, and one that stuck
+        slips against the force that held it."""
+        mode, (position, _) = lane[b.side], motion(self.dynamics, b, lane)
+        lane[f"loose_{b.name}"] = passed & (mode == 0.0)
+        loose = where(lane[f"force_{b.name}"] > 0.0, -1.0, 1.0)
+        lane[b.side] = where(passed, where(mode == 0.0, loose, 0.0), mode)
+        self._come_to_rest(lane, b, position, passed & (mode != 0.0))
+
+    def watched(self, lane: Lane, b: Boundary) -> Watched:
+        """Values at the stages of a step: accelerations, or pulls of stops and guards."""
+        names = (*WATCHED, "middle") if b.guards else WATCHED
+        return Watched(*lane.get(names, of=f"{{}}_{b.name}"))
 
     # ---- stops that hold sliders -------------------------------------------------------------------------
 
+    def quantities_of_motion(self, lane: Lane) -> Quantities:
+        """Quantities of the present state, without accelerations."""
+        numbers = known_numbers(self.dynamics, lane)
+        return contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
+
     def quantities(self, lane: Lane) -> Quantities:
         """Quantities of the present state, with the present sliders at rest."""
-        numbers = known_numbers(self.dynamics, lane)
-        x = contact_quantities(self.dynamics, lane.get(self.dynamics.states), numbers)
+        x = self.quantities_of_motion(lane)
         x["derivatives"] = self.dynamics.accelerations(x)
         return x
 
@@ -201,10 +318,12 @@ class Boundaries:
 
         It also notes the mobilities of the others, which say how far such a pull may move one in the step.
         """
-        x, holding = self.quantities(lane), self.dynamics.holding
+        x, dynamics, holding = self.quantities(lane), self.dynamics, self.dynamics.holding
         resting = [self._contact(lane, b, x[f"hold{b.number}"]) for b in holding]
         w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
+            if dynamics.instants:
+                leaves = leaves & pieces.goes_on(lane)
             lane[b.active] = where(leaves, 0.0, lane[b.active])
         for b in holding:
             lane[f"mobility_{self.dynamics.arm.rates[b.joint]}_{b.name}"] = x[f"W{b.number}{b.number}"]
@@ -223,7 +342,11 @@ class Boundaries:
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
+        if self.dynamics.guarded and self.dynamics.stops:  # an impulse may have changed the signs of guards
+            self._settle_guards(lane, lane.resolving)
         x, dynamics = self.quantities(lane), self.dynamics
+        if dynamics.sticking:
+            self.record_friction(lane, x)
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
             if b.joint is not None:
@@ -286,6 +409,10 @@ class Boundaries:
             impulses = zip(r.impulses, touching, r.velocities, strict=True)
             struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
         return struck
+
+
+def _times(share: float, x: Any) -> Any:
+    return x if share == 1.0 else share * x
 
 
 def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:

@@ -8,9 +8,10 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
-from redundant_envs.events.boundary import Boundary, side_beyond
-from redundant_envs.lane import boundaries, required_steps
+from redundant_envs.events.boundary import Boundary
+from redundant_envs.lane import boundaries, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import kink_values, levels_of
@@ -33,13 +34,19 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     speeds of :attr:`Dynamics.watched_sliders`.
     """
     numbers = boundaries.known_numbers(dynamics, lane)
-    count, width = dynamics.count, len(dynamics.states)
+    start = _start_of_closed_forms(dynamics, lane, numbers)
+    count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
+    time = ("elapsed",) if start else ()
 
     def derivatives(*values: Any) -> list[Any]:
-        known = dict(zip(numbers, values[width:], strict=True))
-        x = boundaries.contact_quantities(dynamics, values[:width], known)
-        results = dynamics.accelerations(x)
-        results += [watched_acceleration(dynamics, b, x) for b in dynamics.boundaries]
+        known = dict(zip((*numbers, *start, *time), values[width:], strict=True))
+        x = boundaries.contact_quantities(dynamics, values[:width], {n: known[n] for n in numbers})
+        results = dynamics.accelerations(
+            x, InStep(known, known["elapsed"], dynamics.varying) if start else None
+        )
+        results += [watched_acceleration(dynamics, b, x) for b in dynamics.bounded]
+        pulls = dynamics.pulls(x) if dynamics.guards else {}
+        results += [pulls[b.name] for b in dynamics.guards]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(values[count + k] for k in sliders)]
 
@@ -48,16 +55,34 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
         right_hand_side = Subroutine(
-            derivatives, count, width - count + more, (*dynamics.states, *numbers),
+            derivatives, count, width - count + more,
+            (*dynamics.states[:width], *numbers, *start, *time),
             [k - count for k, name in enumerate(dynamics.states) if name == "work"],
         )  # fmt: skip
-    inputs = list(numbers.values())
-    states = lane.get(dynamics.states)
-    return explicit_step(
+    inputs = [*numbers.values(), *start.values()]
+    states = lane.get(dynamics.states[:width])
+    step = explicit_step(
         dynamics.method,
-        lambda q, v, z: right_hand_side(*q, *v, *z, *inputs),
+        lambda q, v, z, node: right_hand_side(*q, *v, *z, *inputs, *(node * h for _ in time)),
         states[:count], states[count : 2 * count], states[2 * count :], h,
     )  # fmt: skip
+    if start:
+        x = boundaries.contact_quantities(
+            dynamics, [*step.positions, *step.velocities, *step.others], numbers
+        )
+        dynamics.close(x, InStep(start, h, dynamics.varying))
+        step.others.extend(x.each(dynamics.closed))
+    return step
+
+
+def _start_of_closed_forms(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
+    """States in closed form, and what else their forms take, at the start of a step."""
+    found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
+    if dynamics.varying:
+        at_start = StepStart(dynamics.varying)
+        dynamics.close(boundaries.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
+        found |= at_start.found
+    return found
 
 
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
@@ -140,47 +165,69 @@ class CommonStep:
     def clear(self, lane: Lane) -> None:
         """Before an interval."""
         lane.error = 0.0
+        if self.dynamics.instants:
+            pieces.clear(self.dynamics, lane)
         if not self.dynamics.local:
+            if self.dynamics.instants:
+                lane.evaluations = 0.0
             return
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False
         for name in self.dynamics.counted:
             lane[name] = 0.0
-        if self.dynamics.spans:
+        if self.dynamics.logs:
             lane.span_start = 0.0 if self.dynamics.controlled else -lane.h
         if self.dynamics.origin != "{}_start":
             lane.copy(self.dynamics.kept, to=self.dynamics.origin)
+
+    def next_piece(self, lane: Lane) -> None:
+        """Before the common steps of a piece of the interval."""
+        pieces.begin(self.dynamics, lane, boundaries.known_numbers(self.dynamics, lane))
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
         lane.copy(self.dynamics.kept, to="{}_start")
         lane.error_start = lane.error
         lane.copy(self.dynamics.counted, to="{}_start")
-        for b in self.dynamics.laws:
-            position, _ = boundaries.motion(self.dynamics, b, lane)
-            lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
+        self.boundaries.begin_laws(lane)
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
-        elif self.dynamics.spans:
+        elif self.dynamics.logs:
             lane.span_start = lane.span_start + lane.h
 
     def least_steps(self, lane: Lane) -> Any:
-        """Number of steps of an interval before any estimate is used: half a radian of the fastest link in
-        each, and as many as springs and dampers require, which no estimate sees before they are touched."""
-        arm = self.dynamics.arm
+        """Number of steps of an interval, or a piece, before any estimate is used: half a radian of the
+        fastest link in each, and as many as springs and dampers require, which no estimate sees before they
+        are touched."""
+        arm, crossed = self.dynamics.arm, pieces.span(self.dynamics, lane)
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.prepared else []
         here = boundaries.quantities_of_arm(self.dynamics, lane)
         numbers = boundaries.numbers_of(self.dynamics, lane)
-        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers)
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
-        return lane.interval * maximum(2.0 * fastest, most)
+        return crossed * maximum(2.0 * fastest, most)
 
     def common_step(self, lane: Lane) -> None:
-        """The step of all lanes."""
+        """The step of all lanes; one whose piece has no length stays as it is."""
+        if not self.dynamics.instants:
+            self._set_step(lane, lane.h, None)
+            return self.boundaries.record_pulls(lane)
+        names = (*self.dynamics.states, "error")
+        before, goes_on = lane.get(names), pieces.goes_on(lane)
         self._set_step(lane, lane.h, None)
+        lane.set(names, [where(goes_on, x, y) for x, y in zip(lane.get(names), before, strict=True)])
+        self.boundaries.record_pulls(lane)
+        if not self.dynamics.local:
+            self._count(lane, goes_on)
+        return None
+
+    def _count(self, lane: Lane, taken: Any) -> None:
+        """Count the evaluations of the common step where it is taken."""
+        stages = float(self.dynamics.method.stages)
+        lane.evaluations = where(taken, lane.evaluations + stages, lane.evaluations)
 
     def trial_step(self, lane: Lane) -> None:
         """A trial step of the lanes that ask for one."""
@@ -188,8 +235,8 @@ class CommonStep:
 
     def record_step(self, lane: Lane) -> None:
         """After a trial step: count it, and determine how it meets the boundaries."""
-        if self.dynamics.boundaries:
-            self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        self.boundaries.record_pulls(lane)
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
@@ -205,11 +252,18 @@ class CommonStep:
         if self.dynamics.doubts:
             self._doubt(lane, step, h, moving)
         new = [*step.positions, *step.velocities, *step.others]
+        if dynamics.sticking:
+            before = dict(zip(dynamics.states, lane.get(dynamics.states), strict=True))
+            now = dict(zip(dynamics.states, new, strict=True))
+            self.boundaries.keep_sticking(lane, before, now)
+            new = list(now.values())
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
         for b, watched in zip(self.dynamics.boundaries, step.watched, strict=False):
-            lane.set(WATCHED, watched, of=f"{{}}_{b.name}")
+            lane.set(WATCHED, watched[: len(WATCHED)], of=f"{{}}_{b.name}")
+            if b.guards:
+                lane[f"middle_{b.name}"] = watched.middle
 
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Record whether the error of a step may exceed its estimate."""
@@ -246,28 +300,33 @@ class CommonStep:
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
         reason: Any = Reason.NONE
-        if self.dynamics.boundaries:
+        if self.dynamics.bounded:
             moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot
             pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
             near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
             reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
-        if self.dynamics.instants:
-            reason = where(self.boundaries.is_cut(lane), Reason.EVENT, reason)
-        stages = float(self.dynamics.method.stages)
+        if self.dynamics.guards:
+            passes = [
+                (lane[b.pull] > 0.0)
+                | crossings.may_pass(self.boundaries.watched(lane, b), self.dynamics.overshoot)
+                for b in self.dynamics.guards
+            ]
+            reason = where(any_of(passes), Reason.EVENT, reason)
+        goes_on = pieces.goes_on(lane) if self.dynamics.instants else True
         if not self.dynamics.controlled:
-            lane.evaluations = lane.evaluations + stages
+            self._count(lane, goes_on)
         elif self.dynamics.control is Control.EQUAL:
             # A link that has become fast during the step may have been too fast for it.
             slow = self.least_steps(lane) <= error_control.TOO_FAST
             single = lane.min_steps == 0.0
-            served = single & slow & (lane.error <= lane.tip_tolerance)
+            served = single & slow & (lane.error <= pieces.allowed_error(self.dynamics, lane))
             for name in self.dynamics.doubts:
                 lane[name] = lane[name] & single
             doubtful, kinked, _ = self.doubts(lane)
             served = served & logical_not(kinked | doubtful)
             reason = where(served, reason, Reason.ACCURACY)
-            lane.evaluations = where(single, lane.evaluations + stages, lane.evaluations)
-            lane.error = where(single, lane.error, 0.0)
+            self._count(lane, single & goes_on)
+            lane.error = where(single, lane.error, self._error_before(lane))
         self._leave(lane, reason)
 
     def doubts(self, lane: Lane) -> tuple[Any, ...]:
@@ -286,14 +345,21 @@ class CommonStep:
     def skip_common_step(self, lane: Lane) -> None:
         """Skip the common step: no lane is served by it."""
         if self.dynamics.control is Control.EQUAL:
-            lane.error = 0.0
+            lane.error = self._error_before(lane)
         self._leave(lane, Reason.ACCURACY)
+
+    def _error_before(self, lane: Lane) -> Any:
+        """The error of the interval before the common step."""
+        return lane.error_start if self.dynamics.instants else 0.0
 
     def _leave(self, lane: Lane, reason: Any) -> None:
         # Local steps do not help lanes whose state or effort is not finite.
         motion = lane.get(self.dynamics.states[: 2 * self.dynamics.count], of="{}_start")
         defect = self.defect([*motion, *lane.get(self.dynamics.commands)])
-        lane.reason = where(defect == 0.0, reason, Reason.NONE)
+        leaves = defect == 0.0
+        if self.dynamics.instants:
+            leaves = leaves & pieces.goes_on(lane)
+        lane.reason = where(leaves, reason, Reason.NONE)
         # Poison every state: some were never advanced, and others hold results that depend on neighbours.
         for s in self.dynamics.states:
             lane[s] = where(defect == 0.0, lane[s], defect)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -45,20 +45,27 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str
     ``fields`` are states, parameters (:func:`fields_of`) and commands by the names of their fields: floats,
     or arrays or tensors with one number for each lane; others are 0.
     """
-    several = any(getattr(x, "shape", ()) for x in fields.values())
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        return several_crossed(interval, fields) if several else crossed(interval, fields)
+        *_, crossed = in_steps(interval, fields)
+    return crossed
 
 
-def crossed(interval: Interval, fields: Mapping[str, Any]) -> Any:
-    """One lane after a control interval: its program runs as it is written."""
+def in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
+    """The same lanes after each common step of a control interval, then at its end."""
+    several = any(getattr(x, "shape", ()) for x in fields.values())
+    return several_in_steps(interval, fields) if several else one_in_steps(interval, fields)
+
+
+def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
+    """One lane: its program runs as it is written."""
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
     lane = Lane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)), declares=True)
     interval.step.clear(lane)
-    for _ in range(interval.dynamics.scene.substeps):
-        for procedure in common_procedures(interval):
+    for begins in common_steps(interval):
+        for procedure in (*begins, *common_procedures(interval)):
             procedure(lane)
         if not interval.dynamics.local or lane.reason == Reason.NONE:
+            yield lane
             continue
         for request in interval.program.cross(lane):
             if request is Request.FORCES:
@@ -68,8 +75,17 @@ def crossed(interval: Interval, fields: Mapping[str, Any]) -> Any:
                 for procedure in trial_procedures(interval):
                     procedure(lane)
             lane.due = False
+        yield lane
     interval.end(lane)
-    return lane
+    yield lane
+
+
+def common_steps(interval: Interval) -> Iterator[list[Procedure]]:
+    """The common steps of an interval: for each what a lane does before it, if a piece begins there."""
+    dynamics = interval.dynamics
+    for _ in range(dynamics.pieces):
+        for substep in range(dynamics.scene.substeps):
+            yield [interval.step.next_piece] if dynamics.instants and substep == 0 else []
 
 
 def common_procedures(interval: Interval) -> list[Procedure]:
@@ -81,13 +97,13 @@ def common_procedures(interval: Interval) -> list[Procedure]:
         return [step.start, step.skip_common_step]
     held = [boundaries.release] if dynamics.holding else []
     forces = [boundaries.update_constraint_forces] if dynamics.holding else []
-    confirm = [boundaries.confirm_crossings] if dynamics.boundaries else []
+    confirm = [boundaries.confirm_crossings] if dynamics.bounded else []
     return [step.start, *held, step.common_step, *forces, step.judge, *confirm]
 
 
 def trial_procedures(interval: Interval) -> list[Procedure]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.stops else []
+    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.resolves else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
@@ -117,8 +133,8 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Many lanes after a control interval: traced procedures and the traced program, by an interpreter."""
+def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Many lanes: traced procedures and the traced program, by an interpreter."""
     fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
 
     def call(*parts: Procedure | LaneFunction) -> None:
@@ -133,15 +149,16 @@ def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, A
         return bool(value.any() if hasattr(value, "any") else value)
 
     call(interval.step.clear)
-    for _ in range(interval.dynamics.scene.substeps):
-        call(*common_procedures(interval))
+    for begins in common_steps(interval):
+        call(*begins, *common_procedures(interval))
         if not interval.dynamics.local:
+            yield fields
             continue
         served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
         fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
         fields |= {"moving": 0.0, "touching": 0.0}
         call(program[None])
-        if interval.dynamics.boundaries:
+        if FIRST in program:
             call(program[FIRST])
         while some("moving") or some("touching"):
             while some("touching"):
@@ -150,5 +167,6 @@ def several_crossed(interval: Interval, given: Mapping[str, Any]) -> dict[str, A
         for name, before in served.items():
             if fields[name] is not before:
                 fields[name] = algebra.where(leaves, fields[name], before)
+        yield fields
     call(interval.end)
-    return fields
+    yield fields

@@ -10,23 +10,40 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered, total, where
 from redundant_envs.draws import KEY_WORDS, Draw, drawn
-from redundant_envs.effects.attached import Attached, EffectStates
-from redundant_envs.effects.hooks import INTERVAL, Actuation, Field, Force, Gap, Impact, Point
-from redundant_envs.events.boundary import Boundary, side_beyond
+from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates
+from redundant_envs.effects.hooks import (
+    CONTROL_DT,
+    SPEED,
+    Field,
+    Force,
+    Friction,
+    Gap,
+    Impact,
+    Instant,
+    Point,
+    Sensing,
+)
+from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps, sensing
+from redundant_envs.lane.closed_forms import InStep, StepStart, varying_arguments
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
+from redundant_envs.robots.held_joints import held_joint_dynamics
+from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
 INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
-OF_ERROR_CONTROL = re.compile("tip_tolerance|least_step_rate|most_mobility")
+TORN_LOOSE = 1.0 + 1e-12
+"""A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
+NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
+"""Numbers of error control and of pieces, which no function takes."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +75,22 @@ class Dynamics:
 
     @cached_property
     def states(self) -> tuple[str, ...]:
-        """Integrated states: coordinates, velocities, those of effects, and the work."""
+        """Integrated states: coordinates, velocities, those of effects, and the work; then those of effects
+        that steps evaluate in closed form."""
         work = ("work",) if self.track_work else ()
-        return (*self.arm.coordinates, *self.arm.rates, *self.effect_states.integrated, *work)
+        stepped = (name for name in self.effect_states.integrated if name not in self.closed)
+        return (*self.arm.coordinates, *self.arm.rates, *stepped, *work, *self.closed)
+
+    @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """States of effects that steps evaluate in closed form: none if error control chooses the steps."""
+        return () if self.controlled else self.effect_states.closed
+
+    @cached_property
+    def varying(self) -> dict[str, tuple[str, ...]]:
+        """Quantities that closed forms take, and that change in a step; see :mod:`closed_forms`."""
+        constant = frozenset((*self.numbers, *self.commands, *self.effect_states.updated))
+        return varying_arguments(self.scene.attached, self.arm, constant) if self.closed else {}
 
     @property
     def commands(self) -> tuple[str, ...]:
@@ -71,7 +101,12 @@ class Dynamics:
 
     @cached_property
     def boundaries(self) -> tuple[Boundary, ...]:
-        """Boundaries at which the motion has events: stops, walls, and changes of forces' laws."""
+        """Boundaries at which the motion has events: stops, walls, and changes of laws; guards come last."""
+        return (*self.bounded, *self.guards)
+
+    @property
+    def bounded(self) -> tuple[Boundary, ...]:
+        """Those that bound a coordinate."""
         return (*self.stops, *self.laws)
 
     @cached_property
@@ -116,14 +151,97 @@ class Dynamics:
     @cached_property
     def laws(self) -> tuple[Boundary, ...]:
         """Those of these that are located."""
-        return tuple(self.law_of.values()) if self.controlled and self.located else ()
+        return tuple(self.law_of.values()) if self.locates_laws else ()
+
+    @cached_property
+    def guarded(self) -> tuple[Attached[Any], ...]:
+        """Forces and links with guards whose changes of sign are located."""
+        return tuple(a for a in self.scene.attached if a.guards) if self.locates_laws else ()
+
+    @cached_property
+    def guards(self) -> tuple[Boundary, ...]:
+        """Guards that are located, and joints that stick and slip, which always are."""
+        names = ((name, a.key) for a in self.guarded for name in a.guards)
+        own = (Boundary(name, "", "", key, bounces=False, guards=True) for name, key in names)
+        return (*own, *self.sticking)
+
+    @cached_property
+    def frictions(self) -> dict[int, list[Attached[Friction]]]:
+        """Dry friction by the numbers of its joints, in their order."""
+        found: dict[int, list[Attached[Friction]]] = {}
+        for a in sorted(self.scene.attached.of(Friction), key=lambda a: a.hook.joint):
+            found.setdefault(a.hook.joint, []).append(a)
+        return found
+
+    @cached_property
+    def sticking(self) -> tuple[Boundary, ...]:
+        """Joints that stick and slip, in their order."""
+        return tuple(
+            Boundary(f"friction{k + 1}", "", "", some[0].key, k, bounces=False, guards=True)
+            for k, some in self.frictions.items()
+        )
+
+    def friction_limit(self, b: Boundary, x: Quantities, speed: Any) -> Any:
+        """Largest force of the friction of a joint at a speed, N m or N."""
+        assert b.joint is not None
+        limits = []
+        for a in self.frictions[b.joint]:
+            function = a.functions["limit"]
+            limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
+        return total(limits)
+
+    def others_of_joint(self, b: Boundary) -> list[tuple[int, float]]:
+        """The other coordinates from which that of a joint follows while it sticks, and their shares."""
+        assert b.joint is not None
+        row = joint_rates(self.arm.__class__)[b.joint]
+        return [(k, float(-s / row[b.joint])) for k, s in enumerate(row) if s != 0.0 and k != b.joint]
+
+    @property
+    def resolves(self) -> bool:
+        """Whether a lane may have to decide which stops act and which joints stick."""
+        return bool(self.stops or self.sticking)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Fields that say which laws hold, where their changes are located."""
+        return tuple(b.side for b in (*self.laws, *self.guards))
+
+    @property
+    def locates_laws(self) -> bool:
+        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
+        return self.controlled and self.located
+
+    def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
+        the sides in ``x``."""
+        found: dict[str, Any] = {}
+        for a in self.scene.attached.along(x, self.guarded):
+            if a in self.guarded:
+                if begins:
+                    a.settle_law(x)
+                found |= zip(a.guards, a.guard_values(x), strict=True)
+        return found
+
+    def pulls(self, x: Quantities, held: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries, positive where the present law does not hold any
+        more. Those of joints that stick follow from the forces that hold them; ``held`` has them if ``x`` has
+        no forces."""
+        found = {name: -(x[f"side_{name}"] * value) for name, value in self.guard_values(x).items()}
+        for b in self.sticking:
+            mode = x[b.side]
+            if held is None:
+                stuck = abs(x[f"hold{b.number}"]) - TORN_LOOSE * self.friction_limit(b, x, 0.0)
+            else:
+                stuck = held[b.name]
+            found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
+        return found
 
     @cached_property
     def kinks(self) -> kinks.Watches:
         """Kinks that are watched, but not located, if an estimate decides on steps."""
         if self.scene.tolerance is None or not self.located:
             return {}
-        constant = (*self.numbers, *self.effect_states.updated, *(b.side for b in self.laws))
+        constant = (*self.numbers, *self.effect_states.updated, *self.sides, *self.passed)
         return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
 
     # ---- steps ---------------------------------------------------------------------------------------
@@ -142,7 +260,7 @@ class Dynamics:
     @property
     def local(self) -> bool:
         """Whether lanes may take local steps."""
-        return bool(self.stops or self.instants) or self.controlled
+        return bool(self.stops or self.sticking) or self.controlled
 
     @property
     def logs(self) -> bool:
@@ -155,25 +273,46 @@ class Dynamics:
         return (*(["impacts"] if self.stops else []), *(["logged"] if self.logs else []))
 
     @property
-    def spans(self) -> bool:
-        """Whether lanes know when in the interval the common step begins."""
-        return self.logs or bool(self.instants)
+    def instants(self) -> tuple[Attached[Instant], ...]:
+        """Instants that divide an interval into pieces."""
+        return self.scene.attached.instants
 
     @property
-    def instants(self) -> tuple[str, ...]:
-        """Fields with instants at which a planned step ends, s from the start of the interval; none yet."""
-        return ()
+    def passed(self) -> tuple[str, ...]:
+        """Fields that say which instants have passed."""
+        return tuple(a.passed for a in self.instants)
+
+    @cached_property
+    def renewed(self) -> dict[str, str]:
+        """States of effects that are updated at an instant, and the fields that say whether it has passed."""
+        every = ((field, own, a.passed) for a in self.scene.attached for field, own in a.states.items())
+        return {field: passed for field, own, passed in every if RENEWAL in own}
+
+    @property
+    def pieces(self) -> int:
+        """Most pieces of an interval."""
+        return len(self.instants) + 1
+
+    @property
+    def counts_evaluations(self) -> bool:
+        """Whether lanes may need different numbers of evaluations."""
+        return self.local or bool(self.instants)
+
+    @property
+    def repeats_common_step(self) -> bool:
+        """Whether an interval has several common steps."""
+        return bool(self.instants) or (not self.controlled and self.scene.substeps > 1)
 
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and not self.controlled and self.scene.substeps > 1 else "{}_start"
+        return "{}_interval" if self.local and self.repeats_common_step else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
         """Fields that are kept at the start of an interval, and restored when it is given up."""
         count = (INTERVALS,) if self.draws else ()
-        return (*self.states, *self.effect_states.updated, *count, *self.active)
+        return (*self.states, *self.effect_states.updated, *count, *self.active, *self.rests)
 
     @property
     def draws(self) -> Mapping[str, Draw]:
@@ -184,6 +323,11 @@ class Dynamics:
     def draw_fields(self) -> tuple[str, ...]:
         """Fields from which draws follow; none in a scene without draws."""
         return (*DRAW_KEY, INTERVALS) if self.draws else ()
+
+    @property
+    def rests(self) -> tuple[str, ...]:
+        """Fields of the positions at which joints stick."""
+        return tuple(b.rest for b in self.sticking)
 
     @cached_property
     def overshoot(self) -> Overshoot:
@@ -235,6 +379,8 @@ class Dynamics:
         values = {self.field_of(k): v for k, v in self.scene.parameters().items()}
         if self.scene.tolerance is not None:
             values["tip_tolerance"] = self.scene.tolerance
+        if self.scene.attached.take(CONTROL_DT):
+            values[CONTROL_DT] = self.scene.control_dt
         return values
 
     def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -245,11 +391,12 @@ class Dynamics:
             mass: total(parameters[name] for name in (self.field_of(mass), *loads))
             for mass, loads in self.scene.attached.carried.items()
         }
-        x = Quantities({**parameters, **made, INTERVAL: self.scene.control_dt}, functions, {})
+        x = Quantities({**parameters, **made}, functions, {})
         made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
         for a in self.scene.attached.of(Field):
             if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
                 made["ax"], made["ay"] = a.functions["function"](x)
+        made |= {a.instant: a.functions["after"](x) for a in self.instants}
         if not self.controlled:
             return made
         rates = required_steps.rates_of_parameters(self.scene, x)
@@ -264,40 +411,55 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Quantities that are constant in a step: parameters, and what is prepared from them; without the
-        numbers of error control, which no function takes."""
-        interval = (INTERVAL,) if self.scene.attached.take_interval else ()
-        own = (n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
-        return (*own, *interval)
+        """Quantities that are constant in a step: parameters, and what is prepared from them; without
+        :data:`NO_QUANTITIES`."""
+        return tuple(n for n in (*self.parameters, *self.prepared) if not NO_QUANTITIES.match(n))
 
-    def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
+    def efforts(
+        self, x: Quantities, change: str, time: InStep | StepStart | None = None
+    ) -> tuple[list[Any], dict[str, Any]]:
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; at a
+        ``time`` in a step states are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
             for link in chain:
                 x[command] = efforts[k]
+                if link.guards and not self.locates_laws:
+                    link.settle_law(x)
+                if time is not None:
+                    time.close(link, x)
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
             x[command] = given
         return efforts, changes
 
-    def changes(self, what: str, x: Quantities, lane: Any) -> dict[str, Any]:
-        """New values of effects' states, by their fields: the "update" at the end of an interval, or those
-        that are "initial" at a start."""
-        updates = what == "update"
-        x.update(self._drawn(what, lane[INTERVALS] + 1.0 if self.draws and updates else 0.0, lane))
-        changes = self.efforts(x, what)[1] if updates else {}
-        for a in self.scene.attached.of(*((Force,) if updates else (Actuation, Force))):
+    def changes(self, x: Quantities, what: str, lane: Any) -> dict[str, Any]:
+        """New values of effects' states, by their fields: the "update" at the end of an interval, or
+        :data:`RENEWAL`."""
+        x.update(self._drawn(what, lane))
+        _, changes = self.efforts(x, what)
+        for a in self.scene.attached.of(Force):
             changes |= a.changes(what, x)
         return changes | sensing.renewed(self.scene.attached, what, x)
 
-    def _drawn(self, what: str, interval: Any, lane: Any) -> dict[str, Any]:
-        """The draws that functions of states take in the interval of a number, by the names of quantities."""
+    def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
+        """Values of effects' states at a start, by their fields, of those that are computed then."""
+        x.update(self._drawn("initial", lane))
+        changes: dict[str, Any] = {}
+        for a in self.scene.attached:
+            if not isinstance(a.hook, Sensing):
+                changes |= a.changes("initial", x)
+        return changes | sensing.renewed(self.scene.attached, "initial", x)
+
+    def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
+        """The draws that functions of states take, by the names of quantities: of the start, or of the next
+        interval."""
         functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
         needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
         if not needed:
             return {}
+        interval = 0.0 if what == "initial" else lane[INTERVALS] + 1.0
         found = drawn(needed.values(), interval, lane.get(DRAW_KEY))
         return {name: found[draw] for name, draw in needed.items()}
 
@@ -321,24 +483,47 @@ class Dynamics:
         arm = self.arm
         added = self.scene.attached.inertias
         held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
+        if self.sticking:
+            mobility = held[1:] if self.arm.sliders() else ()
+            held = held_joint_dynamics(arm.__class__, self.held_joints), *mobility
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
-    def accelerations(self, x: Quantities) -> list[Any]:
-        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
+    @property
+    def held_joints(self) -> tuple[int, ...]:
+        """Joints that friction or a stop may hold."""
+        return tuple(sorted({b.joint for b in (*self.sticking, *self.holding) if b.joint is not None}))
+
+    def close(self, x: Quantities, time: InStep | StepStart) -> None:
+        """Give quantities at a ``time`` in a step the states that are in closed form."""
+        self.efforts(x, "none", time)
+        self._close_forces(x, time)
+
+    def _close_forces(self, x: Quantities, time: InStep | StepStart) -> None:
+        for a in self.scene.attached.of(Force):
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
+            time.close(a, x)
+
+    def accelerations(self, x: Quantities, time: InStep | None = None) -> list[Any]:
+        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
+
+        At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.
+        """
         joints = range(self.count)
         if "ax" not in self.prepared:
             x["ax"] = x["ay"] = ABSENT
             for field in self.scene.attached.of(Field):
                 del x["ax"], x["ay"]
                 x["ax"], x["ay"] = field.functions["function"](x)
-        effort, changes = self.efforts(x, "derivative")
+        effort, changes = self.efforts(x, "derivative", time)
+        if time is not None:
+            self._close_forces(x, time)
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
         for a in self.scene.attached.of(Force):
-            if a.law and not self.laws:
-                law = self.law_of[a]
-                x[law.side] = side_beyond(*x.each((a.hook.motion[0], law.lower, law.upper)))
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
             force = _components(a, "function", x)
             changes |= a.changes("derivative", x)
             for rate, component in force.items():
@@ -352,6 +537,11 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
+        for b in self.sticking:
+            rate = f"phid{b.number}"
+            friction = -(x[b.side] * self.friction_limit(b, x, x[b.side] * x[rate]))
+            acting[rate] = _plus(acting[rate], friction)
+            working[rate] = _plus(working[rate], friction)
         torques = [acting[f"phid{k + 1}"] for k in joints]
         if any(t is not None for t in torques):
             x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
@@ -362,13 +552,13 @@ class Dynamics:
             x.update({f"Q{k + 1}": effort[k] for k in joints})
         x.update({name: x[name] + force for name, force in at_points.items()})
         results = x.each(f"qdd{k + 1}" for k in joints)
-        results += [changes[name] for name in self.effect_states.integrated]
+        results += [changes[name] for name in self.effect_states.integrated if name not in self.closed]
         if self.track_work:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(total(power or [0.0]))
-        return results
+        return results if time is not None else results + [changes[name] for name in self.closed]
 
     def _add_at_coordinates(
         self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]

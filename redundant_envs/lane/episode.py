@@ -22,6 +22,7 @@ from redundant_envs.lane.dynamics import INTERVALS
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.randomized import Randomized
 from redundant_envs.lane.sensing import measured, reads_nonsense
 from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
@@ -50,7 +51,8 @@ TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 class Episode:
     """Episodes of the lanes of an environment, around their motion."""
 
-    def __init__(self, interval: Interval, task: Task) -> None:
+    def __init__(self, interval: Interval, task: Task, observed_numbers: tuple[str, ...] = ()) -> None:
+        """``observed_numbers`` are fields that an observation shows after the quantities of the task."""
         dynamics, scene = interval.dynamics, interval.dynamics.scene
         self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
         self.actions = tuple(numbered("action{}", dynamics.count))
@@ -60,11 +62,15 @@ class Episode:
         self.returns = tuple(f"{t}_sum" for t in self.terms)
         self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
         self.held_outputs = (*ENDS, *task.held_outputs)
-        self.observed = tuple(task.observation(scene))
+        self.randomized = Randomized(dynamics, task.parameters())
+        self.observed_numbers = observed_numbers
+        self.observed = (*task.observation(scene), *observed_numbers)
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
         has = {"events_sum": bool(dynamics.stops), "error_most": scene.tolerance is not None}
-        spent = {name: doc for name, doc in SPENT.items() if dynamics.local and has.get(name, True)}
+        spent = {
+            name: doc for name, doc in SPENT.items() if dynamics.counts_evaluations and has.get(name, True)
+        }
         sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
         self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
         """What a lane remembers of its episode beside its state and the task's memory, and what it means."""
@@ -80,8 +86,13 @@ class Episode:
         return {
             "flags": ("terminated", "truncated", *(m for m in metrics if m in flags)),
             "counts": ("numerics", "saturated", "steps", *totals),
-            "values": ("reward", *measured, *beyond, *most, *self.returns, *TIP, *self.goal),
+            "values": ("reward", *measured, *beyond, *most, *self.returns, *self.drawn, *TIP, *self.goal),
         }
+
+    @cached_property
+    def drawn(self) -> tuple[str, ...]:
+        """Fields of the numbers that every episode draws anew."""
+        return tuple(field for fields in self.randomized.fields_by_name.values() for field in fields)
 
     @cached_property
     def aliases(self) -> dict[str, str]:
@@ -109,6 +120,7 @@ class Episode:
             yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
         for name in self.draws:
             yield Field(name, "", "uniform draw in (0, 1)", SCRATCH)
+        yield from self.randomized.fields()
         yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
 
     def layout(self) -> Layout:
@@ -130,12 +142,8 @@ class Episode:
 
     def quantities_now(self, lane: Lane) -> Quantities:
         """The same after an interval."""
-        names = (
-            *self.dynamics.states,
-            *self.dynamics.effect_states.updated,
-            *self.task.memory,
-            *self.actions,
-        )
+        states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
+        names = (*states, *self.task.memory, *self.actions)
         return self.quantities(lane, {n: lane[n] for n in names})
 
     # ---- a control step --------------------------------------------------------------------------------
@@ -215,14 +223,16 @@ class Episode:
 
     def observe(self, lane: Lane) -> dict[Any, Any]:
         """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
-        memory = (*self.task.memory, *self.counts, *self.held_outputs)
+        memory = (*self.task.memory, *self.counts, *self.held_outputs, *self.drawn)
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
         known = {n: lane[n] for n in (*states, *self.task.memory)}
         x = self.quantities(lane, known)
         read = measured(self.dynamics.scene.attached, self.arm, x)
         seen = self.quantities(lane, {**known, **read}) if read else x
         count = len(self.observed)
-        shown = {("obs", "f32", k, count): seen[name] for k, name in enumerate(self.observed)}
+        of_task = self.observed[: count - len(self.observed_numbers)]
+        values = [*(seen[name] for name in of_task), *(lane[name] for name in self.observed_numbers)]
+        shown = {("obs", "f32", k, count): value for k, value in enumerate(values)}
         for table, element in TABLES.items():
             for k, name in enumerate(self.tables[table]):
                 if name == "beyond_limit":
@@ -242,7 +252,7 @@ class Episode:
     # ---- a new episode ---------------------------------------------------------------------------------
 
     def reset(self, lane: Lane) -> None:
-        """A new episode in the lanes that are ``resetting``, from their draws."""
+        """A new episode in the lanes that are ``resetting``, from their draws and their numbers."""
         task, arm = self.task, self.arm
         functions = (
             *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),

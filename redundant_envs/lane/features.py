@@ -46,4 +46,4 @@ OBSERVED_ANGLE, OBSERVED_RATE = 1e14, 1e100
 """rad; rad/s and m/s: states beyond cannot be observed, since sines of larger angles are not computed."""
 MOST_LOGGED = 256
 """Number of events of an interval that are kept if the work is tracked."""
-WATCHED = Watched._fields
+WATCHED = tuple(name for name in Watched._fields if name != "middle")

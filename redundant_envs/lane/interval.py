@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
+from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
@@ -52,7 +53,14 @@ class Interval:
         """Fields of the lanes, without those that only the program of a lane sets."""
         dynamics, rates = self.dynamics, self.dynamics.arm.rates
         yield from motion_fields(dynamics)
+        if dynamics.instants:
+            yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
+            for a in dynamics.instants:
+                yield Field(a.passed, "", "1 from the instant on, 0 before", SCRATCH)
+        evaluations = Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         if not dynamics.local:
+            if dynamics.counts_evaluations:
+                yield evaluations
             return
         for name in dynamics.active:
             yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
@@ -62,32 +70,47 @@ class Interval:
         if dynamics.origin != "{}_start":
             yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
-        yield Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
+        yield evaluations
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
         yield Field("min_steps", "", "least number of steps allowed; 0 where one may serve", SCRATCH)
         yield Field("state", "", "where the program of the lane waits", SCRATCH)
         for name, doc in (CONDITIONS | dynamics.doubts).items():
             yield Field(name, "", doc, SCRATCH, truth=True)
-        if dynamics.spans:
-            yield Field("span_start", "s", "when the common step began", SCRATCH, book=not dynamics.instants)
-        for name in dynamics.instants:
-            yield Field(name, "s", "instant of the interval at which a planned step ends", PARAMETER)
+        if dynamics.logs:
+            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
         for b in dynamics.boundaries:
             for name in WATCHED:
                 doc = f"{name} acceleration at the stages, or pull of the stop"
                 yield Field(f"{name}_{b.name}", "m/s^2 or N", doc, SCRATCH)
+        for b in dynamics.bounded:
             yield Field(f"crossing_{b.name}", "", "how the trial step meets a limit (Crossing)", SCRATCH)
             yield Field(f"turning_{b.name}", "s", "when the coordinate turns in the trial step", SCRATCH)
         for b in dynamics.laws:
             yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
             yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
+        for b in dynamics.sticking:
+            yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
+            yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
+            yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
+            yield Field(f"loose_{b.name}", "", "has just been torn loose", SCRATCH, truth=True)
+        for b in dynamics.guards:
+            yield Field(
+                b.side, "", "which law of an effect holds: 1 or -1; 0 of a joint that sticks", SCRATCH
+            )
+            yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
+            yield from copies((b.side, b.pull), "{}_start", "before the common step")
+            yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
+            yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+        if dynamics.guards:
+            yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
+        if dynamics.resolves:
+            for v in dynamics.states[dynamics.count :]:
+                yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         if not dynamics.stops:
             return
         yield Field("impacts", "", "impacts of the interval", SCRATCH)
         yield Field("impacts_start", "", "before the common step", SCRATCH)
-        for v in dynamics.states[dynamics.count :]:
-            yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for b in dynamics.stops:
             if b in dynamics.holding:
                 yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
@@ -113,7 +136,7 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-            changes = dynamics.changes("update", x, lane)
+            changes = dynamics.changes(x, "update", lane)
             lane.set(changes, changes.values())
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
@@ -122,7 +145,7 @@ class Interval:
         """Values that states of effects have at the start of a motion, of those whose values are computed."""
         dynamics = self.dynamics
         x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-        return dynamics.changes("initial", x, lane)
+        return dynamics.initial_states(x, lane)
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
@@ -152,7 +175,8 @@ class Interval:
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
             made[request] = layout.function(name, written)
-        if self.dynamics.boundaries:
+        skips = self.dynamics.control is Control.ADAPTIVE and self.dynamics.sticking
+        if self.dynamics.boundaries and not skips:  # what sticks is decided before any first step then
             written = machine.after(Request.STEP, "due", first=True)
             made[FIRST] = layout.function("after_common_step", {**written, "due": 0.0})
         return made
@@ -174,7 +198,7 @@ class Interval:
 def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
     """State, parameters and what every interval has."""
     arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
-    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys(ARGUMENTS, ENGINE)
+    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
     for effect in dynamics.scene.effects:
         names = (*effect.parameters(), *effect.states(arm))
         owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
@@ -190,13 +214,13 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, "", doc, STATE)
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
-    yield Field("h", "s", "length of the common step", PARAMETER)
+    yield Field("h", "s", "length of the common step", SCRATCH if dynamics.instants else PARAMETER)
     yield Field("interval", "s", "control interval", PARAMETER)
     for name in (*dynamics.parameters, *dynamics.prepared):
         doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"
         yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
-    for k, name in enumerate(dynamics.commands):
-        yield Field(name, "N" if arm.prismatic[k] else "N m", "commanded effort of a motor", SCRATCH)
+    for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
+        yield Field(name, unit, "command of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
     yield Field("fault", "", "faults of the interval", SCRATCH)
 

@@ -39,6 +39,7 @@ class Field:
     lifetime: Lifetime
     truth: bool = False  # whether it holds a condition, as 1 or 0
     book: bool = False  # whether it is a record of the motion, which does not depend on it
+    at_reset: bool = False  # whether only the beginning of an episode reads it
     owner: str = ENGINE  # who has given it its name
 
     @property
@@ -189,12 +190,13 @@ def traced(
     inputs: Mapping[str, tuple[str, tuple[str, ...]]] | None = None,
     known: Mapping[str, float] | None = None,
     whole: bool = False,
+    joins: bool = True,
 ) -> LaneFunction:
     """Record the effect of procedures on a lane, the last of which may return values for arrays, by (array,
     type of its elements, column, columns).
 
     ``inputs`` are arrays with the type of their elements and the fields that their columns hold, ``known``
-    fields that hold certain numbers; ``whole`` is for :class:`Graph`.
+    fields that hold certain numbers; ``whole`` is for :class:`Graph`, ``joins`` for :class:`LaneFunction`.
     """
     graph = Graph(whole)
     lane = TracedLane(layout, graph)
@@ -205,5 +207,6 @@ def traced(
     for place, v in (outputs or {}).items():
         made.outputs.append(Output(*place, v.value if isinstance(v, Condition) else value_of(v)))
     made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
+    made.joins = joins
     made.known = {layout.row_of(n): x for n, x in (known or {}).items()}
     return made

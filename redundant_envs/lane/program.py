@@ -11,12 +11,13 @@ import enum
 from collections.abc import Generator
 from typing import Any
 
-from redundant_envs.algebra import any_of, logical_not, where
+from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import ROUNDING, law_behind, leaves_stop, starts_at_stop
-from redundant_envs.events.first_event import Encounter, first_event
+from redundant_envs.events.boundary import guarded, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.first_event import Encounter, first_event, first_passage
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
+from redundant_envs.lane.closed_forms import InStep
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, StepControl
@@ -24,6 +25,8 @@ from redundant_envs.lane.step_control import End, StepControl
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 SEARCH = Search._fields
+SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
+"""Fraction of a planned step by which a change of a law may be found late."""
 
 
 class Request(enum.Enum):
@@ -66,7 +69,7 @@ class LaneProgram:
                     if not lane.at_stop:
                         self.start_here(lane)
                 case Found.NOTHING:
-                    match self.end_of_trial(lane):
+                    match self.control.end(lane):
                         case End.CROSSED:
                             return None
                         case End.REPEATED:
@@ -78,7 +81,7 @@ class LaneProgram:
 
     def step_or_event(self, lane: Lane) -> Generator[Request, None, Found]:
         """Take trial steps to the end of the planned one, or to the first event before it."""
-        for b in self.dynamics.boundaries:
+        for b in self.dynamics.bounded:
             lane[f"cleared_{b.name}"] = False
         lane.searched = 0.0
         while True:
@@ -122,7 +125,7 @@ class LaneProgram:
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
             lane.set(SEARCH, after)
             if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
-                for b, is_sought in zip(self.dynamics.boundaries, sought.chosen, strict=True):
+                for b, is_sought in zip(self.dynamics.bounded, sought.chosen, strict=False):
                     lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
                 self.retry(lane, trial.left)
                 return Found.NOTHING
@@ -151,11 +154,20 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
+        if self.dynamics.guards:
+            lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= contacts.MOST_CHANGES or lane.impacts > contacts.MOST_IMPACTS:
+            if lane.changes >= contacts.MOST_CHANGES:
                 return False
-            if self.boundaries.resolve(lane):
+            if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
+                return False
+            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.stick_or_slip
+            if resolve(lane):
+                if self.dynamics.guards:
+                    lane.resolving = False
+                for b in self.dynamics.sticking:
+                    lane[f"loose_{b.name}"] = False
                 self.start_here(lane)
                 return True
 
@@ -165,16 +177,34 @@ class LaneProgram:
         """The trial step, and the first event of each coordinate in it."""
         h, encounters = lane.step, []
         moved = self.boundaries.in_step(lane, "{}_trial")
-        for k, (b, motion) in enumerate(zip(self.dynamics.boundaries, moved, strict=True)):
+        for k, (b, motion) in enumerate(zip(self.dynamics.bounded, moved, strict=True)):
             known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
             forces, mobility = [0.0, 0.0], 0.0
             if b in self.dynamics.holding:
                 forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
                 mobility = self.boundaries.mobility(lane, b, b)
             encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
-        events = [first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1) for e in encounters]
+        for k, b in enumerate(self.dynamics.guards, start=len(moved)):
+            pulls = lane.get((b.pull, f"{b.pull}_trial"))
+            motion = guarded(self.boundaries.watched(lane, b))
+            still = 0.0, h, False, 0.0
+            encounters.append(Encounter(float(k), motion, *pulls, *still, self.late_share(lane)))  # type: ignore[call-arg]
+        method = self.dynamics.method
+        events = [
+            first_passage(e, h, method.c[method.middle])
+            if e.motion.guards
+            else first_event(e, h, 1.0 / h, method.stages > 1)
+            for e in encounters
+        ]
         impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
         return Trial(h, lane.left, lane.interval, impacts, encounters, events)
+
+    def late_share(self, lane: Lane) -> Any:
+        """Fraction of a step by which a change of law may be late: metres of the tolerance, of a step that
+        moves the tip by a metre at most by what the laws differ."""
+        if self.dynamics.scene.tolerance is None:
+            return SMALLEST_LATE_SHARE
+        return maximum(minimum(lane.tip_tolerance, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last
@@ -204,32 +234,14 @@ class LaneProgram:
         lane.error_trial, lane.step = lane.error, lane.left
         for b in self.dynamics.holding:
             lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
+        for b in self.dynamics.guards:
+            lane[f"{b.pull}_trial"] = lane[b.pull]
 
     def moved(self, lane: Lane) -> Found:
         """End a trial step without an event."""
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
         self.note_released(lane)
         return Found.NOTHING
-
-    def end_of_trial(self, lane: Lane) -> End:
-        """After a trial step without an event: what comes next."""
-        if self.dynamics.instants and lane.left <= 0.0 and lane.after_instant > 0.0:
-            lane.left = lane.after_instant
-            self.cut(lane)
-            return End.GOES_ON
-        if (end := self.control.end(lane)) is End.NEXT:
-            self.cut(lane)
-        return end
-
-    def cut(self, lane: Lane) -> None:
-        """End the planned step at the first instant before its end; the rest of it comes then."""
-        if not self.dynamics.instants:
-            return
-        ahead = [time - lane.span_start - lane.elapsed for time in lane.get(self.dynamics.instants)]
-        left = lane.left
-        for time in ahead:
-            left = where((time > ROUNDING * lane.interval) & (time < left), time, left)
-        lane.after_instant, lane.left = lane.left - left, left
 
     def is_lost(self, lane: Lane) -> Any:
         """Whether a search has no end, or waits for a time that is no number."""
@@ -262,12 +274,27 @@ class LaneProgram:
                 # It comes to its stop, even if by rounding it seems to move away.
                 leaves = self.boundaries.at_stop(lane, b, leaves_stop)
                 lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
+            elif b.sticks:
+                passed = is_sought | (lane[b.pull] > 0.0)
+                self.boundaries.rest_or_tear_loose(lane, b, passed)
+                lane.at_stop = lane.at_stop | passed
+            elif b.guards:
+                passed = is_sought | (lane[b.pull] > 0.0)
+                lane[b.side] = where(passed, -lane[b.side], lane[b.side])
+                lane[b.pull] = where(passed, -lane[b.pull], lane[b.pull])
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
+        if self.dynamics.sticking:
+            self.boundaries.stick(lane)
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
-        arm, moving = self.dynamics.arm, self.dynamics.states[self.dynamics.count :]
+        arm, closed = self.dynamics.arm, self.dynamics.closed
+        moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
+        if closed:
+            x = self.boundaries.quantities_of_motion(lane)
+            self.dynamics.close(x, InStep(dict(zip(closed, lane.get(closed), strict=True)), time, {}))
+            lane.set(closed, x.each(closed))
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:
@@ -287,18 +314,23 @@ class LaneProgram:
         useless = self.control.begin(lane)
         released = any_of(lane[a] != lane[f"{a}_start"] for a in self.dynamics.active)
         self.at_start(lane)
-        self.cut(lane)
         lane.due, lane.at_stop = False, False
         pulled = self.forces_in_common_step(lane)
         if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
-            lane.due = logical_not(useless | begun | released | pulled | self.boundaries.is_cut(lane))
+            lane.due = logical_not(useless | begun | released | pulled)
         if lane.due:
             lane.step = lane.h
+            for b in self.dynamics.sticking:
+                lane[f"{b.pull}_trial"] = lane[f"first_{b.name}"]
         else:
             lane.step = lane.left
-            lane.at_stop = self.boundaries.touched_before(lane)
+            lane.at_stop = self.decides_at_start(lane)
             self.back_to(lane, "{}_start")
+
+    def decides_at_start(self, lane: Lane) -> Any:
+        """Whether contacts, or which joints stick, must be resolved before the first trial step."""
+        return bool(self.dynamics.sticking) or self.boundaries.touched_before(lane)
 
     def forces_in_common_step(self, lane: Lane) -> Any:
         """The forces that hold sliders at both ends of the common step; whether a stop would have to pull one
@@ -310,17 +342,25 @@ class LaneProgram:
             lane[f"force_trial_{b.name}"] = where(rests, side * first, 0.0)
             lane[f"force_{b.name}"] = where(rests, side * last, 0.0)
             pulled = pulled | (rests & (first > 0.0))
+        for b in self.dynamics.sticking:
+            pulled = pulled | (lane[f"first_{b.name}"] > 0.0)
         return pulled
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
         lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
         lane.error_trial, lane.elapsed = lane.error_start, 0.0
-        for b in self.dynamics.laws:
+        for b in (*self.dynamics.laws, *self.dynamics.guards):
             lane[b.side] = lane[f"{b.side}_start"]
-        if self.dynamics.stops:
+        for b in self.dynamics.guards:
+            lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
+        if self.dynamics.guards:
+            lane.resolving = False
+        if self.dynamics.resolves:
             lane.changes = 0.0
-        lane.copy((*self.dynamics.active, *self.dynamics.counted), of="{}_start")
+        for b in self.dynamics.sticking:
+            lane[f"loose_{b.name}"] = False
+        lane.copy((*self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted), of="{}_start")
         self.note_released(lane, "{}_start")
 
     def back_to(self, lane: Lane, form: str) -> None:
@@ -333,14 +373,14 @@ class LaneProgram:
         self.control.shorten(lane)
         if self.control.repeats:
             self.at_start(lane)
-        self.cut(lane)
         lane.step, lane.at_stop = lane.left, False
         if not self.control.repeats:
             return self.back_to(lane, "{}_trial")
-        lane.at_stop = self.boundaries.touched_before(lane)
+        lane.at_stop = self.decides_at_start(lane)
         return self.back_to(lane, "{}_start")
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        lane.copy((*self.dynamics.states, *self.dynamics.active, *self.dynamics.counted), of="{}_start")
-        lane.fault = float(Fault.EVENT_BUDGET)
+        kept = *self.dynamics.states, *self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted
+        lane.copy(kept, of="{}_start")
+        self.control.note(lane, Fault.EVENT_BUDGET)

@@ -59,15 +59,18 @@ def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
     return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
 
 
-def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any]) -> list[Any]:
-    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``."""
+def rates_of_motion(
+    scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any], interval: Any
+) -> list[Any]:
+    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``, in an
+    ``interval`` [s]."""
     rates = []
     for field, a in dampers(scene):
         position, rate = a.hook.motion
-        known = {position: x[position] + lane.interval * x[rate], rate: x[rate]}
+        known = {position: x[position] + interval * x[rate], rate: x[rate]}
         ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
         here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
-        rates.append(steps_towards_damper(here, there, lane[field], lane.interval))
+        rates.append(steps_towards_damper(here, there, lane[field], interval))
     return rates
 
 

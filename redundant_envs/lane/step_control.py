@@ -6,6 +6,7 @@ import enum
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
+from redundant_envs.lane import pieces
 from redundant_envs.lane.common_step import CommonStep, tip_norms
 from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
@@ -14,7 +15,8 @@ from redundant_envs.numerics.error_control import Crossed, Verdict
 
 MOST_TRIALS = 65536
 """Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
-events. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP` more for each substep."""
+events; of an interval in pieces as many for each. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP`
+more for each substep."""
 TRIALS_OF_SUBSTEP = 16
 
 
@@ -35,6 +37,19 @@ class StepControl:
     def __init__(self, step: CommonStep) -> None:
         self.step, self.dynamics = step, step.dynamics
         self.stages = float(step.dynamics.method.stages)
+        self.most_trials = MOST_TRIALS * self.dynamics.pieces
+
+    def span(self, lane: Lane) -> Any:
+        """What is crossed at once, s: the interval, or the present piece of it."""
+        return pieces.span(self.dynamics, lane)
+
+    def allowed_error(self, lane: Lane) -> Any:
+        """The error that the interval may have so far, m."""
+        return pieces.allowed_error(self.dynamics, lane)
+
+    def note(self, lane: Lane, fault: Fault) -> None:
+        """Record a fault; the worst one of an interval counts."""
+        lane.fault = maximum(lane.fault, float(fault)) if self.dynamics.instants else float(fault)
 
     def begin(self, lane: Lane) -> Any:
         """Plan the first step of an interval; whether the common step is useless for the lane."""
@@ -56,7 +71,8 @@ class StepControl:
     def within_budget(self, lane: Lane) -> Any:
         """Whether the interval may have one more trial step."""
         # If such steps make a slider unstable, every step can seem to end beyond a stop.
-        most = MOST_TRIALS * lane.h + TRIALS_OF_SUBSTEP * lane.interval
+        each = TRIALS_OF_SUBSTEP * self.dynamics.pieces
+        most = self.most_trials * lane.h + each * self.span(lane)
         return lane.evaluations * lane.h < self.stages * most
 
 
@@ -67,20 +83,20 @@ class EqualSteps(StepControl):
 
     def begin(self, lane: Lane) -> Any:
         inaccurate = lane.reason == Reason.ACCURACY
-        for_error = error_control.steps_for_error(inaccurate, lane.error, lane.tip_tolerance)
+        for_error = error_control.steps_for_error(inaccurate, lane.error, self.allowed_error(lane))
         steps = maximum(for_error, error_control.steps_allowed(lane.min_steps))
         lane.divisions = lane.steps_left = steps
         for q in self.dynamics.arm.coordinates:
             lane[f"{q}_seen"] = error_control.NEVER_SEEN
-        lane.left = lane.interval / steps
+        lane.left = self.span(lane) / steps
         return inaccurate
 
     def accurate(self, lane: Lane) -> Any:
-        return (lane.error <= lane.tip_tolerance) | (lane.divisions >= error_control.MOST_STEPS)
+        return (lane.error <= self.allowed_error(lane)) | (lane.divisions >= error_control.MOST_STEPS)
 
     def shorten(self, lane: Lane) -> None:
         steps = 2.0 * lane.divisions
-        lane.left = lane.step = lane.interval / steps
+        lane.left = lane.step = self.span(lane) / steps
         lane.divisions = lane.steps_left = steps
 
     def end(self, lane: Lane) -> End:
@@ -97,35 +113,36 @@ class EqualSteps(StepControl):
         if not ended:
             return End.GOES_ON
         if not last:
-            lane.left, lane.steps_left = lane.interval / lane.divisions, lane.steps_left - 1.0
+            lane.left, lane.steps_left = self.span(lane) / lane.divisions, lane.steps_left - 1.0
             return End.NEXT
-        passed = (lane.error <= lane.tip_tolerance) & (lane.min_steps <= error_control.MOST_STEPS) & agrees
+        accurate = lane.error <= self.allowed_error(lane)
+        passed = accurate & (lane.min_steps <= error_control.MOST_STEPS) & agrees
         if not passed:
-            lane.fault = float(Fault.TOLERANCE_NOT_REACHED)
+            self.note(lane, Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
 
     def _crossed(self, lane: Lane) -> Crossed:
         norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
         change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
         impacts = lane.impacts if self.dynamics.stops else 0.0
-        known = lane.divisions, lane.error, lane.tip_tolerance, change, impacts
+        known = lane.divisions, lane.error, self.allowed_error(lane), change, impacts
         return Crossed(*known, *self.step.doubts(lane))
 
     def within_budget(self, lane: Lane) -> Any:
-        return lane.evaluations < MOST_TRIALS * self.stages
+        return lane.evaluations < self.most_trials * self.stages
 
 
 class AdaptiveSteps(StepControl):
     """Each step is as long as its error allows (dop853)."""
 
     def begin(self, lane: Lane) -> Any:
-        first = error_control.first_adaptive(lane.next_step, lane.min_steps, lane.interval)
+        first = error_control.first_adaptive(lane.next_step, lane.min_steps, self.span(lane))
         lane.next_step, lane.steps_left, lane.left = first, 0.0, first
         return True
 
     def _verdict(self, lane: Lane) -> Verdict:
         return error_control.judge_adaptive(
-            lane.error, lane.step, lane.next_step, lane.min_steps, lane.interval, lane.steps_left - 1.0
+            lane.error, lane.step, lane.next_step, lane.min_steps, self.span(lane), lane.steps_left - 1.0
         )
 
     def accurate(self, lane: Lane) -> Any:
@@ -139,11 +156,11 @@ class AdaptiveSteps(StepControl):
         lane.next_step = self._verdict(lane).following
         if lane.left > 0.0:
             return End.GOES_ON
-        rest = lane.interval - lane.elapsed
+        rest = self.span(lane) - lane.elapsed
         if not lane.next_step > 0.0:
-            lane.fault = float(Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
+            self.note(lane, Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
             return End.CROSSED
-        if not rest > error_control.CROSSED_SHARE * lane.interval:
+        if not rest > error_control.CROSSED_SHARE * self.span(lane):
             return End.CROSSED
         lane.left = error_control.rest_of_interval(rest, lane.next_step)
         return End.NEXT

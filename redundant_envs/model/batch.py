@@ -118,7 +118,7 @@ class BatchSimulator(Copied):
         computed = dynamics.effect_states.computed
         self._beginning = Team(simulator, "begin", memory, 1) if computed else None
         same = {} if dynamics.method.error5 else {"error": np.nan}
-        if not dynamics.local:
+        if not dynamics.counts_evaluations:
             same["evaluations"] = self.scene.substeps * dynamics.method.stages
         if not dynamics.stops:
             same["events"] = 0
@@ -288,15 +288,20 @@ class BatchSimulator(Copied):
         return Status(*[same[name] if name in same else filled[name][:n].copy() for name in OUTPUTS])
 
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
-        """Advance by ``duration`` [s] instead of a control interval, in as many substeps."""
+        """Advance by ``duration`` [s] instead of a control interval, in as many substeps.
+
+        It is an interval of its own, with a start and an end; an instant of an effect happens in it if it is
+        nearer to the start than ``duration``.
+        """
         number = isinstance(duration, int | float | np.integer | np.floating)
         duration = float(duration) if isinstance(duration, np.floating) else duration
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
-        memory, names = self._memory, ("h", "interval")
+        memory, times = self._memory, {"h": duration / self.scene.substeps, "interval": duration}
+        names = [name for name in times if name in memory]  # pieces have steps of their own lengths
         usual = [memory.column(name).copy() for name in names]
-        memory.column("h")[:] = duration / self.scene.substeps
-        memory.column("interval")[:] = duration
+        for name in names:
+            memory.column(name)[:] = times[name]
         try:
             return self.advance(efforts)
         finally:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import INTERVAL, Field, Force, Point
-from redundant_envs.events.boundary import side_beyond
+from redundant_envs.effects.hooks import CONTROL_DT, Field, Force, Point
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
 
@@ -34,19 +33,20 @@ def scene_quantities(
     scene: Scene, q: Array, qd: Array | None = None, parameters: Mapping[str, Any] = MappingProxyType({})
 ) -> Quantities:
     """Quantities that the functions of a scene's hooks take, in motions or at rest, with other ``parameters``
-    if given. States of effects have their initial values; positions choose between the laws of a force."""
+    if given. States of effects have their initial values, and no instant has passed; positions choose between
+    the laws of a force."""
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
-    known[INTERVAL] = scene.control_dt
     known |= {**own, **parameters}
     known |= scene.attached.states.initial
+    known |= {CONTROL_DT: scene.control_dt, **dict.fromkeys((a.passed for a in scene.attached.instants), 0.0)}
     for names, numbers in ((arm.coordinates, q), (arm.rates, qd)):
         known |= {} if numbers is None else {name: numbers[..., k] for k, name in enumerate(names)}
     x = Quantities(known, arm.functions, arm.sincos)
     for a in scene.attached.of(Force):
-        if a.hook.switch is not None:
-            x[a.side] = side_beyond(*x.each((a.hook.motion[0], *map(a.parameter, a.hook.switch))))
+        if a.law or "conservative" in a.functions:
+            a.settle_law(x)
     for field in scene.attached.of(Field):
         x["ax"], x["ay"] = field.functions["function"](x)
     return x

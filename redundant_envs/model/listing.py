@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,10 +12,15 @@ from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
 from redundant_envs.effects.hooks import Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.memory import LOG
+from redundant_envs.lane.episode import Episode
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import LOG, Layout, traced
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.tasks import ReachTask
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.checks import check_task
 from redundant_envs.tracing.flow import Program
-from redundant_envs.tracing.graph import Operation, located, reached
+from redundant_envs.tracing.graph import COMPARISONS, Operation, located, reached
 from redundant_envs.tracing.listing import lines
 
 PACKAGE = Path(__file__).parents[1]
@@ -23,8 +29,17 @@ PARTS = {
     "batch": "interval",
 }  # fmt: skip
 """Folders of the package, and the owner to which the operations written there are attributed."""
-COUNTED = {"+": "additions", "-": "additions", "*": "products", "/": "divisions", "sqrt": "roots"}
+OF_ENVIRONMENT = ("action", "observation", "reward", "reset")
+"""Entries of a bill for the parts of an environment beside its motion."""
+COUNTED = {
+    "+": ("additions",), "-": ("additions",), "*": ("products",), "fma": ("additions", "products"),
+    "/": ("divisions",), "sqrt": ("roots",), "select": ("selections",),
+    **dict.fromkeys(COMPARISONS, ("comparisons",)),
+}  # fmt: skip
+"""Kinds as which an operation counts; a minimum is a comparison and a selection."""
 BYTES = 8
+Counts = dict[str, Counter[str]]
+"""Operations by owner and kind."""
 
 
 class Operations(NamedTuple):
@@ -35,6 +50,8 @@ class Operations(NamedTuple):
     divisions: int = 0
     roots: int = 0
     sine_pairs: int = 0
+    comparisons: int = 0
+    selections: int = 0
     bytes: int = 0
 
 
@@ -58,20 +75,38 @@ def listing(scene: Scene, track_work: bool = False) -> str:
     return text.replace(f"{PACKAGE.parent}/", "")
 
 
-def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
-    """Cost of a step of a lane, by effect; "arm", "integrator" and "interval" are the rest.
+def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> dict[str, Operations]:
+    """Cost of a control step of a lane, by effect; "arm", "integrator" and "interval" are the rest of its
+    motion, "action", "observation", "reward" and "reset" that of an environment.
 
     Operations are counted in the step that all lanes take together, stages as often as they are evaluated,
     before products are joined with sums. An operation that two owners need counts for the first; operations
-    of the arm that only a uniform field or an inertia requires count for the effect that adds it. Bytes are
-    those of the fields.
+    of the arm that only a uniform field or an inertia requires count for the effect that adds it, readings of
+    sensors for theirs. "action" turns actions into efforts, "reward" is all that follows a step: faults,
+    memory of the task, reward, ends of episodes. Bytes are those of the fields, and for "observation" those
+    of what it writes.
+
+    Parameters
+    ----------
+    scene : Scene
+    track_work : bool
+        Also count the work of motors and of forces without a potential.
+    task : Task, optional
+        Of the environment, by default that of the Reach environments. A scene that no environment of them can
+        have, because a slider has no limits, then has no entries of an environment; nor has one without
+        motors an "action".
+
+    Raises
+    ------
+    ValueError
+        If the task does not fit the scene.
     """
     check_scene(scene)
-    counts, blocks = _counts(scene, track_work)
-    rest = scene
+    counts, blocks = _of_motion(scene, track_work)
+    rest = dataclasses.replace(scene, randomize=None)  # a range may be of an effect that is left out
     for key in dict.fromkeys(a.key for a in scene.attached.of(Field, Inertia)):
         rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != key))
-        without, _ = _counts(rest, track_work)
+        without, _ = _of_motion(rest, track_work)
         more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
         counts.setdefault(key, Counter()).update(more)
         counts["arm"] -= more
@@ -83,31 +118,83 @@ def bill(scene: Scene, track_work: bool = False) -> dict[str, Operations]:
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
             counts.setdefault(owners.get(name, "interval"), Counter())["bytes"] += BYTES
+    if task is None and {*arm.sliders()} <= scene.travel().keys():
+        task = ReachTask()
+    if task is not None:
+        check_task(task, scene)
+        _add(counts, _of_environment(scene, task, blocks.layout))
     return {owner: Operations(**counts[owner]) for owner in sorted(counts)}
 
 
-def _counts(scene: Scene, track_work: bool) -> tuple[dict[str, Counter[str]], Blocks]:
-    """Operations by owner and kind, and the blocks of the program."""
+def _of_motion(scene: Scene, track_work: bool) -> tuple[Counts, Blocks]:
+    """Operations of the motion, and the blocks of the program."""
     with located():
         _, blocks = advance_kernel(Dynamics(scene, track_work))
         functions = blocks.functions
         step = next(functions[n] for n in ("interval", "step", "common") if n in functions)
         nodes = reached(step.results)
-        counts: dict[str, Counter[str]] = {"arm": Counter()}
-        _count(counts, nodes, 1)
+        counts: Counts = {"arm": Counter()}
+        _add(counts, _counted(nodes))
         if stages := [n for n in nodes if n.name == "stage"]:
-            _count(counts, stages[0].extra.traced()[1], len(stages))
+            _add(counts, _counted(stages[0].extra.traced()[1]), len(stages))
+        if "interval" not in functions:  # else the updates are a part of it
+            update = traced("update", blocks.layout, blocks.interval.update_effect_states)
+            _add(counts, _counted(reached(update.results)))
     return counts, blocks
 
 
-def _count(counts: dict[str, Counter[str]], nodes: list[Operation], times: int) -> None:
+def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
+    """Operations of an environment beside those of the motion, and bytes beside those of its layout."""
+    counts: Counts = {}
+    with located():
+        interval = Interval(Dynamics(scene))
+        episode = Episode(interval, task)
+        layout = episode.layout()
+        made = {
+            "reward": traced("reward", layout, episode.finish_control_step),
+            "observation": traced("observation", layout, episode.observe),
+            "reset": traced("reset", layout, episode.reset),
+        }
+        if scene.action_units():
+            made["action"] = traced(
+                "action", layout, episode.command, inputs={"actions": ("f32", episode.actions)}
+            )
+        for part, function in made.items():
+            _add(counts, {part: Counter(), **_counted(reached(function.results), part)})
+        # The end of a control step updates the states of effects, too, as the motion does.
+        update = traced("update", layout, interval.update_effect_states)
+        _add(counts, _counted(reached(update.results), "reward"), -1)
+    owners = dict.fromkeys((*episode.draws, "resetting"), "reset") | dict.fromkeys(episode.actions, "action")
+    for owner in (owners.get(name, "reward") for name in layout.fields if name not in motion):
+        if owner in made:
+            counts[owner]["bytes"] += BYTES
+    for written in made["observation"].outputs:
+        counts["observation"]["bytes"] += int(written.element[1:]) // 8
+    return counts
+
+
+def _add(counts: Counts, more: Counts, times: int = 1) -> None:
+    for owner, kinds in more.items():
+        known = counts.setdefault(owner, Counter())
+        for kind, number in kinds.items():
+            known[kind] += times * number
+
+
+def _counted(nodes: Iterable[Operation], part: str | None = None) -> Counts:
+    """Operations by owner; without an owner they count for a ``part``, or by the folder of their source."""
+    counts: Counts = {}
     for n in nodes:
         if n.origin is None or n.name == "load":
             continue
-        path = Path(n.origin.file)
-        folder = path.relative_to(PACKAGE).parts[0] if path.is_relative_to(PACKAGE) else "robots"
-        owner = n.origin.owner or PARTS.get(folder, "arm")
+        own = counts.setdefault(n.origin.owner or part or _part_of(Path(n.origin.file)), Counter())
         if n.origin.function == "sincos":
-            counts.setdefault(owner, Counter())["sine_pairs"] += times * (n.name == "bit" and n.extra == 0)
-        elif n.name in COUNTED:
-            counts.setdefault(owner, Counter())[COUNTED[n.name]] += times
+            own["sine_pairs"] += n.name == "bit" and n.extra == 0
+        else:
+            own.update(COUNTED.get(n.name, ()))
+    return counts
+
+
+def _part_of(file: Path) -> str:
+    """The owner of operations that are written in a file; those of a user's file belong to the arm."""
+    folder = file.relative_to(PACKAGE).parts[0] if file.is_relative_to(PACKAGE) else "robots"
+    return PARTS.get(folder, "arm")

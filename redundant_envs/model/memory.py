@@ -31,11 +31,14 @@ class Memory:
     of parameters until they are given different ones. A copy has arrays of its own.
     """
 
-    def __init__(self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float]) -> None:
-        """``more`` are parameters beside those of the scene."""
+    def __init__(
+        self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
+    ) -> None:
+        """``more`` are parameters beside those of the scene; ``drawn`` if each episode of a lane draws some,
+        so that lanes never share theirs."""
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self.blocks = -(-count // LANES)
-        self.index = np.arange(count)
+        self.index, self.drawn = np.arange(count), drawn
         self.shared = True
         """Whether all lanes have the same parameters, in one block."""
         self.version = 0
@@ -46,6 +49,8 @@ class Memory:
         }
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
+        if dynamics.instants:  # each piece of an interval has steps of its own length
+            del steps["h"]
         initial = dict(dynamics.effect_states.initial)
         for stop in dynamics.holding:  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
@@ -53,6 +58,8 @@ class Memory:
         for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():
             self.column(name)[:] = value
         self.prepare()
+        if drawn:
+            self.part()
 
     def __getstate__(self) -> dict[str, Any]:
         arrays = {name: array.copy() for name, array in self.arrays.items()}
@@ -153,6 +160,8 @@ class Memory:
         alike = (blocks.view(np.int64) == blocks[:1, :, :1].view(np.int64)).all()
         self.arrays[str(PARAMETER)] = _aligned_copy(blocks)
         self.shared = len(blocks) == 1 and bool(self.blocks > 1 or alike)
+        if self.drawn:
+            self.part()
         self.version += 1
 
     def holding(self, states: Array, parameters: Array) -> Memory:

@@ -3,9 +3,7 @@ in which values that belong to a scene must be equal, and a difference is named.
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -13,34 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.effects import attaching
 from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
-from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scene import Scene
+from redundant_envs.scene_numbers import Table, check_values, names_of
 from redundant_envs.tasks.base import Task, hard_stops
 from redundant_envs.values import shown
-
-Table = dict[str, NDArray[np.float64]]
-"""Parameter name -> values of some lanes."""
-ROUNDING = 1e-12
-"""Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
-
-
-def names_of(scene: Scene, name: str, of_task: Iterable[str] = ()) -> list[str]:
-    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
-    parameters = scene.parameters()
-    if isinstance(name, str) and name in of_task:
-        return [name]
-    if name in ("masses", "lengths"):
-        return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
-    if isinstance(name, str) and "." in name:
-        found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
-        if found:
-            return found
-    valid = ["masses", "lengths", *sorted({p.split("[")[0] for p in parameters if "." in p}), *of_task]
-    raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join(valid)}")
 
 
 def numbers(name: str, values: Any) -> NDArray[np.float64]:
@@ -94,7 +71,7 @@ def lane_values(
         for k, p in enumerate(names):
             values[p] = columns[:, k].copy()
         changed += names
-    _check_values(scene, task, values, changed)
+    check_values(scene, task, values, changed)
     return values
 
 
@@ -110,24 +87,6 @@ def stops_of(memory: Memory, lanes: NDArray[np.intp]) -> Table:
     return present(memory, lanes, ends) if ends else {}
 
 
-def _check_values(scene: Scene, task: Task | None, values: Table, changed: list[str]) -> None:
-    """ValueError unless the numbers of the arm, of each effect and of the task of which some change are valid
-    and fit together."""
-    for kind in ("masses", "lengths"):
-        names = names_of(scene, kind)
-        if not set(changed).isdisjoint(names):
-            _check_positive(kind, np.stack([values[p] for p in names], axis=1))
-    for effect in scene.effects:
-        if any(p.startswith(f"{effect.key}.") for p in changed):
-            _check_effect(scene, effect, values)
-    for mass, loads in scene.attached.carried.items():
-        total = sum((values[name] for name in loads), values[mass])
-        _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
-    scene.attached.check_inertias(scene.robot, values)
-    if task is not None and task.parameters().keys() & changed:
-        _check_task(task, values)
-
-
 def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str = "") -> None:
     """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel."""
     for joint, lower, upper in hard_stops(scene):
@@ -139,69 +98,18 @@ def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str 
             )
 
 
-def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
-    if not columns.size:  # of no lanes
-        return
-    if not (columns > 0.0).all():
-        raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
-    least, most = columns.min(), columns.max()
-    if least < SMALLEST or most > LARGEST:
-        allowed = f"{SMALLEST} to {LARGEST}: choose units in which they do"
-        raise ValueError(f"{name} has entries from {least} to {most}; they must lie in {allowed}")
-    ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
-    if ratio > LARGEST_RATIO:
-        raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
-
-
-def _check_effect(scene: Scene, effect: Any, values: Table) -> None:
-    """Build the effect with each lane's numbers, so that its own checks apply."""
-    for numbers in _distinct(values, f"{effect.key}.", [p for p in values if p.startswith(f"{effect.key}.")]):
-        fields: dict[str, Any] = {}
-        for f in dataclasses.fields(effect):
-            parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]
-            if parts:
-                fields[f.name] = tuple(parts) if isinstance(getattr(effect, f.name), tuple) else parts[0]
-        made = dataclasses.replace(effect, **fields)
-        _check_kept(f"{effect.key}.", made, numbers)
-        hooks = [a.hook for a in scene.attached if a.key == effect.key]
-        attaching.check_numbers(effect.key, made, scene.robot, hooks)
-
-
-def _check_task(task: Task, values: Table) -> None:
-    """Build the task with each lane's numbers: its own checks decide."""
-    for numbers in _distinct(values, "", task.parameters()):
-        _check_kept("", dataclasses.replace(task, **numbers), numbers)
-
-
-def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
-    """The different numbers of lanes by their names, without what these begin with."""
-    own = [name.removeprefix(before) for name in names]
-    rows = np.unique(np.stack([values[before + name] for name in own], axis=1), axis=0)
-    return [dict(zip(own, row, strict=True)) for row in rows.tolist()]
-
-
-def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
-    """ValueError if a class makes other numbers of those that it is given, as one that scales them may:
-    lanes would have the given ones."""
-    kept = made.parameters()
-    for name, value in numbers.items():
-        if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
-            raise ValueError(
-                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
-                "numbers that it keeps, all of them that depend on each other"
-            )
-
-
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:
-    """Set parameters of lanes, and the fields that follow from them."""
+    """Set parameters of lanes, and the fields that follow from them; where episodes draw numbers, the reset
+    that comes next computes these fields."""
     columns = np.stack([values[p] for p in values], axis=1)
     memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
-    memory.prepare()
+    if not memory.drawn:
+        memory.prepare()
 
 
 # ---- snapshots -----------------------------------------------------------------------------------------
 
-KEPT_FIELDS = ("h", "interval", "tip_tolerance", "limit")
+KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 OF_THE_FIRST_CORE = "numbers"
 """Keys of snapshots, instead of states and parameters, before the core was traced."""
@@ -329,7 +237,7 @@ def check_numbers(
     for row in finite:
         if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
-    for row in (n for n in (*KEPT_FIELDS, *kept) if n in layout):
+    for row in (n for n in (*KEPT_FIELDS, *kept) if n in memory):
         there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
         if not (there == here[0, 0]).all():
             raise ValueError(
@@ -341,7 +249,7 @@ def check_numbers(
         if not np.array_equal(given, own["parameters"]):
             values = present(taken, taken.index, nominal)
             changed = [p for p, number in nominal.items() if (values[p] != number).any()]
-            _check_values(scene, task, values, changed)
+            check_values(scene, task, values, changed)
         check_stops(scene, taken.read(scene.robot.coordinates), stops_of(taken, taken.index))
     except ValueError as error:
         raise ValueError(f"{name} holds an impossible state: {error}") from None

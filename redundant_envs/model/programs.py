@@ -118,7 +118,7 @@ _kept: OrderedDict[str, Simulator] = OrderedDict()
 def _kept_or_made(make: Callable[[str], Simulator], scene: Scene, *more: Any) -> Simulator:
     """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package: other
     parts may be defined again, and the name is ""."""
-    parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool)))
+    parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
     if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
         return make("")
     name = repr((scene, *more, llvm.processor()))  # a text shows the sign of a zero, which equality does not
@@ -135,9 +135,9 @@ def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     return _kept_or_made(lambda name: traced_batch(scene, track_work), scene, track_work)
 
 
-def environment_simulator(scene: Scene, task: Task) -> Simulator:
-    """The simulator of an environment."""
-    return _kept_or_made(lambda name: _environment(scene, task, name), scene, task)
+def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
+    """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
+    return _kept_or_made(lambda name: _environment(scene, task, observed, name), scene, task, observed)
 
 
 def traced_batch(scene: Scene, track_work: bool) -> Simulator:
@@ -152,8 +152,8 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
     return Simulator(dynamics, trace)
 
 
-def _environment(scene: Scene, task: Task, name: str) -> Simulator:
-    episode = Episode(Interval(Dynamics(scene)), task)
+def _environment(scene: Scene, task: Task, observed: tuple[str, ...], name: str) -> Simulator:
+    episode = Episode(Interval(Dynamics(scene)), task, observed)
 
     def trace() -> Traced:
         made = EnvironmentKernel(episode)

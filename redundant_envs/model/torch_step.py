@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from redundant_envs.backends.torch import number, torch
+from redundant_envs.lane import pieces
 from redundant_envs.lane.common_step import lane_step
-from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.direct import fields_of, in_steps
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Control
+from redundant_envs.lane.features import Control, Reason
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.model.parameters import names_of
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.scene_numbers import names_of
 
 Step = Callable[..., tuple[Any, ...]]
 
@@ -55,6 +58,11 @@ def torch_step(scene: Scene) -> Step:
             "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
+    if dynamics.sticking:
+        raise ValueError(
+            "scene has dry friction, whose joints stick and slip at events without a meaningful derivative; "
+            "use SmoothCoulombFriction"
+        )
     if dynamics.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
@@ -83,26 +91,33 @@ def torch_step(scene: Scene) -> Step:
         elif draws is not None:
             raise ValueError("draws is given, and no effect of the scene draws; leave it out")
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
-        states += [effects[n] for n in dynamics.effect_states.integrated]
+        states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
             **fields_of(dynamics, _named(dynamics, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.effect_states.updated},
             **keys,
         }
-        steps = number(float(scene.substeps))
-        if scene.tolerance is not None:
-            with torch.no_grad():
-                now = dict(zip(dynamics.states, states, strict=True))
-                crossed = cross_interval(interval, {**fields, **now})
-                steps = number(crossed["divisions"]).clamp(min=1.0)
-        h = fields["interval"] / steps
-        for k in range(int(steps.max())):
-            now = dict(zip(dynamics.states, states, strict=True))
-            made = lane_step(dynamics, Lane(layout, {**fields, **now}.__getitem__), h)
-            new = (*made.positions, *made.velocities, *made.others)
-            states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
-        lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+
+        def lane_now() -> Lane:
+            return Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+
+        def run(procedure: Callable[[Lane], None]) -> None:
+            procedure(lane := lane_now())
+            fields.update(lane.written())
+
+        if dynamics.instants:
+            run(interval.step.clear)
+        for steps in _step_counts(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))}):
+            if dynamics.instants:
+                run(interval.step.next_piece)
+            h = pieces.span(dynamics, lane_now()) / steps
+            for k in range(int(steps.max())):
+                made = lane_step(dynamics, lane_now(), h)
+                new = (*made.positions, *made.velocities, *made.others)
+                taken = (k < steps) & (h > 0.0)
+                states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
+        lane = lane_now()
         interval.update_effect_states(lane)
         ends = 2 * count, 2 * count + len(of_effects)
         states = [*states[: ends[0]], *(number(lane[n]) for n in (*of_effects, *of_draws))]
@@ -111,6 +126,20 @@ def torch_step(scene: Scene) -> Step:
         return tuple(torch.stack(part, -1) for part in parts if part)
 
     return step
+
+
+def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Tensor]:
+    """Numbers of steps of each piece of an interval, from the fields at its start, without gradients."""
+    dynamics = interval.dynamics
+    if dynamics.scene.tolerance is None:
+        return [number(float(dynamics.scene.substeps))] * dynamics.pieces
+    counts = []
+    with torch.no_grad(), np.errstate(all="ignore"):
+        for lane, _ in zip(in_steps(interval, fields), range(dynamics.pieces), strict=False):
+            served = number(lane["reason"]) == float(Reason.NONE)
+            steps = number(1.0) if bool(served.all()) else number(lane["divisions"])  # else it has none
+            counts.append(torch.where(served, number(1.0), steps).clamp(min=1.0))
+    return counts
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:

@@ -61,7 +61,8 @@ class Trajectory:
     def without_springs(self) -> Array | None:
         """Kinetic energy plus that of gravity alone, (T, ...), J; None if that is the total."""
         effects = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
-        gravity = potential_energy(dataclasses.replace(self.scene, effects=effects), self.q)
+        weighed = dataclasses.replace(self.scene, effects=effects, randomize=None)
+        gravity = potential_energy(weighed, self.q)
         return None if np.array_equal(gravity, self.potential_energy) else self.kinetic_energy + gravity
 
     @property
@@ -154,11 +155,13 @@ def simulate(
             now = command(step)
         elif step:
             now = command(step - 1)
+        states = batch.z
         if rest > 0.0:
             here = batch.save()
             _check(batch.advance_partly(now, rest), step * dt)
             events += batch.events(step * dt) if time == t[-1] else []
-        q_all[k], qd_all[k], work[k], applied[k] = batch.q, batch.qd, batch.work, motor_efforts(batch, now)
+        q_all[k], qd_all[k], work[k] = batch.q, batch.qd, batch.work
+        applied[k] = motor_efforts(batch, now, rest, states)
         if here:
             batch.restore(here)
         if not (np.isfinite(q_all[k]).all() and np.isfinite(qd_all[k]).all()):
@@ -172,13 +175,21 @@ def simulate(
     return Trajectory(t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events)
 
 
-def motor_efforts(batch: BatchSimulator, command: Array) -> Array:
-    """Efforts of the motors under commands, (num_envs, joints) both, in the present states."""
-    dynamics = batch.simulator.dynamics
+def motor_efforts(
+    batch: BatchSimulator, command: Array, elapsed: float = 0.0, begun: Array | None = None
+) -> Array:
+    """Efforts of the motors under commands, (num_envs, joints) both, in the present states, ``elapsed`` [s]
+    after the start of a control interval, at which the states of effects were ``begun``."""
+    dynamics = dataclasses.replace(batch.simulator.dynamics, located=False)  # the state selects the laws
     if not any(batch.scene.attached.chains.values()):
         return command
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
-    numbers = {**fields_of(dynamics), **states, **dict(zip(dynamics.commands, command.T, strict=True))}
+    if begun is not None:  # the interval has not ended, although the simulator has advanced to here
+        at_end = {*dynamics.effect_states.updated} - dynamics.renewed.keys()
+        states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
+    fields = fields_of(dynamics)
+    states |= {a.passed: np.where(0.0 <= fields[a.instant] <= elapsed, 1.0, 0.0) for a in dynamics.instants}
+    numbers = {**fields, **states, **dict(zip(dynamics.commands, command.T, strict=True))}
     found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], numbers), "derivative")
     return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)
 

@@ -10,8 +10,9 @@ from redundant_envs.algebra import maximum, minimum
 from redundant_envs.numerics.tableaus import Tableau
 
 Numbers = Sequence[Any]
-Derivative = Callable[[Numbers, Numbers, Numbers], Numbers]
-"""(positions, velocities, others) -> accelerations, derivatives of the others, and watched quantities."""
+Derivative = Callable[[Numbers, Numbers, Numbers, float], Numbers]
+"""(positions, velocities, others, node) -> accelerations, derivatives of the others, and watched quantities;
+the node is the share of the step that has passed."""
 
 
 class Watched(NamedTuple):
@@ -21,6 +22,7 @@ class Watched(NamedTuple):
     last: Any
     least: Any
     most: Any
+    middle: Any = 0.0  # at the stage that is nearest to the middle of the step
 
 
 class Step(NamedTuple):
@@ -46,9 +48,10 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
     return factor, total
 
 
-def watch(values: Numbers) -> Watched:
-    """A quantity from its values at the stages."""
-    return Watched(values[0], values[-1], reduce(minimum, values), reduce(maximum, values))
+def watch(values: Numbers, middle: int = 0) -> Watched:
+    """A quantity from its values at the stages, of which one is the ``middle``."""
+    extremes = reduce(minimum, values), reduce(maximum, values)
+    return Watched(values[0], values[-1], *extremes, values[middle])
 
 
 def explicit_step(
@@ -60,23 +63,23 @@ def explicit_step(
     slopes: list[list[Any]] = [[] for _ in state]
     watched: list[list[Any]] = []
     if method.name == "euler":
-        results = derivative(positions, velocities, others)
+        results = derivative(positions, velocities, others, 0.0)
         new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
         moved = [p + h * v for p, v in zip(positions, new, strict=False)]
         seen = [watch([w]) for w in results[n + m :]]
         return Step(moved, new[:n], new[n:], seen, ())
-    for row in method.a:
+    for row, node in zip(method.a, method.c, strict=True):
         stage = state
         if any(row):
             sums = [weighted(row, slope) for slope in slopes]
             stage = [s + (h * f) * total for s, (f, total) in zip(state, sums, strict=True)]
-        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :])
+        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :], node)
         for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
             slope.append(k)
         watched.append(list(results[n + m :]))
     totals = [weighted(method.b, slope) for slope in slopes]
     new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
-    seen = [watch(values) for values in zip(*watched, strict=True)]
+    seen = [watch(values, method.middle) for values in zip(*watched, strict=True)]
     parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
         return Step(*parts, ())

@@ -34,6 +34,11 @@ class Tableau:
         """Evaluations of the right-hand side per step."""
         return len(self.b)
 
+    @property
+    def middle(self) -> int:
+        """Number of the stage whose node is nearest to 1/2."""
+        return min(range(self.stages), key=lambda k: abs(self.c[k] - 0.5))
+
     def check(self) -> None:
         """ValueError unless this is a consistent explicit method."""
         s = len(self.b)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from redundant_envs.values import shown
@@ -81,33 +81,27 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
 
 def strengths(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint."""
-    one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
-    if one:
-        return strength(field, values)
-    return tuple(strength(f"{field}[{i}]", x) for i, x in enumerate(numbers(field, values)))
+    return _each(field, values, lambda x: True, "")
 
 
 def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint, none negative."""
-    xs = strengths(field, values)
-    for name, x in _named(field, xs):
-        if x < 0.0:
-            raise ValueError(f"{name} is {x}; it must not be negative")
-    return xs
+    return _each(field, values, lambda x: x >= 0.0, "it must not be negative")
 
 
 def positive(field: str, values: Any) -> float | tuple[float, ...]:
-    """A strength, or a sequence of one for each joint, all positive."""
-    xs = not_negative(field, values)
-    for name, x in _named(field, xs):
-        if x == 0.0:
-            raise ValueError(f"{name} is {x}; it must be positive")
-    return xs
+    """The same, all positive."""
+    return _each(field, values, lambda x: x > 0.0, "it must be positive")
 
 
-def _named(field: str, xs: float | tuple[float, ...]) -> list[tuple[str, float]]:
-    """Numbers with their names."""
-    return [(f"{field}[{i}]", x) for i, x in enumerate(xs)] if isinstance(xs, tuple) else [(field, xs)]
+def _each(field: str, values: Any, allowed: Callable[[float], bool], said: str) -> float | tuple[float, ...]:
+    one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
+    named = {field: values} if one else {f"{field}[{i}]": x for i, x in enumerate(numbers(field, values))}
+    xs = tuple(strength(name, value) for name, value in named.items())
+    for name, x in zip(named, xs, strict=True):
+        if not allowed(x):
+            raise ValueError(f"{name} is {x}; {said}")
+    return xs[0] if one else xs
 
 
 def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:

@@ -10,7 +10,9 @@ from typing import Any
 from redundant_envs.files import config_folder
 from redundant_envs.tables import table, write_rows
 
-STUDIES = ("throughput", "environments", "stops", "impacts", "intervals", "estimates", "accuracy")
+STUDIES = (
+    "throughput", "environments", "effects", "stops", "impacts", "intervals", "estimates", "accuracy",
+)  # fmt: skip
 
 
 def add_studies(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +26,11 @@ def add_studies(parser: argparse.ArgumentParser) -> None:
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     p.set_defaults(handler=environments)
+    _add_study_out(p)
+    p = studies.add_parser("effects", help="cost of every effect and scene, and whether ceilings hold")
+    p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
+    p.add_argument("--config", type=Path, metavar="YAML", help="default: configs/studies/effects.yaml")
+    p.set_defaults(handler=effects)
     _add_study_out(p)
     p = studies.add_parser("stops", help="cost of the hard stops of the RPRP scene")
     p.add_argument("--lanes", type=int, default=4096)
@@ -78,6 +85,18 @@ def environments(options: argparse.Namespace) -> None:
 
     rows = study.run(options.lanes, options.rounds)
     _report(rows, study.COLUMNS, "env", options.out, "environments")
+
+
+def effects(options: argparse.Namespace) -> None:
+    """Time effects and scenes beside bare arms; write a table and a picture."""
+    from redundant_envs.studies import effects as study
+
+    config = study.load_study(options.config or config_folder("studies") / "effects.yaml")
+    rows = study.run(config, options.name)
+    _report(rows, study.COLUMNS, "at", options.out, "effects")
+    print(study.verdict(rows))
+    folder = options.out.parent if options.out.suffix == ".csv" else options.out
+    print("\n".join(str(path) for path in study.save_pictures(rows, folder)))
 
 
 def stops(options: argparse.Namespace) -> None:

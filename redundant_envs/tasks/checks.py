@@ -20,7 +20,7 @@ from redundant_envs.values import check_declared
 MOST_DRAWS = 64
 BUILT_IN = (
     "numerics", "saturated_actions", "episode_steps", "evaluations", "events", "error_estimate",
-    "beyond_limit",
+    "beyond_limit", "parameters",
 )  # fmt: skip
 """Keys of ``info`` that every task has."""
 

@@ -43,6 +43,7 @@ class LaneFunction:
     known: Mapping[tuple[str, int], float] = field(default_factory=dict)  # numbers that locations hold
     asides: frozenset[tuple[str, int]] = frozenset()  # locations whose values change no bit of other results
     whole_blocks: bool = False  # whether it computes all lanes of a block also in a program for few lanes
+    joins: bool = True  # whether products may join their sums: without, the bits are those of NumPy
 
     @property
     def results(self) -> list[Any]:

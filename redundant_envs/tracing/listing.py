@@ -40,6 +40,8 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
     yield f"function {f.name}:"
     tables, known = sorted(f.inputs.items()), sorted(f.known.items())
     yield from _about(memories=f.spaces, tables=tables, known=known, aside=f.aside_results)
+    if not f.joins:
+        yield "  joins no products"
     numbers = {n: k for k, n in enumerate(nodes)}
     yield from _operations(numbers, name_of)
     for space, row, value in f.stores:

@@ -67,9 +67,10 @@ def exact_whole(trial: Trial) -> Crossing:
 
 
 def exact_in_parts(trial: Trial) -> Crossing:
-    """The same interval with other steps; equal ones if effects update their states at its end, since it
-    cannot be divided then."""
-    if all(state.update is None for state in trial.scene.states().values()):
+    """The same interval with other steps; equal ones if effects update their states at its end, or have an
+    instant, since it cannot be divided then."""
+    updated = any(state.update is not None for state in trial.scene.states().values())
+    if not updated and not trial.scene.attached.instants:
         return crossed(trial.scene, *trial.states, PARTS)
     substeps = EQUAL_STEPS * trial.scene.substeps
     fine = dataclasses.replace(trial.scene, integrator="rk8", substeps=substeps, tolerance=None)

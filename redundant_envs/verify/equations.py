@@ -246,7 +246,7 @@ def sliders(trial: Trial) -> Finding:
         rates[:, held] = 0.0
         values = fields_of(dynamics) | values_of(arm, q, rates) | TILTED
         values |= {f"Q{k + 1}": Q[:, k] for k in range(n)}
-        values |= {f"held{k + 1}": np.full(len(q), float(k in held)) for k in slides}
+        values |= {f"held{k + 1}": np.full(len(q), float(k in held)) for k in range(n)}
         x = Quantities(values, dynamics.functions_held, arm.sincos)
         qdd, hold = columns(x.each(numbered("qdd{}", n)), len(q)), np.zeros_like(q)
         hold[:, held] = columns(x.each(f"hold{k + 1}" for k in held), len(q))

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.algebra import where
 from redundant_envs.dual import Dual, dual
-from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import Force, Point
-from redundant_envs.events.boundary import side_beyond
+from redundant_envs.effects.attached import TIME, Attached
+from redundant_envs.effects.hooks import SPEED, Force, Point
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.quantities import Quantities
@@ -44,7 +44,8 @@ class Motion:
         ``moved``, or by the rate of the joint ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
-        known: dict[str, Any] = fields_of(d) | d.effect_states.initial
+        known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
+        known[TIME] = known["interval"]
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
         known |= {name: 0.0 if draw.normal else 0.5 for name, draw in d.draws.items()}  # their medians
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):
@@ -52,10 +53,13 @@ class Motion:
             slopes = np.zeros(len(names)) if joint is None else back[joint]
             along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
             known |= dict(zip(names, along, strict=True))
-        for switch in d.law_of.values():
-            position = self.joints[:, switch.joint]
-            known[switch.side] = side_beyond(position, known[switch.lower], known[switch.upper])
-        return Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        for a in d.scene.attached.along(x):
+            a.settle_law(x)
+        for b in d.sticking:
+            rate = x[f"phid{b.number}"]
+            x[b.side], x[SPEED] = where(rate > 0.0, 1.0, where(rate < 0.0, -1.0, 0.0)), 0.0
+        return x
 
     def slopes(self, a: Attached[Force], of_rate: bool) -> Array:
         """Derivatives of a force by its own position or rate: their largest sum of squares, a root of it."""

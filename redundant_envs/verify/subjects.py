@@ -95,7 +95,8 @@ def effect_scene(name: str, effect: Effect) -> Scene:
             continue
         try:
             arm = _arm(name, kind)
-            fields = any(isinstance(h, Field) for h in effect.hooks(arm))
+            fitted = effect.fitted(arm).at_interval(Scene.control_dt)
+            fields = any(isinstance(h, Field) for h in fitted.hooks(arm))
             return Scene(arm, (effect,) if fields else (Gravity(), effect), tolerance=TOLERANCE)
         except ValueError as error:
             refused.append(f"{kind.kind}: {error}")

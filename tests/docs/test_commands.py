@@ -31,6 +31,7 @@ QUICK = (
     "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
 SLOWER = (
+    "python -m redundant_envs scene rprp_reach --cost",
     "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
     "python -m redundant_envs verify --bits",
     "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",

@@ -22,6 +22,8 @@ EXCUSED = {
     "derivatives": "dual",
     "other effects": "effects/captured effects/effort_limits effects/gravity",
     "the scene has no boundary": "lane/boundaries",
+    "the scene has no instant": "lane/pieces",
+    "the scene has no range": "ranges scene_numbers",
     "what the scene has": "lane/features",
     "puts the parts of an interval together": "lane/interval",
     "asks which quantities move; the damping does not": "lane/kinks moving",

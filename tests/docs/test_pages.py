@@ -4,6 +4,7 @@ import importlib.util
 import re
 import tomllib
 
+import gymnasium as gym
 import pytest
 import yaml
 from markdown import MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
@@ -42,10 +43,14 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
 
 
 def test_the_scene_file_of_the_page_is_a_scene(tmp_path):
-    ((*_, block),) = blocks(ROOT / "docs" / "scenes.md", "yaml")
-    (tmp_path / "my_scene.yaml").write_text(block, encoding="utf-8")
-    scene = rde.load_scene(tmp_path / "my_scene.yaml")
-    assert [type(e).__name__ for e in scene.effects] == ["Gravity", "ViscousFriction", "EffortLimits"]
+    scenes = []
+    for *_, block in blocks(ROOT / "docs" / "scenes.md", "yaml"):
+        (tmp_path / "my_scene.yaml").write_text(block, encoding="utf-8")
+        scenes.append(rde.load_scene(tmp_path / "my_scene.yaml"))
+        names = [type(e).__name__ for e in scenes[-1].effects]
+        assert names == ["Gravity", "ViscousFriction", "EffortLimits"]
+    assert [len(scene.randomize) for scene in scenes] == [0, 4]
+    gym.make("redundant_envs/FourRReach-v0", scene=scenes[1].to_dict())  # a range is of the task
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])

@@ -321,7 +321,7 @@ def test_every_arm_has_sensors(arm):
 REFUSED = {
     "no bias": (e.SensorBias, (), "SensorBias has neither position nor rate.*give one of them"),
     "no step": (e.Quantisation, (0.0,), "Quantisation.position is 0.0; it must be positive"),
-    "one step": (e.Quantisation, (0.1, (0.1, -0.1)), r"Quantisation.rate\[1\] is -0.1; it must not be neg"),
+    "one step": (e.Quantisation, (0.1, (0.1, -0.1)), r"Quantisation.rate\[1\] is -0.1; it must be positive"),
     "noise": (e.SensorNoise, ((0.1, -0.1),), r"SensorNoise.position\[1\] is -0.1; it must not be negative"),
     "word": (e.SensorNoise, ("x",), "SensorNoise.position is 'x'"),
     "probability": (e.DroppedSamples, ((0.1, 1.5),), r"DroppedSamples.probability\[1\] is 1.5; it must lie"),

@@ -119,7 +119,7 @@ def test_pages_agree_with_the_code(env_id):
     for name in task.parameters():
         assert f"| `{name}` | {getattr(task, name)} |" in text
     assert [row[0] for row in rows(section(text, "Arguments"))] == [
-        "scene", "accuracy", "render_mode", "on_bad_action", "task",
+        "scene", "accuracy", "render_mode", "on_bad_action", "task", "randomize", "observe_parameters",
     ]  # fmt: skip
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms
@@ -147,7 +147,7 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     known = {key for key, *_ in info} - {"return_*"}
     assert found - sums <= known
     assert sums <= found
-    assert known - found == {"beyond_limit"} | ({"events"} if "FourR" in env_id else set())
+    assert known - found == {"beyond_limit", "parameters"} | ({"events"} if "FourR" in env_id else set())
 
 
 OF_GYMNASIUM = ("get_wrapper_attr", "with-statement", "np_random", "Method resolution order", "Env instance")

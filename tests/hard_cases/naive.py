@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from actuator_lag import ActuatorLag
 
+from redundant_envs.effects import Lag
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
@@ -133,7 +133,7 @@ class EqualSteps(Subject):
         h = scene.control_dt / count
         motion = unfilled(q, qd, intervals)
         motion.evaluations[:] = self.stages * count
-        lag = next((x.time_constant for x in scene.effects if isinstance(x, ActuatorLag)), 0.0)
+        lag = next((x.time_constant[0] for x in scene.effects if isinstance(x, Lag)), 0.0)
         effort = np.zeros(q.shape)
         for k in range(intervals):
             for i in range(count):

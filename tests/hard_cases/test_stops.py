@@ -4,7 +4,6 @@ import dataclasses
 import math
 
 import numpy as np
-from actuator_lag import ActuatorLag
 from refusals import refusal
 
 import redundant_envs as rde
@@ -206,7 +205,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
     subject.longest = 5e-3
     stop, lag = e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.3), 7.3e-3
     for tolerance in (1e-6, 1e-12):
-        scene = rde.Scene(m.SLIDING, (stop, ActuatorLag(lag)), control_dt=0.02, tolerance=tolerance)
+        scene = rde.Scene(m.SLIDING, (stop, rde.effects.Lag(lag)), control_dt=0.02, tolerance=tolerance)
         force = np.array([0.0, 10.0, 0.0, 0.0])
         motion = subject.motion(scene, [0, 0, 0, 0.1], 0.0, 251, lambda k, u=force: u if k == 250 else -u)
         pressed = motion.q[:251, 0, 1]

@@ -11,7 +11,8 @@ from catalogue import ARMS, e, every_effect
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics, sqrt
-from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, Sensing, State
+from redundant_envs.model.listing import OF_ENVIRONMENT
 
 ROOT = Path(rde.__file__).parents[1]
 FOUR_R, RPRP = ARMS["4R"], ARMS["RPRP"]
@@ -32,6 +33,45 @@ class SaturatingSpring(Effect):
         return (Force(0, saturating, {"x": "phi1", "k": ".k"}),)
 
 
+@physics
+def added(reading, bias):
+    return reading + bias
+
+
+@dataclass(frozen=True)
+class AddedBias(Effect):
+    """A sensor with an offset, rad."""
+
+    bias: float = 0.1
+
+    def hooks(self, arm):
+        return (Sensing(0, added, {"reading": "phi1", "bias": ".bias"}),)
+
+
+@physics
+def passed_on(command, turn):
+    return command
+
+
+@physics
+def wound(rate, turn, share):
+    """Products 2, sum 1."""
+    return share * turn + share * rate
+
+
+@dataclass(frozen=True)
+class WoundUp(Effect):
+    """A state that changes after each interval, and moves nothing."""
+
+    share: float = 0.5
+
+    def hooks(self, arm):
+        state = State("turn", "rad", update=wound, bind={"rate": "phid1", "turn": ".turn", "share": ".share"})
+        bind = {"command": "command1", "turn": ".turn"}
+        return (Actuation(0, passed_on, bind, Link.LAG, states=(state,)),)
+
+
+ENVIRONMENT = {*OF_ENVIRONMENT}
 EFFECTS = {arm.kind: (SaturatingSpring(), *every_effect(arm)) for arm in (RPRP, FOUR_R)}
 
 
@@ -56,7 +96,12 @@ def test_every_second_effect_has_lines_and_entries_and_the_others_none(arm, firs
     own, others = EFFECTS[arm.kind][first::2], EFFECTS[arm.kind][1 - first :: 2]
     made = scene(arm, own, "euler")
     text = rde.listing(made)
-    assert set(rde.bill(made)) == {"arm", "integrator", "interval", *(x.key for x in made.effects)}
+    assert set(rde.bill(made)) - ENVIRONMENT == {
+        "arm",
+        "integrator",
+        "interval",
+        *(x.key for x in made.effects),
+    }
     for effect in own:
         assert any(re.search(word, text) for word in words_of(effect))
     for effect in others:
@@ -70,7 +115,7 @@ def test_every_second_effect_has_lines_and_entries_and_the_others_none(arm, firs
 def test_a_bare_arm_has_no_file_of_effects(arm):
     text = rde.listing(scene(arm))
     assert "redundant_envs/effects/" not in text
-    assert set(rde.bill(scene(arm))) == {"arm", "integrator", "interval"}
+    assert set(rde.bill(scene(arm))) - ENVIRONMENT == {"arm", "integrator", "interval"}
     assert "motor_map" in text
     assert "motor_map" not in rde.listing(scene(arm, actuation="generalized"))
 
@@ -150,30 +195,36 @@ def test_numbers_of_the_scene_are_shown_by_their_names():
 # ---- the bill ------------------------------------------------------------------------------------
 
 
+def kinds(*counts, size):
+    """Additions, products, divisions, roots, sine pairs, comparisons, selections, and bytes."""
+    return (*counts, *(0,) * (7 - len(counts)), size)
+
+
 @pytest.mark.parametrize("integrator", STAGES)
 def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
     n = STAGES[integrator]
+    once = n if integrator == "rk8" else 1  # what is equal at all stages, unless a stage is a subroutine
     for arm, effect, expected in (
-        (FOUR_R, SaturatingSpring(), (n, 2 * n, n, n, 0, 8)),
-        (FOUR_R, e.ViscousFriction(0.1), (0, 4 * n, 0, 0, 0, 32)),  # -c rate, four times
-        (FOUR_R, e.LimitSpring("joint2", -1.0, 1.0), (2 * n, 2 * n, 0, 0, 0, 32)),
-        (RPRP, e.CentringSpring((1, 1), (0, 0), (1, 1)), (6 * n, 4 * n, 0, 0, 0, 48)),
-        (FOUR_R, e.EffortLimits(1.0), (0, 0, 0, 0, 0, 32)),  # comparisons are not counted
-        (FOUR_R, e.Gravity(), (4 * n, 4 * n, 0, 0, n, 24)),  # turned to the first link, and added
-        (RPRP, e.PrismaticStop((0, 0), (1, 1)), (0, 0, 0, 0, 0)),
+        (FOUR_R, SaturatingSpring(), kinds(n, 2 * n, n, n, size=8)),
+        (FOUR_R, e.ViscousFriction(0.1), kinds(0, 4 * n, size=32)),  # -c rate, four times
+        # The sides of the depth and of the speed are known from the law; the last comparison is a maximum.
+        (FOUR_R, e.LimitSpring("joint2", -1.0, 1.0), kinds(2 * n, 2 * n, 0, 0, 0, n, 4 * n, size=32)),
+        (RPRP, e.CentringSpring((1, 1), (0, 0), (1, 1)), kinds(6 * n, 4 * n, size=48)),
+        (FOUR_R, e.EffortLimits(1.0), kinds(0, 0, 0, 0, 0, 8 * once, 8 * once, size=32)),
+        (FOUR_R, e.Gravity(), kinds(4 * n, 4 * n, 0, 0, n, size=24)),  # turned to the first link, and added
+        (RPRP, e.PrismaticStop((0, 0), (1, 1)), kinds(size=40)),
     ):
-        found = rde.bill(scene(arm, (effect,), integrator))[effect.key]
-        assert found[: len(expected)] == expected, effect
+        assert rde.bill(scene(arm, (effect,), integrator))[effect.key] == expected, effect
     arm = rde.bill(scene(FOUR_R, (e.Gravity(),), integrator))["arm"]
     assert arm.sine_pairs == 3 * n  # of the differences; gravity needs the first link's
     assert arm.divisions == 3 * n
     assert arm.bytes == 8 * (4 + 4 + 4 + 4)  # coordinates, rates, masses, lengths
     if integrator == "euler":  # two sums and products for each coordinate
-        assert rde.bill(scene(FOUR_R, integrator="euler"))["integrator"] == (8, 8, 0, 0, 0, 0)
+        assert rde.bill(scene(FOUR_R, integrator="euler"))["integrator"] == kinds(8, 8, size=0)
 
 
 @pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk4", 3)])
-def test_the_bill_is_the_sum_of_the_listed_step(integrator, substeps):
+def test_the_bill_of_a_motion_is_the_sum_of_the_listed_step(integrator, substeps):
     """A step is counted once, however often it is made in an interval."""
     made = scene(FOUR_R, EFFECTS["FourR"], integrator, substeps=substeps)
     text = rde.listing(made)
@@ -181,6 +232,76 @@ def test_the_bill_is_the_sum_of_the_listed_step(integrator, substeps):
     step = step[: step.index("kernel ")]
     step = step[: step.find("\nfunction ") + 1 or None]
     seen = Counter(name for place, name, _ in operations(step) if place["function"] != "sincos")
-    total = [sum(column) for column in zip(*rde.bill(made).values(), strict=True)]
+    found = [counts for owner, counts in rde.bill(made).items() if owner not in ENVIRONMENT]
+    total = [sum(column) for column in zip(*found, strict=True)]
     assert total[:4] == [seen["+"] + seen["-"], seen["*"], seen["/"], seen["sqrt"]]
     assert len(re.findall(r"= bit 1 ", step)) == total[4]
+    assert total[5:7] == [sum(seen[name] for name in ("<", "<=", ">", ">=", "==", "!=")), seen["select"]]
+
+
+@physics(gives="reach_again_term")
+def reach_again_term(distance, reach):
+    """0 sqrt(distance / reach)"""
+    return 0.0 * sqrt(distance / reach)
+
+
+@dataclass(frozen=True)
+class ReachAgainTask(rde.ReachTask):
+    """Reach, with one more term of the reward and one more number in the observation."""
+
+    weight: float = 2.0
+
+    name = "ReachAgain"
+
+    def reward_functions(self, scene):
+        return (reach_again_term, *super().reward_functions(scene))
+
+    def observation(self, scene):
+        return {**super().observation(scene), "tip_x": "tip x"}
+
+
+def test_the_bill_of_an_environment_grows_by_what_its_task_adds():
+    made = scene(FOUR_R, (e.EffortLimits(1.0),), "rk4")
+    few, more = rde.bill(made), rde.bill(made, task=ReachAgainTask())
+    assert set(few) == set(more) == {"arm", "integrator", "interval", "effort_limits", *ENVIRONMENT}
+    changed = {owner: [b - a for a, b in zip(few[owner], more[owner], strict=True)] for owner in few}
+    # The term, its sum over the episode and in the reward, and in what a fault takes back; a number of the
+    # task and the field of the sum.
+    assert changed["reward"] == [*kinds(3, 1, 1, 1, size=16)]
+    # The number as float32, the distance in the sum of the terms and the sum itself as float64.
+    assert changed["observation"] == [*kinds(size=4 + 8)]
+    assert changed["reset"] == [*kinds(0, 0, 0, 0, 0, 0, 1, size=0)]  # the sum begins anew
+    assert not any(map(any, (changed[owner] for owner in ("action", "arm", "integrator", "interval"))))
+
+
+@pytest.mark.parametrize(
+    "how", [{"integrator": "rk4"}, {"integrator": "rk4", "substeps": 2}, {"tolerance": 1e-6}]
+)
+def test_the_bill_counts_readings_and_updated_states_for_their_effects(how):
+    how = {"integrator": "rk8", **how}
+    bare, read, wound = (
+        rde.bill(scene(FOUR_R, (e.EffortLimits(1.0), *more), **how))
+        for more in ((), (AddedBias(),), (WoundUp(),))
+    )
+    # Each reading is a sum in the observation, and one in the check of a control step.
+    assert read["added_bias"] == kinds(2, size=8)
+    assert read["observation"].additions > bare["observation"].additions  # sines of the angle that it reads
+    assert read["arm"] == bare["arm"]
+    # The state is updated once, at the end of an interval; then it is checked, and undone after a fault.
+    assert wound["wound_up"] == kinds(1, 2, size=16)
+    assert wound["reward"] == bare["reward"]._replace(
+        additions=bare["reward"].additions + 2,
+        selections=bare["reward"].selections + 1,
+        bytes=bare["reward"].bytes + (8 if how["integrator"] == "rk4" else 0),
+    )
+
+
+@pytest.mark.parametrize("limits", [(), (e.EffortLimits(1.0),)], ids=["without motors", "with motors"])
+def test_scenes_that_are_no_environments_have_no_entries_of_one(limits):
+    loose = scene(RPRP, limits)
+    assert set(rde.bill(loose)) == {"arm", "integrator", "interval", *(x.key for x in limits)}
+    with pytest.raises(ValueError, match="needs limited travel of 'r1'"):
+        rde.bill(loose, task=rde.ReachTask())
+    still = rde.bill(scene(FOUR_R, limits))
+    assert ("action" in still) == bool(limits)
+    assert {"observation", "reward", "reset"} <= set(still)

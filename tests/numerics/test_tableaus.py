@@ -102,12 +102,12 @@ def test_every_tree_up_to_the_claimed_order_is_met_and_some_of_the_next_one_is_n
 # ---- steps and their estimates -------------------------------------------------------------------------
 
 
-def on_a_circle(q, v, z):
+def on_a_circle(q, v, z, node):
     """y'' = -y, with y' a state of first order as well, and a watched number."""
     return -q[0], v[0], 7.0
 
 
-def not_linear(q, v, z):
+def not_linear(q, v, z, node):
     """y'' = -y^3 - y'^2: on linear equations the estimate of order 6 falls faster."""
     return -(q[0] ** 3) - v[0] ** 2, v[0], 7.0
 

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-import actuator_lag
 import held_command
 import numpy as np
 import rrp
 import three_r
-from armature import Armature, LinkInertia
+from armature import LinkInertia
 from payload import Payload
 from sensors import EccentricEncoders, FilteredRates
 from tether import Tether
@@ -42,13 +41,13 @@ def stops(arm, restitution=0.5):
 def inertias(arm):
     """Rotors at all joints, and links that are no points."""
     turning = arm.prismatic.count(False)
-    return Armature(ROTORS[: len(arm.joints)]), LinkInertia(LINKS[:turning])
+    return e.Armature(ROTORS[: len(arm.joints)]), LinkInertia(LINKS[:turning])
 
 
 def effects_from_outside(arm):
     """Effects from outside, by what they add."""
     return {
-        "states and links": (actuator_lag.ActuatorLag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0)),
+        "states and links": (e.Lag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0)),
         "inertias": inertias(arm),
         "a load": (Payload(0.7),),
         "a force at a point": (Tether(2, 0.3, -0.2, 50.0, 2.0),),

@@ -16,9 +16,9 @@ def off_centre(reading, eccentricity):
 
 
 @physics
-def filtered(reading, last, time_constant, interval):
+def filtered(reading, last, time_constant, control_dt):
     """A first-order lag, exact for a reading that is constant in the interval."""
-    return reading + (last - reading) * exp(-interval / time_constant)
+    return reading + (last - reading) * exp(-control_dt / time_constant)
 
 
 @physics

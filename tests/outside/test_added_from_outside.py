@@ -7,10 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import actuator_lag  # noqa: F401 - registers its effect
 import elbow  # noqa: F401 - registers its task
 import gymnasium as gym
 import heun
+import lag_chain  # noqa: F401 - registers its effect
 import numpy as np
 import pytest
 import rrp
@@ -68,7 +68,7 @@ def test_a_target_moves_before_it_is_measured_and_observed_and_stays_while_a_fau
 
 def test_effects_with_states_begin_anew_with_each_episode():
     scene = {**three_r.SCENE}
-    scene["effects"] = [*scene["effects"], {"type": "ActuatorLag", "time_constant": 0.1}]
+    scene["effects"] = [*scene["effects"], {"type": "LagChain", "time_constant": 0.1}]
     env = gym.make_vec("redundant_envs/ThreeRReach-v0", num_envs=9, scene=scene, max_episode_steps=5)
     env.reset(seed=0)
     memory, action = env.unwrapped.core.memory, np.ones((9, 3), np.float32)

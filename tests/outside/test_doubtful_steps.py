@@ -7,9 +7,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from actuator_lag import ActuatorLag, LagChain
 from arms import ARMS
 from humming_stop import HummingStop
+from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
 from rrp import RRP
 
@@ -119,7 +119,7 @@ def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm
     low, high = np.where(arm.prismatic, 0.0, -3.0), np.where(arm.prismatic, 0.5, 3.0)
     q, qd = rng.uniform(low, high, (n, 4)), rng.normal(0.0, 0.5, (n, 4))
     lagging, commands = rng.normal(0.0, 3.0, (n, 4)), rng.normal(0.0, 15.0, (n, 4))
-    scene = Scene(arm, (e.Gravity(), ActuatorLag(0.2), e.EffortLimits(3.0)), tolerance=1e-7)
+    scene = Scene(arm, (e.Gravity(), e.Lag(0.2), e.EffortLimits(3.0)), tolerance=1e-7)
     assert errors(scene, q, qd, commands, lagging).max() < 0.2
 
 

@@ -7,8 +7,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from actuator_lag import ActuatorLag
-from armature import Armature
 from arms import ARMS, Bumper, e, states
 from catalogue import advanced
 from held_command import HeldCommand
@@ -87,8 +85,10 @@ def test_static_efforts_balance_forces_at_points():
 
 def test_lags_of_lanes_follow_their_equation_and_a_short_one_takes_more_steps():
     constants, zero = np.array([1e-4, 0.06, 0.1, 1.0]), np.zeros((4, 3))
-    scene = rde.Scene(ARMS["3R"], (ActuatorLag(0.1),), tolerance=1e-8)
-    batch, status = advanced(scene, zero, zero, zero + 1.0, {"actuator_lag.time_constant": constants})
+    scene = rde.Scene(ARMS["3R"], (e.Lag(0.1),), tolerance=1e-8)
+    batch, status = advanced(
+        scene, zero, zero, zero + 1.0, {"lag.time_constant": np.repeat(constants[:, None], 3, axis=1)}
+    )
     assert np.abs(batch.z - (1.0 - np.exp(-0.02 / constants))[:, None]).max() < 1e-9
     assert not status.numerics.any()
     assert status.evaluations[0] > 20 * status.evaluations[3]
@@ -107,7 +107,7 @@ def test_commands_of_the_interval_before_act_to_the_bit():
 
 
 def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
-    chain, zero = (HeldCommand(), ActuatorLag(0.03), e.EffortLimits(1.5)), np.zeros((4, 3))
+    chain, zero = (HeldCommand(), e.Lag(0.03), e.EffortLimits(1.5)), np.zeros((4, 3))
     own, turned, free = (
         advanced(
             rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4), zero, zero, zero + 4.0, intervals=5
@@ -122,7 +122,7 @@ def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
 
 
 def test_states_of_effects_begin_anew_where_a_state_is_set():
-    scene = rde.Scene(ARMS["RRP"], (ActuatorLag(0.1), HeldCommand()), tolerance=1e-6)
+    scene = rde.Scene(ARMS["RRP"], (e.Lag(0.1), HeldCommand()), tolerance=1e-6)
     batch, _ = advanced(scene, *np.zeros((2, 9, 3)), np.ones((9, 3)), intervals=2)
     before = batch.z
     batch.set_state(np.zeros((1, 3)), np.zeros((1, 3)), index=[4])
@@ -149,10 +149,10 @@ def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
 
 # ---- gradients -----------------------------------------------------------------------------------------
 
-LAGS = (ActuatorLag(0.04), HeldCommand())
+LAGS = (e.Lag(0.04), HeldCommand())
 GRADIENTS = {
     "z": (rde.Scene(ARMS["3R"], LAGS, tolerance=1e-7), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
-    "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), Armature(0.2))), [0.2] * 4),
+    "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), e.Armature(0.2))), [0.2] * 4),
     "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), Payload(0.4))), 0.4),
 }
 

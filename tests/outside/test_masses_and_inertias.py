@@ -5,7 +5,6 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import pytest
-from armature import Armature
 from arms import ARMS, LINKS, ROTORS, e, inertias, states, stops
 from catalogue import COPIES, advanced
 from payload import Payload
@@ -75,7 +74,7 @@ def test_computed_torque_carries_a_load_and_turns_rotors():
     others = {
         "loaded": dataclasses.replace(scene, effects=(*scene.effects, Payload(0.1))),
         "heavy": dataclasses.replace(scene, robot=heavier(scene.robot, 0.1)),
-        "rotors": dataclasses.replace(scene, effects=(*scene.effects, Armature((0.05, 0.03, 0.01, 0.01)))),
+        "rotors": dataclasses.replace(scene, effects=(*scene.effects, e.Armature((0.05, 0.03, 0.01, 0.01)))),
         "bare": scene,
     }
     q, actions = np.array([[0.1, 0.4, 0.9, 1.2]]), {}
@@ -127,16 +126,16 @@ def test_lanes_have_inertias_of_their_own_and_zero_is_none():
     def moved(*effects, change=None):
         return advanced(rde.Scene(arm, (e.Gravity(), *effects), "rk4"), *states(arm, 16), change)[0].q
 
-    found = moved(Armature(0.3), change={"armature.inertias": np.repeat(rotors[:, None], 4, axis=1)})
+    found = moved(e.Armature(0.3), change={"armature.inertias": np.repeat(rotors[:, None], 4, axis=1)})
     for lane in (3, 15):
-        np.testing.assert_array_equal(found[lane], moved(Armature(float(rotors[lane])))[lane])
+        np.testing.assert_array_equal(found[lane], moved(e.Armature(float(rotors[lane])))[lane])
     assert np.abs(found[0] - moved()[0]).max() < 1e-13
     assert np.abs(found[15] - moved()[15]).max() > 1e-4
 
 
 def test_the_bill_counts_the_mass_matrix_for_the_effect_that_needs_it():
     without, bill = (
-        rde.bill(rde.Scene(ARMS["4R"], (e.Gravity(), *x), "rk4")) for x in ((), (Armature(0.1),))
+        rde.bill(rde.Scene(ARMS["4R"], (e.Gravity(), *x), "rk4")) for x in ((), (e.Armature(0.1),))
     )
     assert bill["armature"].divisions > 0
     assert bill["arm"].additions == without["arm"].additions
@@ -164,7 +163,7 @@ class Pendulum(rde.Arm):
 
 
 def test_what_an_arm_writes_with_its_mass_matrix_is_of_its_point_masses():
-    scene = rde.Scene(Pendulum((1.0,), (1.0,), 2.0), (e.Gravity(), Armature(0.5)), "rk8")
+    scene = rde.Scene(Pendulum((1.0,), (1.0,), 2.0), (e.Gravity(), e.Armature(0.5)), "rk8")
     arm = scene.loaded_robot
     assert arm.mass_matrix([0.0])[0, 0] == 1.5
     assert arm.gravity_forces([0.0])[0] == pytest.approx(11.81)

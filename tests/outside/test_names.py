@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import rrp
-from actuator_lag import ActuatorLag
+from lag_chain import LagChain
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -42,7 +42,7 @@ def scene_of(quantity="odd", coordinate="turn"):
         "sincos": {"alpha1": ("s1", "c1"), coordinate: ("s21", "c21")},
     }
     arm = type("Odd", (rrp.RRP,), body)((1.0,) * 3, (0.5,) * 2)
-    effects = e.Gravity(), e.EffortLimits(3.0), e.PrismaticStop((0.0,), (0.3,)), ActuatorLag(0.04)
+    effects = e.Gravity(), e.EffortLimits(3.0), e.PrismaticStop((0.0,), (0.3,)), LagChain(0.04)
     return rde.Scene(arm, (*effects, e.LimitSpring("joint2", -1.0, 1.0, 500.0, 1.0)), tolerance=1e-6)
 
 
@@ -101,7 +101,7 @@ def test_a_name_is_given_once_and_the_message_says_whose_it_is(role):
     task = ReachTask()
     fields = episode_of(task, scene_of()).layout().fields
     assert len(fields) > 140
-    assert {"actuator_lag.time_constant", "gravity.g", "effort_limits.limits[2]"} <= {*fields}
+    assert {"lag_chain.time_constant", "gravity.g", "effort_limits.limits[2]"} <= {*fields}
     own = {*task.parameters(), *task.memory, *(n for n, f in fields.items() if f.owner == "the arm Odd")}
     names = random.Random(3).sample(sorted(name for name in {*fields} - own if name.isidentifier()), 12)
     names = {"number": (*TAKEN, *names), "memory": (*TAKEN, *names), "coordinate": names, "quantity": OF_ARM}
@@ -144,18 +144,18 @@ def test_a_metric_has_no_name_of_what_every_step_shows(given):
 
 
 def test_a_metric_may_be_a_quantity_of_the_arm_an_effect_or_the_task():
-    shown = ("alpha1", "m1", "gravity_g", "actuator_lag__effort__2", "hold", "start_angle", "phid2")
+    shown = ("alpha1", "m1", "gravity_g", "lag_chain__effort__2", "hold", "start_angle", "phid2")
     rde.register_task(type("ShownTask", (type(with_metric(*shown)),), {"name": "Shown"}))
     data = rde.load_scene(rrp.SCENE).to_dict()
-    data["effects"].append({"type": "ActuatorLag", "time_constant": 0.04})
+    data["effects"].append({"type": "LagChain", "time_constant": 0.04})
     env = gym.make("redundant_envs/RRPShown-v0", scene=data).unwrapped
     env.reset(seed=0)
     *_, info = env.step(np.full(3, 0.5, np.float32))
-    fields = {"gravity_g": "gravity.g", "actuator_lag__effort__2": "actuator_lag.effort[2]"}
+    fields = {"gravity_g": "gravity.g", "lag_chain__effort__2": "lag_chain.effort[2]"}
     for name in shown[:-1]:
         assert info[name] == env.core.memory.read((fields.get(name, name),))[0, 0]
     assert info["phid2"] == env.qd[1]
-    assert info["actuator_lag__effort__2"] > 0.1
+    assert info["lag_chain__effort__2"] > 0.1
 
 
 def test_the_message_says_what_a_name_means():

@@ -23,8 +23,8 @@ from redundant_envs.effects import Effect, Force, Point, State
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import IDS
-from redundant_envs.model.parameters import _check_task
 from redundant_envs.robots.arm import Arm
+from redundant_envs.scene_numbers import _check_task
 from redundant_envs.tasks.checks import check_task
 
 FOUR_R, RPRP = ARMS["4R"], ARMS["RPRP"]

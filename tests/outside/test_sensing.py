@@ -5,12 +5,11 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import pytest
-from armature import Armature
 from sensors import EccentricEncoders, FilteredRates
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics, where
-from redundant_envs.effects import Effect, Reading, Sensing, SensorBias
+from redundant_envs.effects import Armature, Effect, Reading, Sensing, SensorBias
 
 
 def made(env_id, *effects):

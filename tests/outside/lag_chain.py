@@ -1,4 +1,4 @@
-"""Motors whose effort lags behind the command by a first order: an effect with a state for each joint."""
+"""Motors with a row of lags: an effect whose states follow each other."""
 
 from dataclasses import dataclass
 
@@ -23,43 +23,21 @@ def fastest_change(time_constant):
 
 
 @dataclass(frozen=True)
-class ActuatorLag(Effect):
-    """The effort of each motor approaches its command: t' = (command - t) / time_constant.
-
-    Parameters
-    ----------
-    time_constant : float
-        s, positive.
-    """
+class LagChain(Effect):
+    """``count`` lags of a time constant [s], one behind the other, between the command of each motor and its
+    effort."""
 
     time_constant: float
+    count: int = 1
+
+    static = ("count",)
 
     def __post_init__(self):
         if not 0.0 < self.time_constant < float("inf"):
-            raise ValueError(f"ActuatorLag.time_constant is {self.time_constant} s; it must be positive")
+            raise ValueError(f"LagChain.time_constant is {self.time_constant} s; it must be positive")
 
     def hooks(self, arm):
         return tuple(self.link(k, "N" if slides else "N m") for k, slides in enumerate(arm.prismatic))
-
-    def link(self, k, unit):
-        own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
-        state = State(
-            f"effort[{k}]",
-            unit,
-            derivative=approach,
-            bind={"command": f"command{k + 1}", **own},
-            rate=fastest_change,
-        )
-        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
-
-
-@dataclass(frozen=True)
-class LagChain(ActuatorLag):
-    """``count`` lags, one behind the other, between the command of each motor and its effort."""
-
-    count: int
-
-    static = ("count",)
 
     def link(self, k, unit):
         states, before = [], f"command{k + 1}"
@@ -70,5 +48,4 @@ class LagChain(ActuatorLag):
         return Actuation(k, effort_of, {"effort": before}, Link.LAG, states=tuple(states))
 
 
-rde.register_effect(ActuatorLag)
 rde.register_effect(LagChain)

@@ -1,0 +1,32 @@
+"""Inertias of the motors' rotors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.effects.hooks import Effect, Hook, Inertia
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@dataclass(frozen=True)
+class Armature(Effect):
+    """Inertias of rotors that turn with the joints, behind gears.
+
+    Parameters
+    ----------
+    inertias : float or sequence of one for each joint
+        Inertia of the rotor times the square of the gear ratio, kg m^2 (revolute) or kg (prismatic), not
+        negative, at most a million times the lightest mass on the shortest link; one number serves all
+        joints.
+    """
+
+    inertias: float | tuple[float, ...]
+
+    of_joints = ("inertias",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertias", not_negative("Armature.inertias", self.inertias))
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(Inertia((k,), f".inertias[{k}]") for k in range(len(arm.joints)))

@@ -1,0 +1,44 @@
+"""Dry friction in the joints, with true stiction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Friction, Hook, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def limit(level):
+    return level
+
+
+@dataclass(frozen=True)
+class CoulombFriction(Effect):
+    """Dry friction that holds a joint, or opposes its rate with a constant force (Coulomb 1785).
+
+    A joint sticks as long as a force of at most its level holds it: its rate is 0 exactly, and it does not
+    creep. While it slips, the force has the size of the level and opposes the rate. Which joints stick is
+    decided for all joints together, and when they come to rest and are torn loose is located in time.
+
+    Parameters
+    ----------
+    level : float or sequence of one for each joint
+        Largest force of the friction, N m (revolute) or N (prismatic), not negative; one number serves all
+        joints.
+    """
+
+    level: float | tuple[float, ...]
+
+    of_joints = ("level",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "level", not_negative("CoulombFriction.level", self.level))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("level", arm, "N m", "N")
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))

@@ -1,0 +1,96 @@
+"""Direct-current motors behind gears, which take a voltage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import clamp, exp, physics
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import positive
+
+
+@physics
+def driving_voltage(command, rate, constant, gear, voltage):
+    """What is left of the supply behind the voltage that the turning motor induces."""
+    return clamp(command, -voltage, voltage) - constant * gear * rate
+
+
+@physics
+def current_change(command, rate, current, resistance, inductance, constant, gear, voltage):
+    driving = driving_voltage(command, rate, constant, gear, voltage)
+    return (driving - resistance * current) / inductance
+
+
+@physics
+def electrical_rate(resistance, inductance):
+    return resistance / inductance
+
+
+@physics
+def current_after(command, rate, current, resistance, inductance, constant, gear, voltage, elapsed):
+    """The current after a time at a constant rate."""
+    steady = driving_voltage(command, rate, constant, gear, voltage) / resistance
+    return steady + (current - steady) * exp(-(electrical_rate(resistance, inductance) * elapsed))
+
+
+@physics
+def effort_of(current, constant, gear):
+    return constant * gear * current
+
+
+NUMBERS = ("resistance", "inductance", "constant", "gear", "voltage")
+
+
+@dataclass(frozen=True)
+class DCMotor(Effect):
+    """A motor with a winding behind a gear: L i' = u - R i - N K w, and its effort is N K i.
+
+    Its command u is a voltage, at most that of the supply; actions are shares of the supply's voltage. The
+    inertia of its rotor is an :class:`~redundant_envs.effects.Armature`.
+
+    Parameters, each a number for all joints or a sequence of one for each
+    ----------
+    resistance : float
+        R of the winding, ohm, positive.
+    inductance : float
+        L of the winding, H, positive.
+    constant : float
+        K, torque per current, N m/A, which is the induced voltage per speed, V s/rad, too; positive.
+    gear : float
+        N, turns of the motor per turn of the joint; rad/m for a slider. Positive.
+    voltage : float
+        Of the supply, V, positive.
+    """
+
+    resistance: float | tuple[float, ...]
+    inductance: float | tuple[float, ...]
+    constant: float | tuple[float, ...]
+    gear: float | tuple[float, ...] = 1.0
+    voltage: float | tuple[float, ...] = 24.0
+
+    of_joints = NUMBERS
+
+    def __post_init__(self) -> None:
+        for name in NUMBERS:
+            object.__setattr__(self, name, positive(f"DCMotor.{name}", getattr(self, name)))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        units = {"resistance": "ohm", "inductance": "H", "constant": "N m/A", "voltage": "V"}
+        return {**units, **units_of_joints("gear", arm, "", "rad/m")}
+
+    def action_units(self, arm: Arm) -> tuple[str, ...]:
+        return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._link(k) for k in range(len(arm.joints)))
+
+    def _link(self, k: int) -> Actuation:
+        own = {name: f".{name}[{k}]" for name in NUMBERS} | {"current": f".current[{k}]"}
+        moving = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
+        current = State(
+            f"current[{k}]", "A", current_change, bind={**moving, **own}, rate=electrical_rate,
+            closed=current_after,
+        )  # fmt: skip
+        bind = {name: own[name] for name in ("current", "constant", "gear")}
+        return Actuation(k, effort_of, bind, Link.LAG, states=(current,), takes="V")

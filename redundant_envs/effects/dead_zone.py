@@ -1,0 +1,42 @@
+"""Motors that ignore small commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import clamp, physics
+from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def beyond(command, width):
+    """The part of a command that is beyond the dead zone."""
+    return command - clamp(command, -width, width)
+
+
+@dataclass(frozen=True)
+class DeadZone(Effect):
+    """Commands within a width of zero have no effect, and larger ones are smaller by it.
+
+    Parameters
+    ----------
+    widths : float or sequence of one for each joint
+        In the unit of the command: N m (revolute) or N (prismatic), or V before a motor that takes a voltage.
+        Not negative; one number serves all joints.
+    """
+
+    widths: float | tuple[float, ...]
+
+    of_joints = ("widths",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "widths", not_negative("DeadZone.widths", self.widths))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("widths", arm, COMMAND, COMMAND)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        binds = ({"command": f"command{k + 1}", "width": f".widths[{k}]"} for k in range(len(arm.joints)))
+        return tuple(Actuation(k, beyond, bind, Link.DEAD_ZONE) for k, bind in enumerate(binds))

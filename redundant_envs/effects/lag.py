@@ -1,0 +1,61 @@
+"""Motors whose efforts lag behind their commands by a first order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import exp, physics
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import positive
+
+
+@physics
+def approach(command, effort, time_constant):
+    return (command - effort) / time_constant
+
+
+@physics
+def approached(command, effort, time_constant, elapsed):
+    """The effort after a time under a constant command."""
+    return command + (effort - command) * exp(-(1.0 / time_constant * elapsed))
+
+
+@physics
+def effort_of(effort):
+    return effort
+
+
+@physics
+def fastest_change(time_constant):
+    return 1.0 / time_constant
+
+
+@dataclass(frozen=True)
+class Lag(Effect):
+    """The effort t of each motor approaches its command u: t' = (u - t) / T.
+
+    Parameters
+    ----------
+    time_constant : float or sequence of one for each joint
+        T, s, positive; one number serves all joints.
+    """
+
+    time_constant: float | tuple[float, ...]
+
+    of_joints = ("time_constant",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time_constant", positive("Lag.time_constant", self.time_constant))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"time_constant": "s"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
+
+    def _link(self, k: int, unit: str) -> Actuation:
+        own = {"effort": f".effort[{k}]", "time_constant": f".time_constant[{k}]"}
+        bind = {"command": f"command{k + 1}", **own}
+        state = State(f"effort[{k}]", unit, approach, bind=bind, rate=fastest_change, closed=approached)
+        return Actuation(k, effort_of, own, Link.LAG, states=(state,))

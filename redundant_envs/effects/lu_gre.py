@@ -1,0 +1,132 @@
+"""The friction model of Lund and Grenoble: bristles that bend and slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import exp, maximum, physics, where
+from redundant_envs.effects.hooks import Effect, Force, Hook, State, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, positive
+
+FEW_DECAYS = 1e-3
+"""Slip in units of the bristles' reach below which a series is used: rounding would be 1e-13 of it, and the
+next term of the series is 1e-14."""
+
+
+@physics
+def level(rate, coulomb, stiction, stribeck_speed):
+    """Friction at a constant rate, without its viscous part: from the stiction down to the Coulomb level."""
+    return coulomb + (stiction - coulomb) * exp(-((rate / stribeck_speed) ** 2))
+
+
+@physics
+def decay(rate, stiffness, coulomb, stiction, stribeck_speed):
+    """How fast bristles forget how they were bent, 1/s."""
+    return stiffness * abs(rate) / level(rate, coulomb, stiction, stribeck_speed)
+
+
+@physics
+def bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed):
+    return rate - decay(rate, stiffness, coulomb, stiction, stribeck_speed) * bristle
+
+
+@physics
+def bent(rate, bristle, stiffness, coulomb, stiction, stribeck_speed, elapsed):
+    """Deflection after a time at a constant rate: z e^-x + v t (1 - e^-x) / x with x = decay t."""
+    x = decay(rate, stiffness, coulomb, stiction, stribeck_speed) * elapsed
+    left, many = exp(-x), maximum(x, FEW_DECAYS)
+    series = 1.0 - 0.5 * x + 0.16666666666666666 * x**2 - 0.041666666666666664 * x**3
+    mean = where(x > FEW_DECAYS, (1.0 - exp(-many)) / many, series)
+    return bristle * left + rate * elapsed * mean
+
+
+@physics
+def force(rate, bristle, stiffness, damping, viscous, coulomb, stiction, stribeck_speed):
+    change = bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed)
+    return -(stiffness * bristle + damping * change + viscous * rate)
+
+
+@physics
+def spring(stiffness):
+    return stiffness
+
+
+NUMBERS = ("stiffness", "damping", "viscous", "coulomb", "stiction", "stribeck_speed")
+OF_BRISTLES = ("stiffness", "coulomb", "stiction", "stribeck_speed")
+
+
+@dataclass(frozen=True)
+class LuGre(Effect):
+    """Friction of bristles: stiff and elastic before it slips, and weaker when it slips fast.
+
+    With the deflection z of the bristles of a joint of rate v the friction is
+    sigma0 z + sigma1 z' + sigma2 v, where z' = v - sigma0 |v| z / g(v) and
+    g(v) = F_C + (F_S - F_C) exp(-(v / v_S)^2).
+
+    Parameters, each a number for all joints or a sequence of one for each
+    ----------
+    stiffness : float
+        sigma0 of the bristles, N m/rad (revolute) or N/m (prismatic), positive.
+    damping : float
+        sigma1 of the bristles, N m s/rad or N s/m, not negative.
+    viscous : float
+        sigma2, N m s/rad or N s/m, not negative.
+    coulomb : float
+        F_C, friction at high rates, N m or N, positive.
+    stiction : float
+        F_S, friction from which on a joint at rest slips, N m or N, at least ``coulomb``.
+    stribeck_speed : float
+        v_S, rate at which the friction falls from one to the other, rad/s or m/s, positive.
+    """
+
+    stiffness: float | tuple[float, ...]
+    damping: float | tuple[float, ...]
+    viscous: float | tuple[float, ...]
+    coulomb: float | tuple[float, ...]
+    stiction: float | tuple[float, ...]
+    stribeck_speed: float | tuple[float, ...] = 0.01
+
+    of_joints = NUMBERS
+
+    def __post_init__(self) -> None:
+        for name in NUMBERS:
+            check = not_negative if name in ("damping", "viscous") else positive
+            object.__setattr__(self, name, check(f"LuGre.{name}", getattr(self, name)))
+        for k, (low, high) in enumerate(_pairs(self.coulomb, self.stiction)):
+            if high < low:
+                raise ValueError(
+                    f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; a joint slips no "
+                    "sooner than it slides: give at least the Coulomb level"
+                )
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        units = {
+            "stiffness": ("N m/rad", "N/m"), "damping": ("N m s/rad", "N s/m"),
+            "viscous": ("N m s/rad", "N s/m"), "coulomb": ("N m", "N"), "stiction": ("N m", "N"),
+            "stribeck_speed": ("rad/s", "m/s"),
+        }  # fmt: skip
+        found: dict[str, str] = {}
+        for name, both in units.items():
+            found |= units_of_joints(name, arm, *both)
+        return found
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._force(k, "m" if slides else "rad") for k, slides in enumerate(arm.prismatic))
+
+    def _force(self, k: int, unit: str) -> Force:
+        moving = {"rate": f"phid{k + 1}", "bristle": f".bristle[{k}]"}
+        bristle = State(
+            f"bristle[{k}]", unit, bending,
+            bind={**moving, **{name: f".{name}[{k}]" for name in OF_BRISTLES}}, closed=bent,
+        )  # fmt: skip
+        own = {name: f".{name}[{k}]" for name in NUMBERS}
+        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=spring)
+
+
+def _pairs(low: float | tuple[float, ...], high: float | tuple[float, ...]) -> list[tuple[float, float]]:
+    """Numbers of the joints, side by side; those of different numbers of joints are refused by a scene."""
+    rows = [x if isinstance(x, tuple) else (x,) for x in (low, high)]
+    most = max(map(len, rows))
+    lows, highs = (row * most if len(row) == 1 else row for row in rows)
+    return list(zip(lows, highs, strict=False))

@@ -1,0 +1,57 @@
+"""Commands that reach their motors with play."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import clamp, physics
+from redundant_envs.effects.hooks import (
+    COMMAND,
+    Actuation,
+    Effect,
+    Hook,
+    Link,
+    State,
+    effort_unit,
+    units_of_joints,
+)
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def pushed(command, kept, gap):
+    """What is kept until one of the two ends of the gap pushes it."""
+    return clamp(kept, command - 0.5 * gap, command + 0.5 * gap)
+
+
+@dataclass(frozen=True)
+class Play(Effect):
+    """Hysteresis of the command: what leaves follows it as a pin in a slot follows the slot.
+
+    After a reversal nothing happens until the command has crossed the gap.
+
+    Parameters
+    ----------
+    gaps : float or sequence of one for each joint
+        Width of the slot, in the unit of the command: N m (revolute) or N (prismatic), or V before a motor
+        that takes a voltage. Not negative; one number serves all joints.
+    """
+
+    gaps: float | tuple[float, ...]
+
+    of_joints = ("gaps",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gaps", not_negative("Play.gaps", self.gaps))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("gaps", arm, COMMAND, COMMAND)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
+
+    def _link(self, k: int, unit: str) -> Actuation:
+        bind = {"command": f"command{k + 1}", "kept": f".kept[{k}]", "gap": f".gaps[{k}]"}
+        kept = State(f"kept[{k}]", unit, update=pushed, bind=bind)
+        return Actuation(k, pushed, bind, Link.DEAD_ZONE, states=(kept,))

@@ -1,0 +1,49 @@
+"""Friction that grows with the square of the rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def force(rate, coefficient):
+    """Opposes the rate of the joint, not that of the absolute angle."""
+    return -coefficient * rate * abs(rate)
+
+
+@physics
+def slope(rate, coefficient):
+    return 2.0 * coefficient * abs(rate)
+
+
+@dataclass(frozen=True)
+class QuadraticFriction(Effect):
+    """Friction proportional to the square of the joint rates, as of a body that stirs a fluid.
+
+    Parameters
+    ----------
+    coefficients : float or sequence of one for each joint
+        N m s^2/rad^2 (revolute) or N s^2/m^2 (prismatic), not negative; one number serves all joints.
+    """
+
+    coefficients: float | tuple[float, ...]
+
+    of_joints = ("coefficients",)
+
+    def __post_init__(self) -> None:
+        checked = not_negative("QuadraticFriction.coefficients", self.coefficients)
+        object.__setattr__(self, "coefficients", checked)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("coefficients", arm, "N m s^2/rad^2", "N s^2/m^2")
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}, damping=slope)
+            for k in range(len(arm.joints))
+        )

@@ -1,0 +1,55 @@
+"""Dry friction made smooth: cheap at fixed steps, but it creeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics, sqrt
+from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, positive
+
+
+@physics
+def force(rate, level, speed):
+    return -level * rate / sqrt(rate * rate + speed * speed)
+
+
+@physics
+def steepest(level, speed):
+    """Slope of the friction at rest."""
+    return level / speed
+
+
+@dataclass(frozen=True)
+class SmoothCoulombFriction(Effect):
+    """Friction of a constant level, which falls to zero below a speed.
+
+    A joint never sticks: under a constant load below the level it creeps.
+
+    Parameters
+    ----------
+    levels : float or sequence of one for each joint
+        c, N m (revolute) or N (prismatic), not negative; one number serves all joints.
+    speed : float or sequence of one for each joint
+        e, rad/s or m/s, positive: at this rate the friction is 1/sqrt(2) of its level.
+    """
+
+    levels: float | tuple[float, ...]
+    speed: float | tuple[float, ...] = 0.01
+
+    of_joints = ("levels", "speed")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "levels", not_negative("SmoothCoulombFriction.levels", self.levels))
+        object.__setattr__(self, "speed", positive("SmoothCoulombFriction.speed", self.speed))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_joints("levels", arm, "N m", "N") | units_of_joints("speed", arm, "rad/s", "m/s")
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        own = (
+            {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "speed": f".speed[{k}]"}
+            for k in range(len(arm.joints))
+        )
+        return tuple(Force(k, force, bind, damping=steepest) for k, bind in enumerate(own))

@@ -1,0 +1,257 @@
+"""What scenes cost: time, evaluations, operations and memory of a control step, beside those without an
+effect. A scene is compared with its bare arm: that with the effects of :data:`BARE` alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import EffortLimits, Gravity, ViscousFriction
+from redundant_envs.effects.hooks import Effect, Sensing
+from redundant_envs.envs.core import Core
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.listing import OF_ENVIRONMENT, bill
+from redundant_envs.progress import counted
+from redundant_envs.scene import Scene
+from redundant_envs.tasks import ReachTask
+from redundant_envs.tasks.base import hard_stops, narrowed
+
+BARE = (EffortLimits, Gravity, ViscousFriction)
+"""Effects of a bare arm: those of the environments, but for the ends of travel that only some arms have."""
+TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}
+"""What a control step is measured with: a single step, or the tolerance of "standard"."""
+COLUMNS = ("at", "of", "ns", "ns_without", "times_bare", "evaluations", "operations", "bytes", "faults")
+LANES = 4096
+FEWEST_LANES = 64
+"""Lanes of a scene that is so slow that more would take too long: a call then still costs far more than its
+12 us of Python."""
+WARM, TIMED = 3, 8
+"""Control intervals of a motion before the timed ones, in which caches fill and rates grow from rest, and
+timed ones."""
+START_ANGLE, START_TRAVEL = 1.5, 0.25
+"""Angles at the start are uniform in +- the first, rad, sliders from 0 to the second, m; inside limits."""
+
+Array = NDArray[np.float64]
+
+
+class Pair(NamedTuple):
+    """A scene, and the one with which its time is compared."""
+
+    scene: Scene
+    without: Scene
+
+
+def bare(scene: Scene) -> Scene:
+    """The arm of a scene with those of its effects that every environment has."""
+    return dataclasses.replace(scene, effects=tuple(e for e in scene.effects if isinstance(e, BARE)))
+
+
+def alone(arm: Scene, effect: Effect) -> Pair:
+    """A bare arm with one effect more, and without it; an effect that the arm has replaces its own."""
+    own = tuple(e for e in arm.effects if e.key != effect.key)
+    effects = tuple(effect if e.key == effect.key else e for e in arm.effects)
+    if len(own) == len(effects):
+        effects = (*own, effect)
+    return Pair(dataclasses.replace(arm, effects=effects), dataclasses.replace(arm, effects=own))
+
+
+def parts(scene: Scene) -> dict[str, Pair]:
+    """The bare arm of a scene, each of its effects alone, and the whole scene."""
+    arm = bare(scene)
+    found = {"bare": Pair(arm, arm)} | {effect.key: alone(arm, effect) for effect in scene.effects}
+    return {**found, "whole scene": Pair(scene, arm)}
+
+
+@dataclass
+class Motion:
+    """A motion of many lanes from rest under random actions, timed again and again."""
+
+    batch: BatchSimulator
+    start: Mapping[str, Any]  # snapshot
+    efforts: Array  # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
+    best: Array  # shortest time of each timed interval, s
+    evaluations: float = 0.0  # mean of a lane and interval
+    faults: float = 0.0  # share of the lanes' intervals with a fault
+    spent: float = 0.0  # s
+
+    @classmethod
+    def of(cls, scene: Scene, limits: Array, lanes: int, seconds: float) -> Motion:
+        """A motion of a scene, with fewer lanes if it would take more than some seconds."""
+        probe = cls._with(scene, limits, FEWEST_LANES)
+        began = time.perf_counter()
+        probe.batch.advance(probe.efforts[0])
+        started = time.perf_counter()
+        probe.batch.advance(probe.efforts[1])
+        each = min(started - began, time.perf_counter() - started) / FEWEST_LANES
+        most = int(seconds / (each * (WARM + TIMED)))
+        return probe if most <= FEWEST_LANES else cls._with(scene, limits, min(lanes, most))
+
+    @classmethod
+    def _with(cls, scene: Scene, limits: Array, lanes: int) -> Motion:
+        joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
+        batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
+        shares = np.random.default_rng(1).uniform(
+            -1.0, 1.0, (lanes, WARM + TIMED, joints)
+        )  # also of few lanes
+        efforts = np.ascontiguousarray(limits * shares.swapaxes(0, 1))
+        return cls(batch, batch.save(), efforts, np.full(TIMED, np.inf))
+
+    def run(self) -> None:
+        """Make the motion once more."""
+        self.batch.restore(self.start)
+        for k, efforts in enumerate(self.efforts, start=-WARM):
+            start = time.perf_counter()
+            status = self.batch.advance(efforts)
+            seconds = time.perf_counter() - start
+            self.spent += seconds
+            if k < 0:
+                continue
+            if not np.isfinite(self.best[k]):  # the same in every motion
+                self.evaluations += float(status.evaluations.mean()) / TIMED
+                self.faults += float((status.numerics != 0).mean()) / TIMED
+            self.best[k] = min(self.best[k], seconds)
+
+    @property
+    def nanoseconds(self) -> float:
+        """Of a control interval of a lane."""
+        return 1e9 * float(self.best.mean()) / self.batch.num_envs
+
+
+@dataclass
+class Readings:
+    """The observation of an environment with sensors, timed beside that without them."""
+
+    cores: tuple[Core, Core]
+    best: list[float]  # shortest time of both, s
+
+    @classmethod
+    def of(cls, scene: Scene, lanes: int) -> Readings | None:
+        """None for a scene without sensors, or without the motors and limits that an environment needs."""
+        sensors = scene.attached.keys_of(Sensing)
+        if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
+            return None
+        rest = dataclasses.replace(scene, effects=tuple(e for e in scene.effects if e.key not in sensors))
+        return cls((Core(scene, lanes, ReachTask()), Core(rest, lanes, ReachTask())), [np.inf, np.inf])
+
+    def run(self) -> None:
+        """Observe once more."""
+        for k, core in enumerate(self.cores):
+            core.observe()  # brings memory into the caches
+            start = time.perf_counter()
+            core.observe()
+            self.best[k] = min(self.best[k], time.perf_counter() - start)
+
+    @property
+    def nanoseconds(self) -> float:
+        """That the sensors cost, of an observation of a lane."""
+        return 1e9 * (self.best[0] - self.best[1]) / self.cores[0].num_envs
+
+
+@dataclass
+class Timed:
+    """All that is timed of a scene."""
+
+    motion: Motion
+    readings: Readings | None
+
+    @classmethod
+    def of(cls, scene: Scene, limits: Array, lanes: int, seconds: float) -> Timed:
+        motion = Motion.of(scene, limits, lanes, seconds)
+        return cls(motion, Readings.of(scene, motion.batch.num_envs))
+
+    def run(self) -> None:
+        """Take a turn."""
+        self.motion.run()
+        if self.readings is not None:
+            self.readings.run()
+
+    @property
+    def nanoseconds(self) -> float:
+        """Of a control interval of a lane and its readings."""
+        return self.motion.nanoseconds + (self.readings.nanoseconds if self.readings is not None else 0.0)
+
+    @cached_property
+    def price(self) -> tuple[int, int]:
+        return price(self.motion.batch.scene)
+
+
+def starts(scene: Scene, draws: Array) -> Array:
+    """Coordinates (lanes, joints) inside the limits of a scene, from uniform draws of the joints."""
+    arm, values = scene.robot, scene.parameters()
+    limited = [(k, *ends) for k, ends in scene.travel().items()]
+    joints = np.empty_like(draws)
+    for k, slides in enumerate(arm.prismatic):
+        low, high = (0.0, START_TRAVEL) if slides else (-START_ANGLE, START_ANGLE)
+        for joint, lower, upper in (*limited, *hard_stops(scene)):
+            if joint == k:
+                low, high = narrowed(low, high, values[lower], values[upper])
+        joints[:, k] = low + draws[:, k] * (high - low)
+    return joints @ np.linalg.inv(arm.motor_map)
+
+
+def limits_of(pair: Pair) -> tuple[Array, Array]:
+    """Largest commands of the motors in both scenes of a pair, (joints,): those of the other scene where one
+    has no limits, and 0 where none has."""
+    found = [np.array([s.parameters()[name] for name in s.action_units()]) for s in pair]
+    for k, other in ((0, 1), (1, 0)):
+        if not found[k].size:
+            found[k] = found[other] if found[other].size else np.zeros(len(pair.scene.robot.joints))
+    return found[0], found[1]
+
+
+def price(scene: Scene) -> tuple[int, int]:
+    """Operations of a control step of a lane, and bytes of its memory, without those of a task."""
+    found = [counts for owner, counts in bill(scene).items() if owner not in OF_ENVIRONMENT]
+    return sum(sum(counts) - counts.bytes for counts in found), sum(counts.bytes for counts in found)
+
+
+def costs(
+    pairs: Mapping[str, Pair], lanes: int = LANES, turns: int = 20, seconds: float = 0.2
+) -> list[dict[str, Any]]:
+    """Time pairs of scenes by turns; a row of :data:`COLUMNS` for each, at one rk8 step and at 1e-6 m.
+
+    The time is that of a control interval of a lane, and of the readings of sensors in an observation: the
+    best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
+    of both times of a pair. After ``seconds`` a scene has no more turns, and one whose motion takes longer
+    has fewer lanes.
+    """
+    scenes = {repr(s): s for pair in pairs.values() for s in pair}
+    limits = {repr(s): most for p in pairs.values() for s, most in zip(p, limits_of(p), strict=True)}
+    rows = []
+    with counted("cost", len(TOLERANCES) * (len(scenes) + turns), each=4) as done:
+        for accuracy, tolerance in TOLERANCES.items():
+            timed = {}
+            for text, given in scenes.items():
+                scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
+                timed[text] = Timed.of(scene, limits[text], lanes, seconds)
+                done(f"a scene at {accuracy}")
+            for turn in range(turns):
+                for one in timed.values():
+                    if turn == 0 or one.motion.spent < seconds:
+                        one.run()
+                done(f"turn {turn + 1} of {turns} at {accuracy}")
+            for name, pair in pairs.items():
+                rows.append(_row(accuracy, name, *(timed[repr(s)] for s in pair)))
+    return rows
+
+
+def _row(accuracy: str, name: str, own: Timed, without: Timed) -> dict[str, Any]:
+    operations, size = own.price
+    return {
+        "at": accuracy,
+        "of": name,
+        "ns": round(own.nanoseconds, 1),
+        "ns_without": round(without.nanoseconds, 1),
+        "times_bare": round(own.nanoseconds / without.nanoseconds, 3),
+        "evaluations": round(own.motion.evaluations, 2),
+        "operations": operations,
+        "bytes": size,
+        "faults": round(own.motion.faults, 4),
+    }

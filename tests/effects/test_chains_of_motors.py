@@ -1,0 +1,134 @@
+"""From the command of a motor to its effort: the order of links, their units, and the unit of actions."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from catalogue import ARMS, FOUR_R, advanced
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.control.computed_torque import ComputedTorque
+from redundant_envs.effects import Actuation, Effect, EffortLimits, Link
+from redundant_envs.effects.hooks import effort_unit, snake_case
+from redundant_envs.envs.named import action_table
+from redundant_envs.envs.registration import check_motors
+
+
+@physics
+def times(command, factor):
+    return factor * command
+
+
+@physics
+def held_down(command, rate, factor):
+    return factor * (command - rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class Converter(Effect):
+    """A link of every motor that multiplies its command; it names its units."""
+
+    link: Link = Link.LAG
+    takes: str = "V"
+    gives: str = ""
+    factor: float = 0.5
+    named: str = "converter"
+    size: float = 12.0
+    asked: bool = True
+
+    static = ("link", "takes", "gives", "named", "asked")
+
+    @property
+    def key(self):
+        return self.named
+
+    def hooks(self, arm):
+        joints = range(len(arm.joints))
+        binds = ({"command": f"command{k + 1}", "factor": ".factor"} for k in joints)
+        how = {"takes": self.takes, "gives": self.gives}
+        return tuple(Actuation(k, times, bind, self.link, **how) for k, bind in enumerate(binds))
+
+    def action_units(self, arm):
+        return ("size",) * len(arm.joints) if self.asked else ()
+
+    def units(self, arm):
+        return {"size": self.takes}
+
+
+SERVO = Converter(Link.CONTROL, "rad/s", "V", named="servo")
+MOTOR, LIMITS = Converter(factor=0.25, named="motor"), EffortLimits(5.0)
+DELAY = Converter(Link.DELAY, "", named="delay", asked=False)
+
+
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
+def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
+    for effects, unit in (((DELAY, MOTOR), "V"), ((DELAY, SERVO, MOTOR, LIMITS), "rad/s")):
+        for order in itertools.permutations(effects):
+            assert rde.Scene(arm, order).command_units() == (unit,) * len(arm.joints)
+    efforts = tuple(effort_unit(arm, k) for k in range(len(arm.joints)))
+    for effects in ((), (DELAY,), (LIMITS, DELAY)):
+        assert rde.Scene(arm, effects).command_units() == efforts
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        ((SERVO,), "'servo' gives 'V', and the motor's effort is in 'N m'"),
+        ((MOTOR, Converter(named="other")), "'motor' gives 'N m', and 'other' behind it takes 'V'"),
+        (
+            (Converter(Link.CONTROL, "rad/s", named="strong"), MOTOR),
+            "'strong' gives 'N m', and 'motor' behind",
+        ),
+        ((LIMITS, Converter(Link.LIMITS)), "'effort_limits' gives 'N m', and 'converter' behind"),
+        ((SERVO, DELAY, LIMITS), "'servo' gives 'V', and 'effort_limits' behind it takes 'N m'"),
+        ((Converter(takes="", gives="V"),), "gives is 'V' without takes"),
+        ((Converter(takes=3),), "takes is 3; give a unit such as 'V'"),
+    ],
+)
+def test_a_chain_whose_units_do_not_meet_is_refused(effects, said):
+    with pytest.raises(ValueError) as error:
+        rde.Scene(FOUR_R, effects)
+    assert said in str(error.value)
+
+
+def test_links_act_in_the_order_of_their_kinds():
+    assert [link.name for link in Link] == ["DELAY", "CONTROL", "DEAD_ZONE", "LAG", "TORQUE_SPEED", "LIMITS"]
+    start, commands = (np.zeros((1, 4)), np.zeros((1, 4))), np.full((1, 4), 30.0)
+    limited, same = (
+        advanced(rde.Scene(FOUR_R, effects, "rk4"), *start, efforts)[0].qd
+        for effects, efforts in (((LIMITS, MOTOR, SERVO), commands), ((), np.full((1, 4), 0.125 * 30.0)))
+    )
+    assert np.array_equal(limited, same)
+
+
+def test_the_action_has_the_unit_of_the_earlier_link_in_any_order_of_the_effects():
+    for effects in itertools.permutations((SERVO, MOTOR, LIMITS, rde.effects.Gravity())):
+        assert rde.Scene(FOUR_R, effects).action_units() == ("servo.size",) * 4
+    for effects in itertools.permutations((MOTOR, LIMITS)):
+        assert rde.Scene(FOUR_R, effects).action_units() == ("motor.size",) * 4
+
+
+def test_an_environment_says_that_actions_are_shares_of_a_voltage():
+    scene = rde.load_scene("four_r_reach")
+    driven = dataclasses.replace(scene, effects=(*scene.effects, MOTOR))
+    with pytest.raises(ValueError, match=r"shares of motor\.size; the expert knows efforts alone"):
+        ComputedTorque(driven)
+    check_motors(driven)
+    table = action_table(driven)
+    assert "command at joint1 / 12 V" in table
+    assert "Unit of the command" in table
+    silent = dataclasses.replace(MOTOR, asked=False)
+    with pytest.raises(ValueError, match=r"effort_limits\.limits\[0\], which is in 'N m', and .* is in 'V'"):
+        check_motors(dataclasses.replace(driven, effects=(silent, LIMITS)))
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [("DCMotor", "dc_motor"), ("LuGre", "lu_gre"), ("LimitSpring", "limit_spring"), ("Payload", "payload"),
+     ("ACServo", "ac_servo"), ("SpringXY", "spring_xy"), ("Odd", "odd"), ("Spring2D", "spring2_d"),
+     ("_Hidden", "_hidden")],
+)  # fmt: skip
+def test_the_key_of_an_effect_takes_a_run_of_capitals_as_one_word(name, key):
+    assert snake_case(name) == key

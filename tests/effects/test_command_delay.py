@@ -1,0 +1,147 @@
+"""Delayed commands act at the instants that their delay says, to the bit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from catalogue import ARMS, FOUR_R, RPRP, assert_same_bits
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.effects.command_delay import rest, whole_intervals
+
+DT = 0.02
+STEPS = {
+    "rk8": {"integrator": "rk8"},
+    "rk4, 2 substeps": {"integrator": "rk4", "substeps": 2},
+    "1e-6": {"tolerance": 1e-6},
+    "dop853": {"integrator": "dop853"},
+}
+FRACTIONS = {0.0: (0, 0.0), 0.013: (0, 0.013), 0.02: (1, 0.0), 0.033: (1, 0.033 - DT), 0.06: (3, 0.0)}
+"""Delays, s: whole intervals, and the rest."""
+
+
+def pair(arm, seconds, lanes=12, dt=DT, **steps):
+    """A simulator with a delay, one without, and commands of some intervals."""
+    own = (e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5),) if arm is RPRP else ()
+    bare = rde.Scene(arm, (e.Gravity(), *own), control_dt=dt, **steps)
+    delayed = dataclasses.replace(bare, effects=(e.CommandDelay(seconds, 0.1), *bare.effects))
+    rng = np.random.default_rng(5)
+    count = len(arm.joints)
+    q, qd = rng.uniform(-1.0, 1.0, (lanes, count)), rng.normal(size=(lanes, count))
+    q[:, np.array(arm.prismatic)] *= 0.1
+    made = [rde.BatchSimulator(scene, lanes) for scene in (delayed, bare)]
+    for batch in made:
+        batch.set_state(q, qd)
+    return (*made, rng.uniform(-4.0, 4.0, (7, lanes, count)))
+
+
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP with stops"])
+@pytest.mark.parametrize("seconds", FRACTIONS)
+def test_a_delay_has_the_bits_of_commands_that_are_held_back_by_hand(arm, steps, seconds):
+    delayed, bare, commands = pair(arm, seconds, **steps)
+    n, r = FRACTIONS[seconds]
+    sent = [0.0 * commands[0]] * (n + 1)
+    for command in commands:
+        sent = [command, *sent]
+        status = delayed.advance(command)
+        evaluations = 0
+        if r > 0.0:
+            evaluations = bare.advance_partly(sent[n + 1], r).evaluations
+            evaluations = evaluations + bare.advance_partly(sent[n], DT - r).evaluations
+        else:
+            evaluations = bare.advance(sent[n]).evaluations
+        if "tolerance" in steps and r > 0.0:  # pieces have shares of the tolerance, and may need more steps
+            np.testing.assert_allclose(delayed.q, bare.q, rtol=0.0, atol=1e-12)
+            np.testing.assert_allclose(delayed.qd, bare.qd, rtol=0.0, atol=1e-11)
+        else:
+            assert_same_bits((delayed.q, delayed.qd), (bare.q, bare.qd))
+            assert_same_bits([status.evaluations], [evaluations])
+
+
+def test_one_rk8_step_with_a_delay_of_a_fraction_takes_24_evaluations():
+    delayed, _, commands = pair(FOUR_R, 0.013)
+    assert (delayed.advance(commands[0]).evaluations == 24).all()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "dt", "n"), [(0.3, 0.1, 3), (0.7, 0.1, 7), (0.06, 0.02, 3), (1e-19, 0.1, 0)]
+)
+def test_a_delay_within_rounding_of_whole_intervals_is_these(seconds, dt, n):
+    assert (whole_intervals(seconds, dt), rest(seconds, dt)) == (n, 0.0)
+    up, down = np.nextafter(seconds, 2.0 * seconds), np.nextafter(seconds, 0.0)
+    assert [(whole_intervals(x, dt), rest(x, dt)) for x in (up, down)] == [(n, 0.0)] * 2
+    near = (n + 1e-9) * dt
+    assert rest(near, dt) == pytest.approx(1e-9 * dt, rel=1e-5)
+
+
+def test_lanes_have_delays_of_their_own_which_may_change_in_a_motion():
+    times = np.array([0.0, 0.005, 0.013, 0.02, 0.027, 0.04, 0.1, 0.0, 0.06, 0.079, 0.08, 0.099])
+    delayed, bare, commands = pair(FOUR_R, 0.0)
+    sent = [0.0 * commands[0]] * 8
+    for k, command in enumerate(commands):
+        delayed.set_parameters({"command_delay.seconds": np.roll(times, k)})
+        delayed.advance(command)
+        sent = [command, *sent]
+        for lane, seconds in enumerate(np.roll(times, k).tolist()):
+            n, r = int(whole_intervals(seconds, DT)), float(rest(seconds, DT))
+            q, qd = bare.q, bare.qd
+            if r:
+                bare.advance_partly(sent[n + 1], r)
+            bare.advance_partly(sent[n], DT - r)
+            assert_same_bits([bare.q[lane], bare.qd[lane]], [delayed.q[lane], delayed.qd[lane]])
+            bare.set_state(q, qd)
+        bare.set_state(delayed.q, delayed.qd)
+
+
+def test_a_control_interval_chooses_how_many_commands_are_kept():
+    scene = rde.Scene(FOUR_R, (e.CommandDelay(0.01, 0.05),), control_dt=0.02)
+    assert len(scene.states()) == 4 * 3
+    assert len(dataclasses.replace(scene, control_dt=0.01).states()) == 4 * 6
+    assert rde.Scene.from_dict(scene.to_dict()) == scene
+    least = rde.Scene(FOUR_R, (e.CommandDelay(0.0, 0.0),))
+    assert len(least.states()) == 4
+
+
+@pytest.mark.parametrize("arm", [ARMS[kind] for kind in ("RRR", "PPR")], ids=["RRR", "PPR"])
+def test_any_chain_has_delayed_commands(arm):
+    delayed, bare, commands = pair(arm, 0.033, lanes=3)
+    r = 0.033 - DT
+    for command in commands[:3]:
+        delayed.advance(command)
+    for acting in (None, None, None, commands[0], commands[0], commands[1]):
+        bare.advance_partly(acting, r)
+        r = DT - r
+    assert_same_bits([delayed.q], [bare.q])
+
+
+REFUSED = {
+    "a negative delay": (
+        lambda: e.CommandDelay(-0.01, 0.1),
+        r"seconds is -0.01 s; it must lie in 0 to longest",
+    ),
+    "one beyond the longest": (
+        lambda: e.CommandDelay(0.2, 0.1),
+        r"seconds is 0.2 s; .* is 0.1 s: give a shorter",
+    ),
+    "a negative longest": (lambda: e.CommandDelay(0.0, -0.1), r"CommandDelay.longest .*-0.1"),
+    "no number": (lambda: e.CommandDelay("0.1", 0.2), r"CommandDelay.seconds"),
+    "too many kept commands": (
+        lambda: rde.Scene(FOUR_R, (e.CommandDelay(0.1, 20.5),), control_dt=0.02),
+        r"longest is 20.5 s, .* 1026 kept commands; at most 1024 are: give a longest below 20.48 s",
+    ),
+}
+
+
+@pytest.mark.parametrize(("make", "words"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_delay_is_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_a_lane_is_refused_a_delay_beyond_the_longest():
+    delayed, _, _ = pair(FOUR_R, 0.0)
+    for wrong in (0.11, -0.01):
+        with pytest.raises(ValueError, match=r"CommandDelay\.seconds is"):
+            delayed.set_parameters({"command_delay.seconds": wrong})

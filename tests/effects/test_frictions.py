@@ -1,0 +1,200 @@
+"""Frictions of the package follow their equations, and LuGre friction is passive where it should be."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from catalogue import ARMS, advanced
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.effects import lu_gre
+
+ROOT = Path(__file__).parents[2]
+INERTIA = 2.0
+ONE = rde.Chain("R", (INERTIA,), (1.0,))
+"""One joint with an inertia of 2 kg m^2; there is no gravity."""
+ZERO = np.zeros((1, 1))
+METHODS = {
+    "rk4": {"integrator": "rk4", "substeps": 20}, "rk8": {"integrator": "rk8"}, "1e-9": {"tolerance": 1e-9},
+    "dop853": {"integrator": "dop853"},
+}  # fmt: skip
+WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
+
+
+def moved(effect, effort=0.0, rate=0.0, intervals=1, arm=ONE, **how):
+    """A simulator of one joint after some intervals under a constant effort."""
+    scene = rde.Scene(arm, (effect,), **how)
+    return advanced(scene, ZERO, ZERO + rate, ZERO + effort, intervals=intervals)[0]
+
+
+@WITH
+@pytest.mark.parametrize("rate", [30.0, -30.0])
+def test_quadratic_friction_slows_a_joint_down_as_one_over_time(how, rate):
+    c, t = 0.4, 0.1
+    batch = moved(e.QuadraticFriction(c), rate=rate, intervals=5, **how)
+    assert batch.qd[0, 0] == pytest.approx(rate / (1.0 + c * abs(rate) * t / INERTIA), rel=1e-9)
+
+
+# ---- smooth Coulomb friction -----------------------------------------------------------------------------
+
+
+@WITH
+def test_smooth_coulomb_friction_creeps_under_a_load_below_its_level(how):
+    """At the rate e u / sqrt(c^2 - u^2): a joint under 0.9 of the level moves on at twice the speed e."""
+    level, load, speed = 2.0, 1.8, 0.05
+    batch = moved(e.SmoothCoulombFriction(level, speed), load, intervals=1000, **how)
+    creep = speed * load / np.sqrt(level**2 - load**2)
+    assert batch.qd[0, 0] == pytest.approx(creep, rel=1e-6)
+    assert creep == pytest.approx(2.06 * speed, rel=0.01)
+
+
+def test_smooth_coulomb_friction_takes_its_level_from_fast_joints():
+    batch = moved(e.SmoothCoulombFriction(2.0, 1e-4), rate=10.0, tolerance=1e-9)
+    assert batch.qd[0, 0] == pytest.approx(10.0 - 2.0 * 0.02 / INERTIA, rel=1e-9)
+
+
+# ---- LuGre -------------------------------------------------------------------------------------------------
+
+CASE_34 = e.LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 0.01)
+"""Bristles that forget in a microsecond at 10 rad/s."""
+STEADY = 1.0 + 0.4 * 10.0
+FLYWHEEL = rde.Chain("R", (1e12,), (1.0,))
+
+
+def friction(effect, batch):
+    """Friction of the joint in the present state, N m."""
+    numbers = (getattr(effect, name) for name in lu_gre.NUMBERS)
+    return -lu_gre.force(batch.qd[0, 0], batch.z[0, 0], *numbers)
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_stiff_bristles_have_their_steady_friction_after_a_long_step(integrator):
+    batch = moved(CASE_34, rate=10.0, arm=FLYWHEEL, integrator=integrator, control_dt=0.01)
+    assert friction(CASE_34, batch) == pytest.approx(STEADY, rel=1e-9)
+
+
+class OpenLuGre(e.LuGre):
+    """The same without the closed form."""
+
+    def hooks(self, arm):
+        hooks = super().hooks(arm)
+        open_states = (tuple(dataclasses.replace(s, closed=None) for s in h.states) for h in hooks)
+        return tuple(dataclasses.replace(h, states=s) for h, s in zip(hooks, open_states, strict=True))
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "rk8"])
+def test_without_the_closed_form_such_a_step_is_lost(integrator):
+    bristles = OpenLuGre(**vars(CASE_34))
+    batch = moved(bristles, rate=10.0, arm=FLYWHEEL, intervals=20, integrator=integrator, control_dt=0.01)
+    assert not np.isfinite(batch.z[0, 0])
+
+
+def test_a_joint_is_slowed_down_by_the_steady_friction():
+    """I v' = -F_C - sigma2 v where the joint is fast; the step in which the bristles bend is left out."""
+    batch = moved(CASE_34, rate=10.0, control_dt=0.01)
+    rate = batch.qd[0, 0]
+    for _ in range(20):
+        batch.advance()
+    decayed = (rate + 1.0 / 0.4) * np.exp(-0.4 * 0.2 / INERTIA) - 1.0 / 0.4
+    assert batch.qd[0, 0] == pytest.approx(decayed, rel=1e-8)
+
+
+@pytest.mark.parametrize("how", [{"tolerance": 1e-8}, {"integrator": "dop853"}], ids=str)
+def test_fixed_steps_agree_with_error_control(how):
+    soft = e.LuGre(200.0, 2.0, 0.4, 1.0, 1.5, 0.5)
+    exact = moved(soft, 3.0, intervals=20, **how)
+    wrong = [abs(moved(soft, 3.0, intervals=20, substeps=n).qd[0, 0] - exact.qd[0, 0]) for n in (50, 100)]
+    assert wrong[1] < 2e-3
+    assert np.log2(wrong[0] / wrong[1]) == pytest.approx(1.0, abs=0.2)
+
+
+def test_bristles_hold_a_load_below_the_stiction_as_a_spring():
+    bristles = e.LuGre(1e4, 100.0, 10.0, 1.0, 1.5, 0.01)
+    batch = moved(bristles, 0.5, intervals=500, substeps=4)
+    assert abs(batch.qd[0, 0]) < 1e-6
+    assert friction(bristles, batch) == pytest.approx(0.5, abs=1e-3)
+    assert abs(batch.q[0, 0]) < 2e-4
+    slips = moved(bristles, 1.7, intervals=500, substeps=4)
+    assert slips.qd[0, 0] > 0.05
+
+
+def stored_and_taken(effect, rates, h=1e-4):
+    """Energy that the bristles give back at most, and the work that friction takes, along given rates."""
+    numbers = {name: getattr(effect, name) for name in lu_gre.NUMBERS}
+    own = [numbers[name] for name in lu_gre.OF_BRISTLES]
+    z, taken, least = 0.0, 0.0, 0.0
+    for rate in rates:
+        middle = lu_gre.bent(rate, z, *own, 0.5 * h)
+        taken -= h * rate * lu_gre.force(rate, middle, *numbers.values())
+        z = lu_gre.bent(rate, z, *own, h)
+        least = min(least, taken - 0.5 * effect.stiffness * z**2)
+    return least, taken
+
+
+def test_lu_gre_friction_is_passive_with_enough_viscous_friction():
+    """sigma2 >= sigma1 (F_S - F_C) / F_C (Barabanov and Ortega 2000)."""
+    times = np.arange(0.0, 2.0, 1e-4)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        rates = sum(
+            rng.normal() * np.sin(rng.uniform(1.0, 60.0) * times + rng.uniform(0, 6)) for _ in range(5)
+        )
+        least, taken = stored_and_taken(e.LuGre(500.0, 2.0, 1.0, 1.0, 1.5, 0.1), 0.3 * rates)
+        assert least > -1e-6
+        assert taken > 0.0
+
+
+@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 8}, {"tolerance": 1e-6}], ids=str)
+@pytest.mark.parametrize("kind", ["4R", "RPRP", "PPR"])
+@pytest.mark.parametrize(
+    "effect",
+    [e.QuadraticFriction(0.3), e.SmoothCoulombFriction(0.3, 0.3), e.LuGre(30.0, 0.2, 0.2, 0.1, 0.15, 0.5)],
+    ids=lambda effect: effect.key,
+)
+def test_frictions_close_the_energy_book_on_every_arm(effect, kind, how):
+    arm = ARMS[kind]
+    n = len(arm.joints)
+    scene = rde.Scene(arm, (e.Gravity(), effect), **how)
+    assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    motion = rde.simulate(scene, [0.3] * n, [1.0] * n, np.linspace(0.0, 0.3, 16))
+    assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
+    assert motion.work[-1] < -0.01
+
+
+REFUSED = {
+    "QuadraticFriction.coefficients is -0.1; it must not be negative": lambda: e.QuadraticFriction(-0.1),
+    "SmoothCoulombFriction.levels[0] is -1.0": lambda: e.SmoothCoulombFriction((-1.0, 1.0)),
+    "SmoothCoulombFriction.speed is 0.0; it must be positive": lambda: e.SmoothCoulombFriction(1.0, 0.0),
+    "LuGre.stiffness is 0.0; it must be positive": lambda: dataclasses.replace(CASE_34, stiffness=0.0),
+    "LuGre.damping is -1.0; it must not be negative": lambda: dataclasses.replace(CASE_34, damping=-1.0),
+    "LuGre.coulomb is 0.0; it must be positive": lambda: dataclasses.replace(CASE_34, coulomb=0.0),
+    "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1": (
+        lambda: dataclasses.replace(CASE_34, stiction=0.5)
+    ),
+    "LuGre.stiction is 0.9 and LuGre.coulomb 1.0 at joint 2": (
+        lambda: dataclasses.replace(CASE_34, stiction=(1.0, 0.9))
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_wrong_numbers_are_refused(said):
+    with pytest.raises(ValueError) as error:
+        REFUSED[said]()
+    assert said in str(error.value)
+
+
+def test_the_page_of_smooth_coulomb_friction_has_what_it_costs():
+    """Evaluations of a control interval at a tolerance of 1e-6 m; they are the same on every machine."""
+    page = (ROOT / "docs/effects/smooth_coulomb_friction.md").read_text()
+    arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
+    for speed in (0.1, 0.01, 0.001):
+        effects = e.Gravity(), e.ViscousFriction(0.05), e.SmoothCoulombFriction(0.3, speed)
+        batch, rng = rde.BatchSimulator(rde.Scene(arm, effects, tolerance=1e-6), 64), np.random.default_rng(0)
+        batch.set_state(rng.uniform(-1.5, 1.5, (64, 4)), rng.normal(size=(64, 4)))
+        efforts = (rng.uniform(-1.0, 1.0, (64, 4)) * (4.0, 3.0, 2.0, 1.0) for _ in range(5))
+        evaluations = np.mean([batch.advance(u).evaluations.mean() for u in efforts])
+        assert f"| {speed} | {evaluations:.0f} |" in page

@@ -1,0 +1,244 @@
+"""Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from catalogue import ARMS, FOUR_R, RPRP, advanced, motors
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+
+INERTIA = 2.0
+ONE = rde.Chain("R", (INERTIA,), (1.0,))
+"""One joint with an inertia of 2 kg m^2; there is no gravity."""
+METHODS = {
+    "rk4": {"integrator": "rk4", "substeps": 20}, "rk8": {"integrator": "rk8"}, "1e-9": {"tolerance": 1e-9},
+    "dop853": {"integrator": "dop853"},
+}  # fmt: skip
+WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
+ZERO = np.zeros((1, 1))
+
+
+def moved(effects, command=0.0, rate=0.0, intervals=1, arm=ONE, **how):
+    """A simulator of one joint after some intervals under a constant command."""
+    scene = rde.Scene(arm, effects, **how)
+    return advanced(scene, ZERO, ZERO + rate, ZERO + command, intervals=intervals)[0]
+
+
+# ---- lag -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_a_lag_is_exact_at_fixed_steps_however_short_its_time_constant(integrator):
+    for constant in (1e-9, 1e-4, 0.02, 3.0):
+        batch = moved((e.Lag(constant),), 5.0, integrator=integrator, control_dt=0.02)
+        assert batch.z[0, 0] == pytest.approx(-5.0 * np.expm1(-0.02 / constant), rel=1e-14)
+
+
+@WITH
+def test_a_joint_behind_a_lag_moves_as_the_lag_says(how):
+    lag, t, u = 0.05, 0.06, 5.0
+    batch = moved((e.Lag(lag),), u, intervals=3, **how)
+    rate = u / INERTIA * (t + lag * np.expm1(-t / lag))
+    assert batch.qd[0, 0] == pytest.approx(rate, rel=1e-9)
+
+
+def test_joints_have_lags_of_their_own():
+    constants = (0.01, 0.02, 0.04, 0.08)
+    scene = rde.Scene(FOUR_R, (e.Lag(constants),))
+    batch, _ = advanced(scene, *np.zeros((2, 1, 4)), np.ones((1, 4)))
+    assert batch.z[0] == pytest.approx(-np.expm1(-0.02 / np.array(constants)), rel=1e-14)
+
+
+# ---- direct-current motors ---------------------------------------------------------------------------------
+
+R, L, K, N, U = 1.5, 0.003, 0.2, 5.0, 12.0
+MOTOR = e.DCMotor(R, L, K, N, 24.0)
+
+
+def driven(t, inertia=INERTIA):
+    """Rate and current at a time after the voltage U is switched on, from the eigenvalues of both."""
+    a = np.array([[0.0, N * K / inertia], [-N * K / L, -R / L]])
+    steady = np.array([U / (N * K), 0.0])
+    values, vectors = np.linalg.eig(a)
+    weights = np.linalg.solve(vectors, -steady.astype(complex))
+    return steady + (vectors * np.exp(values * t)) @ weights
+
+
+@pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
+def test_a_dc_motor_speeds_up_as_its_two_equations_say(how):
+    batch = moved((MOTOR,), U, intervals=3, **how)
+    rate, current = driven(0.06).real
+    assert batch.qd[0, 0] == pytest.approx(rate, rel=1e-7)
+    assert batch.z[0, 0] == pytest.approx(current, rel=1e-6)
+
+
+def test_the_current_of_a_heavy_joint_grows_with_the_electrical_time_constant():
+    heavy = rde.Chain("R", (1e9,), (1.0,))
+    for integrator in ("euler", "rk4", "rk8"):
+        for dt in (1e-4, L / R, 0.02):
+            current = moved((MOTOR,), U, arm=heavy, integrator=integrator, control_dt=dt).z[0, 0]
+            assert current == pytest.approx(-U / R * np.expm1(-R / L * dt), rel=1e-9)
+
+
+def test_fixed_steps_of_ten_electrical_time_constants_follow_a_motor_to_its_free_speed():
+    batch = moved((MOTOR,), U, intervals=50)
+    rate, current = driven(1.0).real
+    assert batch.qd[0, 0] == pytest.approx(rate, rel=2e-3)
+    assert batch.z[0, 0] == pytest.approx(current, abs=2e-2)
+    end = moved((MOTOR,), U, intervals=900, control_dt=0.1)
+    assert end.qd[0, 0] == pytest.approx(U / (N * K), rel=1e-9)
+    assert abs(end.z[0, 0]) < 1e-8
+
+
+def test_fixed_steps_of_a_dc_motor_converge_with_the_second_order():
+    exact = driven(0.1).real[0]
+    wrong = [abs(moved((MOTOR,), U, control_dt=0.1, substeps=n).qd[0, 0] - exact) for n in (200, 400)]
+    assert np.log2(wrong[0] / wrong[1]) == pytest.approx(2.0, abs=0.2)
+
+
+def test_the_supply_limits_the_voltage():
+    full, more = (moved((MOTOR,), u, intervals=3).qd for u in (24.0, 1e6))
+    assert np.array_equal(full, more)
+    assert moved((MOTOR,), -1e6, intervals=3).qd[0, 0] == -full[0, 0]
+
+
+def test_actions_are_shares_of_the_supply_whatever_limits_follow():
+    for effects in ((e.EffortLimits(3.0), MOTOR), (MOTOR, e.EffortLimits(3.0))):
+        scene = rde.Scene(FOUR_R, effects)
+        assert scene.action_units() == tuple(f"dc_motor.voltage[{k}]" for k in range(4))
+        assert scene.command_units() == ("V",) * 4
+    units = rde.Scene(RPRP, (e.Play(0.1), e.DeadZone(0.1), MOTOR)).units()
+    assert units["dead_zone.widths[1]"] == units["play.gaps[0]"] == "V"
+    assert rde.Scene(RPRP, (e.DeadZone(0.1),)).units()["dead_zone.widths[1]"] == "N"
+    with pytest.raises(ValueError, match="'dc_motor' gives 'N m', and 'second' behind it takes 'V'"):
+        rde.Scene(FOUR_R, (MOTOR, type("Second", (e.DCMotor,), {"key": "second"})(R, L, K)))
+
+
+# ---- curves, zones, play ---------------------------------------------------------------------------------
+
+
+@WITH
+def test_a_motor_on_its_torque_speed_line_approaches_the_free_speed(how):
+    stall, free, t = 8.0, 10.0, 0.1
+    batch = moved((e.TorqueSpeed(stall, free),), 100.0, intervals=5, **how)
+    assert batch.qd[0, 0] == pytest.approx(-free * np.expm1(-stall * t / (INERTIA * free)), rel=1e-9)
+
+
+def test_a_motor_brakes_with_its_stall_effort_and_passes_what_is_below_its_line():
+    effects = (e.TorqueSpeed(8.0, 10.0),)
+    for command, rate, effort in (
+        (-100.0, 5.0, -8.0), (100.0, -5.0, 8.0), (100.0, 20.0, 0.0), (3.0, 5.0, 3.0), (-3.0, 50.0, -3.0),
+    ):  # fmt: skip
+        batch = moved(effects, command, rate, integrator="euler", control_dt=1e-3)
+        assert (batch.qd[0, 0] - rate) / 1e-3 * INERTIA == pytest.approx(effort, abs=1e-9)
+
+
+def test_a_dead_zone_takes_its_width_from_commands():
+    for arm in (FOUR_R, RPRP):
+        commands = np.array([[0.3, -0.2, 0.5, -3.0]])
+        dead, plain = (
+            advanced(rde.Scene(arm, effects), *np.zeros((2, 1, 4)), u)[0].qd
+            for effects, u in (
+                ((e.DeadZone(0.25),), commands),
+                ((), np.array([[0.3 - 0.25, 0.0, 0.25, -2.75]])),
+            )
+        )
+        assert np.array_equal(dead, plain)
+
+
+def test_play_follows_its_command_by_the_ends_of_its_gap():
+    rng, gap, kept = np.random.default_rng(0), 0.6, np.zeros(4)
+    scene, plain = rde.Scene(RPRP, (e.Play(gap),)), rde.Scene(RPRP)
+    one, other = rde.BatchSimulator(scene, 1), rde.BatchSimulator(plain, 1)
+    for _ in range(40):
+        command = rng.normal(size=4)
+        kept = np.clip(kept, command - 0.5 * gap, command + 0.5 * gap)
+        one.advance(command)
+        other.advance(kept)
+        assert np.array_equal(one.q, other.q)
+        assert np.array_equal(one.z[0], kept)
+
+
+def test_nothing_is_dead_or_slack_at_zero():
+    start, u = (np.full((1, 4), 0.1), np.full((1, 4), 0.2)), np.full((1, 4), 0.7)
+    plain = advanced(rde.Scene(FOUR_R), *start, u, intervals=3)[0].q
+    for effect in (e.DeadZone(0.0), e.Play(0.0), e.Armature(0.0)):
+        moved = advanced(rde.Scene(FOUR_R, (effect,)), *start, u, intervals=3)[0].q
+        assert np.abs(moved - plain).max() < 1e-14
+
+
+def test_an_armature_adds_to_the_inertia_of_its_joint():
+    assert moved((e.Armature(0.5),), 5.0).qd[0, 0] == pytest.approx(5.0 * 0.02 / (INERTIA + 0.5), rel=1e-14)
+
+
+# ---- all of them on all arms -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
+@pytest.mark.parametrize("kind", ["4R", "RPRP", "PPR"])
+def test_a_scene_with_all_motors_moves_is_plain_data_and_closes_its_energy_book(kind, how):
+    arm = ARMS[kind]
+    n = len(arm.joints)
+    scene = rde.Scene(arm, (e.Gravity(), *motors(arm)), **how)
+    assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
+    times, turned = np.linspace(0.0, 0.2, 11), lambda t, q, qd: [6.0 if t < 0.1 else -6.0] * n
+    motion = rde.simulate(scene, [0.1] * n, [0.5] * n, times, turned)
+    assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
+    assert np.abs(motion.work).max() > 0.01
+
+
+REFUSED = {
+    "Lag.time_constant is 0.0; it must be positive": lambda: e.Lag(0.0),
+    "Lag.time_constant[1] is -1.0; it must be positive": lambda: e.Lag((1.0, -1.0)),
+    "DCMotor.inductance is 0.0; it must be positive": lambda: e.DCMotor(1.0, 0.0, 1.0),
+    "DCMotor.gear is -2.0; it must be positive": lambda: e.DCMotor(1.0, 1.0, 1.0, -2.0),
+    "DCMotor.voltage is nan; give a finite number": lambda: dataclasses.replace(MOTOR, voltage=np.nan),
+    "TorqueSpeed.free is 0.0; it must be positive": lambda: e.TorqueSpeed(1.0, 0.0),
+    "TorqueSpeed.stall is -1.0; it must not be negative": lambda: e.TorqueSpeed(-1.0, 1.0),
+    "DeadZone.widths is -0.1; it must not be negative": lambda: e.DeadZone(-0.1),
+    "Play.gaps[1] is -0.1; it must not be negative": lambda: e.Play((0.0, -0.1)),
+    "Armature.inertias is -0.1; it must not be negative": lambda: e.Armature(-0.1),
+    "DeadZone.widths has 3 entries; FourR has 4 joints": lambda: rde.Scene(FOUR_R, (e.DeadZone((1.0,) * 3),)),
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_wrong_numbers_are_refused(said):
+    with pytest.raises(ValueError) as error:
+        REFUSED[said]()
+    assert said in str(error.value)
+
+
+def test_closed_forms_are_solutions_of_their_derivatives():
+    """Their slope in time is the derivative, at the values that they give; at time 0 they keep the value."""
+    numbers = {
+        "rate": 3.0,
+        "command": 0.7,
+        "effort": 0.2,
+        "current": 0.2,
+        "bristle": 1e-3,
+        "time_constant": 0.1,
+    }
+    numbers |= {"resistance": R, "inductance": L, "constant": K, "gear": N, "voltage": 24.0}
+    numbers |= {"stiffness": 50.0, "coulomb": 0.5, "stiction": 0.8, "stribeck_speed": 1.0}
+    for effect, own in (
+        (e.Lag(0.1), "effort"),
+        (MOTOR, "current"),
+        (e.LuGre(50.0, 0.0, 0.0, 0.5, 0.8), "bristle"),
+    ):
+        state = next(iter(effect.fitted(ONE).states(ONE).values()))
+
+        def value(function, own=own, **changed):
+            code = function.__code__
+            known = {**numbers, **changed}
+            return function(*(known[name] for name in code.co_varnames[: code.co_argcount]))
+
+        assert value(state.closed, elapsed=0.0) == pytest.approx(numbers[own], rel=1e-15)
+        for t in (1e-5, 1e-3, 0.05):
+            d = 1e-4 * t
+            slope = (value(state.closed, elapsed=t + d) - value(state.closed, elapsed=t - d)) / (2.0 * d)
+            now = value(state.closed, elapsed=t)
+            assert slope == pytest.approx(value(state.derivative, **{own: now}), rel=1e-5, abs=1e-9)

@@ -1,0 +1,208 @@
+"""States in closed form: steps longer than their time constants, and the orders with which steps converge."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from catalogue import ARMS, FOUR_R, advanced
+
+import redundant_envs as rde
+from redundant_envs.algebra import exp, physics
+from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State
+from redundant_envs.lane.closed_forms import share
+
+
+@physics
+def approach(value, aim, rate):
+    return rate * (aim - value)
+
+
+@physics
+def approached(value, aim, rate, elapsed):
+    return aim + (value - aim) * exp(-(rate * elapsed))
+
+
+@physics
+def itself(rate):
+    return rate
+
+
+@physics
+def drag(value, coefficient):
+    return -coefficient * value
+
+
+@dataclasses.dataclass(frozen=True)
+class LaggingDrag(Effect):
+    """A drag on every joint in proportion to a rate that lags behind the joint's own."""
+
+    rate: float
+    coefficient: float = 0.3
+    declared: bool = True
+    closed: bool = True
+
+    static = ("declared", "closed")
+
+    def hooks(self, arm):
+        return tuple(self.force(k) for k in range(len(arm.joints)))
+
+    def force(self, k):
+        bind = {"value": f".value[{k}]", "aim": f"phid{k + 1}", "rate": ".rate"}
+        state = State(
+            f"value[{k}]", "rad/s", derivative=approach, bind=bind, rate=itself if self.declared else None,
+            closed=approached if self.closed else None,
+        )  # fmt: skip
+        own = {"value": f".value[{k}]", "coefficient": ".coefficient"}
+        return Force(k, drag, own, states=(state,))
+
+
+START = [0.3, 0.5, -0.2, 0.4], [2.0, -1.0, 1.5, 0.5]
+ONE = rde.Chain("R", (1.0,), (1.0,))
+
+
+def after(effect, method, substeps, settled=True):
+    """A simulator after 0.2 s; ``settled``: the state begins at the rates of the joints."""
+    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (effect,), method, 0.2, substeps), 1)
+    batch.set_state(*START)
+    names = tuple(batch.simulator.dynamics.effect_states)
+    if settled and names:
+        batch._memory.write(names, np.array([START[1]]) @ FOUR_R.motor_map)
+    batch.advance()
+    return batch
+
+
+def measured_order(effect, method, steps):
+    exact = after(effect, "dop853", 1)
+    wrong = [np.abs(after(effect, method, n).qd - exact.qd).max() for n in (steps, 2 * steps)]
+    return np.log2(wrong[0] / wrong[1])
+
+
+def test_the_time_at_which_a_changing_quantity_is_taken():
+    assert share(1e-9) == pytest.approx(0.5)
+    assert share(0.999e-3) == pytest.approx(share(1.001e-3), abs=1e-6)
+    for decays in (0.01, 1.0, 30.0):  # z' = (b t - z) / T from 0, with b = T = 1
+        meant = decays - (1.0 - np.exp(-decays))
+        assert share(decays) * decays * (1.0 - np.exp(-decays)) == pytest.approx(meant, rel=1e-12)
+    assert share(1e300) == 1.0
+
+
+@pytest.mark.parametrize(("method", "most"), [("euler", 1.0), ("rk4", 2.0), ("rk8", 2.0)])
+def test_steps_shorter_than_the_time_constant_converge_with_the_second_order(method, most):
+    order = measured_order(LaggingDrag(20.0), method, 32)
+    assert order == pytest.approx(most, abs=0.2)
+
+
+def test_without_a_rate_quantities_are_those_of_the_stage_and_the_order_is_one():
+    order = measured_order(LaggingDrag(20.0, declared=False), "rk8", 32)
+    assert order == pytest.approx(1.0, abs=0.2)
+
+
+def test_steps_of_a_thousand_time_constants_are_as_exact_as_the_state_is_fast():
+    """A state that follows its joint at once leaves a drag, which rk8 integrates."""
+    for rate in (1e5, 1e6, 1e8):
+        stiff, drag = after(LaggingDrag(rate), "rk8", 8), rde.effects.ViscousFriction(0.3)
+        assert np.abs(stiff.qd - after(drag, "rk8", 8).qd).max() < 200.0 / rate
+        assert np.isfinite(stiff.z).all()
+    lost = after(LaggingDrag(1e6, closed=False), "rk8", 8)
+    assert not np.isfinite(lost.qd).all()
+
+
+def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
+    """Taken at the stages, the quantity would not be followed with a lag at all."""
+    exact = after(LaggingDrag(1e4), "dop853", 1)
+    lagging, at_once = (
+        np.abs(after(LaggingDrag(1e4, declared=declared), "rk8", 8).qd - exact.qd).max()
+        for declared in (True, False)
+    )
+    assert lagging < 3e-5
+    assert at_once > 2e-4
+
+
+@pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}])
+def test_error_control_integrates_the_derivative(how):
+    """To the bit as without a closed form."""
+    starts = [np.array([x]) for x in START]
+    one, other = (
+        advanced(rde.Scene(FOUR_R, (LaggingDrag(50.0, closed=closed),), **how), *starts)[0]
+        for closed in (True, False)
+    )
+    assert np.array_equal(one.q, other.q)
+    assert np.array_equal(one.z, other.z)
+
+
+@dataclasses.dataclass(frozen=True)
+class TwoLags(Effect):
+    """Two lags, one behind the other, the second of which takes the state of the first."""
+
+    rate: float = 1e3
+
+    def hooks(self, arm):
+        return tuple(self.link(k) for k in range(len(arm.joints)))
+
+    def link(self, k):
+        states, before = [], f"command{k + 1}"
+        for name in (f"first[{k}]", f"second[{k}]"):
+            bind = {"value": f".{name}", "aim": before, "rate": ".rate"}
+            states.append(State(name, "N", approach, bind=bind, rate=itself, closed=approached))
+            before = f".{name}"
+        return Actuation(k, itself, {"rate": before}, Link.LAG, states=tuple(states))
+
+
+def test_a_state_may_follow_another_one_in_closed_form():
+    start = [np.zeros((1, 4))] * 2
+    for method, substeps in (("rk4", 64), ("rk8", 64)):
+        scene = rde.Scene(FOUR_R, (TwoLags(),), method, 0.01, substeps)
+        batch, _ = advanced(scene, *start, np.ones((1, 4)))
+        first, second = batch.z.reshape(-1, 2).T
+        assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
+        assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
+
+
+def test_the_energy_book_closes_and_stops_are_met_with_states_in_closed_form():
+    arm = ARMS["RPRP"]
+    free = rde.effects.Gravity(), LaggingDrag(1e5, 3.0)
+    stop = PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5)
+    for effects, rates, most in ((free, 0.0, 1e-8), ((*free, stop), 2.0, 1e-4)):  # J
+        scene = rde.Scene(arm, effects, "rk8", 0.01, 8)
+        motion = rde.simulate(
+            scene, [0.3, 0.2, -0.4, 0.1], [0.0, rates, 0.0, -rates], np.linspace(0.0, 0.5, 26)
+        )
+        balance = motion.kinetic_energy + motion.potential_energy - motion.work
+        assert np.abs(balance - balance[0]).max() < most
+        assert motion.work[-1] < -0.1
+    assert len(motion.events) > 2
+
+
+def test_all_evaluators_have_the_same_motion():
+    torch = pytest.importorskip("torch", reason="torch is in the extra 'torch'")
+    scene = rde.Scene(FOUR_R, (LaggingDrag(1e4), TwoLags()), "rk8", 0.02, 4)
+    q, qd = (np.array([x]) for x in START)
+    batch, _ = advanced(scene, q, qd, np.ones((1, 4)))
+    given = [torch.tensor(x, dtype=torch.float64) for x in (q, qd, np.ones((1, 4)))]
+    found = rde.torch_step(scene)(*given, z=torch.zeros((1, 12), dtype=torch.float64))
+    for one, other in zip(found, (batch.q, batch.qd, batch.z), strict=True):
+        assert np.abs(one.numpy() - other).max() < 1e-12
+
+
+@physics
+def no_time(value, aim):
+    return value + aim
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (State("z", "1", update=itself, closed=approached), "closed form and no derivative"),
+        (State("z", "1", approach, closed=no_time), "no_time, does not take 'elapsed'"),
+        (State("z", "1", approach, closed=approached), "approached, does not take '.z'"),
+    ],
+)
+def test_a_wrong_closed_form_is_refused(state, said):
+    names = {"value": "phi1", "aim": "phid1", "rate": "phid1"}
+    state = dataclasses.replace(state, bind=names)
+    taken = {a for f in (state.derivative, state.update, state.closed) if f for a in f.__code__.co_varnames}
+    state = dataclasses.replace(state, bind={a: n for a, n in names.items() if a in taken})
+    hooks = (Force(0, itself, {"rate": "phid1"}, states=(state,)),)
+    with pytest.raises(ValueError) as error:
+        rde.Scene(ONE, (type("Odd", (Effect,), {"hooks": lambda self, arm: hooks})(),))
+    assert said in str(error.value)

@@ -1,0 +1,105 @@
+"""Effects of a user whose laws change where a guard changes its sign."""
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics, where
+from redundant_envs.effects import Actuation, Effect, Force, Link, State
+
+
+@physics
+def beyond_curve(command, rate, stall, free):
+    """Effort above the line from stall to free speed, and above the opposite line."""
+    return command - stall * (1.0 - rate / free), command + stall * (1.0 + rate / free)
+
+
+@physics
+def below_curve(command, rate, stall, free, side1, side2):
+    upper, lower = stall * (1.0 - rate / free), -stall * (1.0 + rate / free)
+    return where(side1 > 0.0, upper, where(side2 < 0.0, lower, command))
+
+
+@dataclass(frozen=True)
+class SpeedCurve(Effect):
+    """A motor whose largest effort falls with its speed: two guards of each link."""
+
+    stall: float = 10.0
+    free: float = 8.0
+
+    def hooks(self, arm):
+        own = {"stall": ".stall", "free": ".free"}
+        return tuple(
+            Actuation(
+                k, below_curve, {"command": f"command{k + 1}", "rate": f"phid{k + 1}", **own},
+                Link.TORQUE_SPEED, guard=beyond_curve,
+            )
+            for k in range(len(arm.joints))
+        )  # fmt: skip
+
+
+@physics
+def brake(rate, position, level, side):
+    """Friction that is strong in one half of the travel: its force jumps."""
+    return -where(side > 0.0, level, 0.1 * level) * rate
+
+
+@physics
+def itself(position):
+    return position
+
+
+@dataclass(frozen=True)
+class HalfBrake(Effect):
+    """A brake on the first joint that acts where its angle is positive."""
+
+    level: float = 2.0
+
+    def hooks(self, arm):
+        bind = {"rate": "phid1", "position": "phi1", "level": ".level"}
+        return (Force(0, brake, bind, guard=itself),)
+
+
+@physics
+def same(x):
+    return x
+
+
+@physics
+def gear_ends(rotor, position, gap):
+    play = rotor - position
+    return play - gap, play + gap
+
+
+@physics
+def gear_effort(rotor, position, speed, rate, stiffness, gap, side1, side2):
+    """Springs at both ends of the play of a gear, damped in proportion to their depth."""
+    play, slip = rotor - position, 0.02 * (speed - rate)
+    upper = where(side1 > 0.0, stiffness * (play - gap) * (1.0 + slip), 0.0)
+    return upper + where(side2 < 0.0, stiffness * (play + gap) * (1.0 - slip), 0.0)
+
+
+@physics
+def rotor_acceleration(command, rotor, position, speed, rate, stiffness, gap, inertia, side1, side2):
+    effort = gear_effort(rotor, position, speed, rate, stiffness, gap, side1, side2)
+    return (command - effort) / inertia
+
+
+@dataclass(frozen=True)
+class LooseGear(Effect):
+    """A rotor behind a gear with play in each motor: states whose derivatives have the sides of the link."""
+
+    gap: float = 0.01
+    stiffness: float = 500.0
+    inertia: float = 0.02
+
+    def hooks(self, arm):
+        links = []
+        for k in range(len(arm.joints)):
+            motion = {"rotor": f".rotor[{k}]", "position": f"phi{k + 1}", "gap": ".gap"}
+            motion |= {"speed": f".speed[{k}]", "rate": f"phid{k + 1}", "stiffness": ".stiffness"}
+            driven = {**motion, "command": f"command{k + 1}", "inertia": ".inertia"}
+            states = (
+                State(f"rotor[{k}]", "rad", same, bind={"x": f".speed[{k}]"}),
+                State(f"speed[{k}]", "rad/s", rotor_acceleration, bind=driven),
+            )
+            links.append(Actuation(k, gear_effort, motion, Link.LIMITS, states, guard=gear_ends))
+        return tuple(links)

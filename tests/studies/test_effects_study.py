@@ -1,0 +1,107 @@
+"""The bill of all effects: its config, its refusals, and its files. No speed is asserted."""
+
+import csv
+
+import pytest
+import yaml
+
+import redundant_envs as rde
+from redundant_envs.__main__ import main
+from redundant_envs.envs import cost
+from redundant_envs.files import config_folder
+from redundant_envs.scene import scene_names
+from redundant_envs.studies import effects
+
+SHIPPED = yaml.safe_load((config_folder("studies") / "effects.yaml").read_text(encoding="utf-8"))
+STUDY = effects.study_of(SHIPPED)
+FRICTION = SHIPPED["effects"]["ViscousFriction"]
+
+
+def test_every_effect_of_the_package_has_an_entry():
+    own = {n for n, kind in rde.effects.REGISTRY.items() if kind.__module__.startswith("redundant_envs.")}
+    assert {type(entry.effect).__name__ for entry in STUDY.entries.values()} == own
+    assert STUDY.lanes == 4096
+    for entry in STUDY.entries.values():
+        assert all(isinstance(effect, cost.BARE) for effect in entry.arm.effects)
+        assert entry.zero is None or (type(entry.zero) is type(entry.effect) and entry.zero != entry.effect)
+
+
+def test_bare_arms_effects_and_scenes_are_timed_or_those_that_are_named():
+    every = effects.pairs_of(STUDY, ())
+    assert [*every] == ["bare FourR", "bare RPRP", *STUDY.entries, *scene_names()]
+    assert every["bare FourR"].scene == rde.load_scene("four_r_reach")
+    assert every["LimitSpring"].without == rde.load_scene("four_r_reach")
+    assert every["rprp_reach"] == (rde.load_scene("rprp_reach"), every["bare RPRP"].scene)
+    some = effects.pairs_of(effects.chosen(STUDY, ["Gravity", "rprp_stops"]), ["Gravity", "rprp_stops"])
+    assert [*some] == ["bare FourR", "Gravity", "rprp_stops"]
+
+
+def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys):
+    light = {"type": "ViscousFriction", "numbers": {"coefficients": 0.1}}
+    entries = {"ViscousFriction": FRICTION, "light": {**light, "ceilings": {"step": 1e6, "tolerance": 1e-6}}}
+    config = tmp_path / "config.yaml"
+    data = {**SHIPPED, "lanes": 16, "turns": 2, "effects": entries, "scenes": {}}
+    config.write_text(yaml.safe_dump(data), encoding="utf-8")
+    words = ["study", "effects", "light", "--config", str(config), "--out", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "1 of 2 ceilings hold; not light at 1e-6 m (" in out
+    with (tmp_path / "effects.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == effects.COLUMNS
+    assert [(row["at"], row["of"]) for row in rows] == [
+        (at, of) for at in ("one rk8 step", "1e-6 m") for of in ("bare FourR", "light")
+    ]
+    assert [(row["ceiling"], row["held"]) for row in rows[1::2]] == [
+        ("1000000.0", "True"),
+        ("1e-06", "False"),
+    ]
+    assert [(row["ceiling"], row["held"]) for row in rows[::2]] == [("", "")] * 2
+    for kind in ("png", "svg"):
+        assert (tmp_path / f"effects.{kind}").stat().st_size > 1000
+    panels = effects.figure(STAGED).axes
+    assert [panel.get_title(loc="left") for panel in panels] == [f"at {at}" for at in cost.TOLERANCES]
+    assert [label.get_text() for label in panels[0].get_yticklabels()] == ["b", "a"]
+    assert (
+        effects.verdict(STAGED)
+        == "2 of 4 ceilings hold; not a at 1e-6 m (3.0 > 2.0), b at 1e-6 m (3.0 > 2.0)"
+    )
+
+
+STAGED = [
+    {"at": at, "of": of, "times_bare": times, "ceiling": most, "held": times <= most if most else ""}
+    for at, times in (("one rk8 step", 1.5), ("1e-6 m", 3.0))
+    for of, most in (("bare FourR", ""), ("a", 2.0), ("b", 2.0))
+]
+
+
+def changed(**entry):
+    return {"effects": {"ViscousFriction": {**FRICTION, **entry}}}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"lanes": 0}, "config.lanes is 0"),
+        ({"seconds": 0.0}, "config.seconds is 0.0; it must be positive"),
+        ({"wrong": 1}, "unknown key 'wrong'"),
+        ({"effects": []}, r"config.effects is \[\]; give a mapping"),
+        ({"scenes": {"nowhere": {}}}, "unknown key 'nowhere'; valid: four_r_free"),
+        ({"scenes": {"four_r_free": {"step": 1.0}}}, "config.scenes.four_r_free lacks 'tolerance'"),
+        ({"effects": {"Wind": FRICTION}}, "config.effects.Wind.type is 'Wind'; valid: "),
+        (changed(numbers={"coefficients": -1.0}), "ViscousFriction.coefficients"),
+        (changed(numbers={"coefficients": [1.0, 2.0]}), "has 2 entries; FourR has 4 joints"),
+        (changed(zero={"mass": 0.0}), "zero has the unknown key 'mass'"),
+        (
+            changed(ceilings={"step": 1.0, "tolerance": 0.0}),
+            "ceilings.tolerance is 0 times bare; give above 0",
+        ),
+        (changed(bare="nowhere"), "scene is 'nowhere'"),
+        (changed(size=1), "unknown key 'size'; valid: type, bare, numbers, zero, ceilings"),
+    ],
+)
+def test_configs_are_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        effects.study_of({**SHIPPED, **change})
+    with pytest.raises(ValueError, match="config lacks 'turns'; give all of lanes"):
+        effects.study_of({k: v for k, v in SHIPPED.items() if k != "turns"})
