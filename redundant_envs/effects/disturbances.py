@@ -73,10 +73,8 @@ def clock() -> State:
 
 
 def phase_angle() -> State:
-    """The angle of a periodic force without its phase. It does not depend on itself, but the force oscillates
-    with it: steps resolve an oscillation at this rate."""
-    own = {"frequency": ".frequency"}
-    return State("angle", "rad", derivative=angular_rate, rate=angular_rate, bind=own)
+    """The angle of a periodic force without its phase."""
+    return State("angle", "rad", derivative=angular_rate, bind={"frequency": ".frequency"})
 
 
 def white_noise(entry: str, unit: str) -> State:

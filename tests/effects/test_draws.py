@@ -286,6 +286,23 @@ def test_a_single_environment_is_a_vector_of_one():
     assert_same_bits(one, played(gym.make_vec("redundant_envs/FourRReach-v0", 1, **given)))
 
 
+def test_a_step_that_is_undone_gives_its_draws_back():
+    """After a bad action a lane is where it was, and a step from there draws what it would have drawn."""
+    given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"]), "on_bad_action": "terminate"}
+    env = gym.make_vec("redundant_envs/FourRReach-v0", 3, **given, autoreset_mode="disabled").unwrapped
+    env.reset(seed=2)
+    env.step(np.zeros((3, 4), np.float32))
+    dynamics = env.core.simulator.dynamics
+    names = [*dynamics.effect_states.updated, *dynamics.draw_fields]
+    before = env.core.memory.read(names)
+    actions = np.zeros((3, 4), np.float32)
+    actions[1] = np.nan
+    assert env.step(actions)[2].tolist() == [False, True, False]
+    same = env.core.memory.read(names) == before
+    assert same[1].all()
+    assert not same[[0, 2], names.index("draw_interval")].any()
+
+
 def test_every_episode_draws_anew_and_a_seed_gives_it_again():
     env = gym.make("redundant_envs/FourRReach-v0", scene=scene_of("FourRReach-v0", Shaken())).unwrapped
     seen = []
