@@ -61,11 +61,15 @@ class Status(NamedTuple):
 LARGEST_SEED = 2**64 - 1
 
 
-def draws_of(seed: int, lanes: NDArray[np.int64]) -> NDArray[np.float64]:
-    """What the draws of some lanes follow from at the start of a motion, as :attr:`BatchSimulator.draws`."""
+def check_seed(seed: Any) -> None:
+    """ValueError unless it is a seed of draws."""
     whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     if not whole or not 0 <= seed <= LARGEST_SEED:
         raise ValueError(f"seed is {shown(seed)}; give a whole number from 0 to 2^64 - 1")
+
+
+def draws_of(seed: int, lanes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """What the draws of some lanes follow from at the start of a motion, as :attr:`BatchSimulator.draws`."""
     seed, zero = int(seed), np.zeros(len(lanes), np.uint64)
     key = [zero + np.uint64(seed & LOW), zero + np.uint64(seed >> 32)]
     with np.errstate(over="ignore"):
@@ -99,16 +103,16 @@ class BatchSimulator(Copied):
         self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False, seed: int = 0
     ) -> None:
         check_scene(scene)
+        check_seed(seed)
         self.scene = scene
         self.num_envs = whole_number("num_envs", num_envs)
         self.threads = whole_number("threads", threads)
         self.track_work = bool(track_work)
         self.simulator = batch_simulator(scene, self.track_work)
         self._memory = Memory(self.simulator.dynamics, self.simulator.layout, self.num_envs, {})
-        draws = draws_of(seed, self._memory.index)
         self._connect()
         if self.simulator.dynamics.draws:
-            self.set_draws(draws)
+            self.set_draws(draws_of(seed, self._memory.index))
         self._begin(self._memory.index)
 
     def _connect(self) -> None:
