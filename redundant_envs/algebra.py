@@ -17,10 +17,17 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
+
+from redundant_envs.philox import LOW
+from redundant_envs.philox import philox as words_of
 
 PRIMITIVES = ("sqrt", "exp", "log", "minimum", "maximum", "where", "floor")
 """Names that functions of the dialect may call beside each other."""
+
+
+def _no_words(*_: Any) -> NoReturn:
+    raise TypeError("there are no draws of numbers of this kind")
 
 
 class Primitives(NamedTuple):
@@ -34,7 +41,13 @@ class Primitives(NamedTuple):
     sincos: Callable[[Any], Any]
     where: Callable[[Any, Any, Any], Any]
     logical_not: Callable[[Any], Any]
+    philox: Callable[..., tuple[Any, ...]] = _no_words
     rank: int = 0
+
+
+def _words_of_floats(counter: float, interval: float, *key: float) -> tuple[float, ...]:
+    k0, k1, k2, k3 = map(int, key)
+    return tuple(map(float, words_of([k0, k1], [int(counter), int(interval) & LOW, k2, k3])))
 
 
 FLOATS = Primitives(
@@ -45,6 +58,7 @@ FLOATS = Primitives(
     lambda x: (math.sin(x), math.cos(x)),
     lambda condition, a, b: a if condition else b,
     operator.not_,
+    _words_of_floats,
 )
 _registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
 _found: dict[type, Primitives] = {}
@@ -156,6 +170,12 @@ def maximum(a: Any, b: Any) -> Any:
 def sincos(x: Any) -> tuple[Any, Any]:
     """Sine and cosine. The dialect takes them as arguments; the code that computes quantities calls this."""
     return _primitives_of(x).sincos(x)  # type: ignore[no-any-return]
+
+
+def philox(counter: float, interval: Any, *key: Any) -> tuple[Any, ...]:
+    """Four random words of 32 bits as numbers, from whole numbers: a word of the counter that is known, the
+    number of an interval, and the four words of a key. The code that computes draws calls this."""
+    return max(map(_primitives_of, (interval, *key)), key=_rank).philox(counter, interval, *key)
 
 
 def logical_not(condition: Any) -> Any:

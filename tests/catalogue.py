@@ -147,6 +147,17 @@ def every_effect(arm):
     )  # fmt: skip
 
 
+def disturbed(arm):
+    """Sensors with every fault, and forces that nobody controls."""
+    pair = {"amplitude": (1.0, -2.0), "frequency": 7.0, "phase": (0.3, 1.0)}
+    return (
+        e.SensorBias(0.01, -0.02), e.SensorNoise(0.01, 0.02), e.Quantisation(0.01, 0.02),
+        e.SensorDelay(0.01, 0.025), e.DroppedSamples(0.2),
+        e.TipForce(step=(1.0, 2.0), start=0.015, **pair, density=0.1, deviation=2.0, time_constant=0.05),
+        e.JointTorque(step=0.3, amplitude=0.5, frequency=9.0, density=0.02, deviation=0.3, time_constant=0.1),
+    )  # fmt: skip
+
+
 def motors(arm):
     """Motors that take a voltage, and joints with friction."""
     return (
@@ -166,7 +177,7 @@ def dry_friction(arm):
     return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
 
 
-GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction}
+GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction, "disturbed": disturbed}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 
+from redundant_envs.philox import LOW, philox
 from redundant_envs.tracing.flow import LaneFunction, Output
 from redundant_envs.tracing.graph import Operation, Value, bits_of, reached
 from redundant_envs.tracing.passes.order import in_order
@@ -125,6 +126,10 @@ class Emitter:
             return self.load(*node.extra)
         if self.stages and node.name in ("stage", "result"):
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
+        if node.name == "philox":
+            return self._words(*node.arguments)
+        if node.name == "word":
+            return self._float(self.value(node.arguments[0])[node.extra])
         arguments = [self.value(a) for a in node.arguments]
         # A condition on a bit of a number is emitted as whole numbers that have it in their signs: on Zen 4
         # comparisons and tests of bits go to the units that multiply, shifts and logic also to others.
@@ -161,6 +166,19 @@ class Emitter:
         shifted = b.or_(whole, v.same(v.whole, WHOLE_BITS))
         return b.fsub(b.bitcast(shifted, v.numbers), v.same(v.numbers, WHOLE))
 
+    def _words(self, *numbers: Value) -> list[Any]:
+        """Random words (:func:`algebra.philox`) as vectors of whole numbers."""
+        counter, interval, *key = (Whole(self, self._word(x)) for x in numbers)
+        return [w.value for w in philox(key[:2], [counter, interval, *key[2:]])]
+
+    def _word(self, number: Value) -> Any:
+        """A whole number up to 2^52 as its last 32 bits."""
+        b, v = self.builder, self.vectors
+        if isinstance(number, float):
+            return v.same(v.whole, int(number) & LOW)
+        bits = b.bitcast(b.fadd(self.value(number), v.same(v.numbers, WHOLE)), v.whole)
+        return b.and_(bits, v.same(v.whole, LOW))
+
     def _selected_by_sign(self, node: Operation, signs: Any, a: Any, b: Any) -> Any:
         """``a`` where the sign is set, else ``b``."""
         builder, v = self.builder, self.vectors
@@ -172,6 +190,34 @@ class Emitter:
             everywhere = builder.ashr(signs, v.same(v.whole, SIGN_BIT))
             chosen = builder.or_(builder.and_(x, everywhere), builder.and_(y, builder.not_(everywhere)))
         return builder.bitcast(chosen, v.numbers)
+
+
+@dataclass(eq=False)
+class Whole:
+    """Vectors of whole numbers with operators, as the text of a generator needs them."""
+
+    emitter: Emitter
+    value: Any
+
+    def _with(self, operation: str, other: Any) -> Whole:
+        vectors, builder = self.emitter.vectors, self.emitter.builder
+        second = other.value if isinstance(other, Whole) else vectors.same(vectors.whole, other)
+        return Whole(self.emitter, getattr(builder, operation)(self.value, second))
+
+    def __add__(self, other: Any) -> Whole:
+        return self._with("add", other)
+
+    def __mul__(self, other: Any) -> Whole:
+        return self._with("mul", other)
+
+    def __and__(self, other: Any) -> Whole:
+        return self._with("and_", other)
+
+    def __xor__(self, other: Any) -> Whole:
+        return self._with("xor", other)
+
+    def __rshift__(self, other: Any) -> Whole:
+        return self._with("lshr", other)
 
 
 class EmittedStages:

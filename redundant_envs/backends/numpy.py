@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.algebra import Primitives, register_numbers
+from redundant_envs.philox import LOW
+from redundant_envs.philox import philox as words_of
 from redundant_envs.tracing.number import exponential, logarithm
 
 
@@ -28,11 +30,20 @@ def log(x: Any) -> Any:
         return logarithm(x, 2.0 * half, exponent - 1.0)
 
 
+def philox(counter: float, interval: Any, *key: Any) -> tuple[Any, ...]:
+    """Random words, see :func:`algebra.philox`."""
+    k0, k1, k2, k3 = (np.asarray(x).astype(np.uint64) for x in key)
+    step = np.asarray(interval).astype(np.uint64) & LOW
+    with np.errstate(over="ignore"):
+        words = words_of([k0, k1], [int(counter), step, k2, k3])
+    return tuple(w.astype(np.float64)[()] for w in words)
+
+
 def _where(condition: Any, a: Any, b: Any) -> Any:
     return np.where(condition, a, b)[()]
 
 
 register_numbers(
-    Primitives(np.sqrt, exp, log, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not),
+    Primitives(np.sqrt, exp, log, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not, philox),
     np.ndarray, np.generic,
 )  # fmt: skip

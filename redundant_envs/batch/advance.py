@@ -17,6 +17,24 @@ COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64"
 """Outputs of the kernel for each lane, and the types of these arrays."""
 
 
+def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
+    """A kernel that fills ``initial`` (lanes, states) with the states of effects whose values at the start of
+    a motion are computed, and changes nothing else."""
+    interval, names = Interval(dynamics), dynamics.effect_states.computed
+    p = Kernel("begin", {**MEMORY, "initial": "f64"})
+    blocks = Blocks(p, interval, interval.layout())
+
+    def initial(lane: Lane) -> dict[Any, Any]:
+        values = interval.initial_states(lane)
+        return {("initial", "f64", k, len(names)): values[name] for k, name in enumerate(names)}
+
+    function = blocks.function("initial_states", initial)
+    with p.each(blocks.count) as number:
+        block = blocks.block(number, 0)
+        p.call(function, **block.pointers, initial=p["initial"] + block.first * len(names))
+    return p, blocks
+
+
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
     interval = Interval(dynamics)

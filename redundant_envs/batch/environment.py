@@ -8,8 +8,11 @@ from typing import Any
 
 from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
+from redundant_envs.draws import KEY_WORDS, WORDS, uniform
+from redundant_envs.lane.dynamics import DRAW_KEY
 from redundant_envs.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
 from redundant_envs.lane.memory import Lane
+from redundant_envs.philox import philox
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Output, Scalar
@@ -24,6 +27,7 @@ class Operation(enum.IntEnum):
     RESET = 1
     OBSERVE = 2
     CHECKED_STEP = 3  # if an action is not finite it changes nothing and returns NaN as the first reward
+    BEGIN_STATES = 4  # of effects, after a reset whose options have set positions or rates
 
 
 class Autoreset(enum.IntEnum):
@@ -34,12 +38,10 @@ class Autoreset(enum.IntEnum):
     SAME_STEP = 2
 
 
-KEY_WORDS = 4
 EPISODE_KEY = KEY_WORDS + 1
 """Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
 begun."""
 DUE, BEGUN = 1, 2
-ROUNDS = 10
 ARGUMENTS = {
     "actions": "f32",
     "obs": "f32",
@@ -62,6 +64,10 @@ class EnvironmentKernel:
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
+        self.states_begin = bool(episode.dynamics.effect_states.computed)
+        """Whether states of effects have a computed value at the start of an episode."""
+        if self.states_begin:
+            self.begun = self.blocks.function("begin_states", episode.begin_states)
         operation = p["operation"]
         checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
@@ -78,6 +84,9 @@ class EnvironmentKernel:
             block = self.blocks.block(number, 0)
             with p.when(operation == Operation.RESET):
                 self.begin_due(block)
+            if self.states_begin:
+                with p.when(operation == Operation.BEGIN_STATES):
+                    self.begin_states(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
         self.blocks.prune()
 
@@ -110,6 +119,16 @@ class EnvironmentKernel:
             self.reset(block)
         return some.value
 
+    def begin_states(self, block: Block) -> None:
+        """Compute again what states of effects are at the start, in lanes that begin an episode."""
+        p = self.p
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            begins = p.load(p["episode_keys"], self._flag(block.first + k)) != 0
+            with p.when(begins):
+                self.blocks.store(block.pointers, k, "resetting", 1.0)
+        p.call(self.begun, **block.pointers)
+
     def randomized(self) -> list[LaneFunction]:
         """Functions that draw the numbers of an episode, and compute what follows from them: without joined
         products, to the bits of numbers that are set from outside."""
@@ -133,10 +152,13 @@ class EnvironmentKernel:
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
         streams = [((0, 0), self.episode.draws), *self.episode.randomized.streams()]
         for (first, second), draws in streams:
-            for group in range(0, len(draws), 4):
-                words = philox(key[:2], [first + group // 4, second, key[2], key[3]])
-                for name, word in zip(draws[group : group + 4], words, strict=False):
-                    self.blocks.store(block.pointers, k, name, uniform(p, word))
+            for group in range(0, len(draws), WORDS):
+                words = philox(key[:2], [first + group // WORDS, second, key[2], key[3]])
+                for name, word in zip(draws[group : group + WORDS], words, strict=False):
+                    self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
+        if self.episode.dynamics.draws:
+            for name, word in zip(DRAW_KEY, key, strict=True):
+                self.blocks.store(block.pointers, k, name, p.number(word))
         self.blocks.store(block.pointers, k, "resetting", 1.0)
 
     def autoreset(self, block: Block) -> None:
@@ -183,24 +205,6 @@ class EnvironmentKernel:
         for row in rows:
             at = p["stride"] * row + lane
             p.store(p[goal], at, p.load(p[source], at))
-
-
-def philox(key: list[Any], counter: list[Any]) -> list[Any]:
-    """Philox4x32-10 (Salmon et al., SC11): four 32-bit words from a key and a counter."""
-    low, (k0, k1), (c0, c1, c2, c3) = 0xFFFFFFFF, key, counter
-    zero = k0 & 0
-    c0, c1 = zero + c0, zero + c1
-    for _ in range(ROUNDS):
-        a = c0 * 0xD2511F53
-        b = c2 * 0xCD9E8D57
-        c0, c1, c2, c3 = (b >> 32) ^ c1 ^ k0, b & low, (a >> 32) ^ c3 ^ k1, a & low
-        k0, k1 = (k0 + 0x9E3779B9) & low, (k1 + 0xBB67AE85) & low
-    return [c0, c1, c2, c3]
-
-
-def uniform(p: Kernel, word: Scalar) -> Scalar:
-    """A 32-bit word as a float in (0, 1)."""
-    return (p.number(word) + 0.5) * 2.3283064365386963e-10
 
 
 def goal_reward_kernel(task: Task) -> Kernel:

@@ -6,6 +6,7 @@ from redundant_envs.effects.command_delay import CommandDelay
 from redundant_envs.effects.coulomb_friction import CoulombFriction
 from redundant_envs.effects.dc_motor import DCMotor
 from redundant_envs.effects.dead_zone import DeadZone
+from redundant_envs.effects.dropped_samples import DroppedSamples
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
 from redundant_envs.effects.hooks import (
@@ -25,22 +26,28 @@ from redundant_envs.effects.hooks import (
     Sensing,
     State,
 )
+from redundant_envs.effects.joint_torque import JointTorque
 from redundant_envs.effects.lag import Lag
 from redundant_envs.effects.limit_spring import LimitSpring
 from redundant_envs.effects.lu_gre import LuGre
 from redundant_envs.effects.play import Play
 from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.quadratic_friction import QuadraticFriction
+from redundant_envs.effects.quantisation import Quantisation
+from redundant_envs.effects.sensor_bias import SensorBias
+from redundant_envs.effects.sensor_delay import SensorDelay
+from redundant_envs.effects.sensor_noise import SensorNoise
 from redundant_envs.effects.smooth_coulomb_friction import SmoothCoulombFriction
+from redundant_envs.effects.tip_force import TipForce
 from redundant_envs.effects.torque_speed import TorqueSpeed
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
-    "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact", "Inertia",
-    "Instant", "Lag", "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass", "PrismaticStop",
-    "QuadraticFriction", "Reading", "Sensing", "SmoothCoulombFriction", "State", "TorqueSpeed",
-    "ViscousFriction",
+    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact",
+    "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass",
+    "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias", "SensorDelay",
+    "SensorNoise", "SmoothCoulombFriction", "State", "TipForce", "TorqueSpeed", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -52,15 +59,22 @@ REGISTRY: dict[str, type[Effect]] = {
         CoulombFriction,
         DCMotor,
         DeadZone,
+        DroppedSamples,
         EffortLimits,
         Gravity,
+        JointTorque,
         Lag,
         LimitSpring,
         LuGre,
         Play,
         PrismaticStop,
         QuadraticFriction,
+        Quantisation,
+        SensorBias,
+        SensorDelay,
+        SensorNoise,
         SmoothCoulombFriction,
+        TipForce,
         TorqueSpeed,
         ViscousFriction,
     )

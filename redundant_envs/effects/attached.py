@@ -18,6 +18,7 @@ import numpy as np
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, numbered, where
+from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.effects import REGISTRY, hooks
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, Instant, State, states_of
 from redundant_envs.events.boundary import side_beyond
@@ -142,8 +143,13 @@ class EffectStates(dict[str, State]):
 
     @cached_property
     def initial(self) -> dict[str, float]:
-        """Values at the start of a motion."""
-        return {name: state.initial for name, state in self.items()}
+        """Values at the start of a motion; 0 for those that are computed then."""
+        return {name: 0.0 if callable(s.initial) else s.initial for name, s in self.items()}
+
+    @cached_property
+    def computed(self) -> tuple[str, ...]:
+        """Those whose values at the start of a motion are computed."""
+        return tuple(name for name, state in self.items() if callable(state.initial))
 
     @cached_property
     def integrated(self) -> tuple[str, ...]:
@@ -190,6 +196,32 @@ class Attachments(tuple[Attached[Hook], ...]):
         """States of the effects."""
         pairs = (zip(a.states, states_of(a.hook), strict=True) for a in self)
         return EffectStates(itertools.chain.from_iterable(pairs))
+
+    @cached_property
+    def draws(self) -> dict[str, Draw]:
+        """Draws by the names of quantities; ValueError if states take too many, or two streams are one."""
+        taken = [
+            (name, a.key, *_root_and_index(state.name), *_kind_and_number(name))
+            for a in self
+            for state, functions in zip(states_of(a.hook), a.states.values(), strict=True)
+            for name in dict.fromkeys(n for own in ("update", RENEWAL, "initial") if own in functions
+                                      for n in functions[own].names if DRAWN in n)
+        ]  # fmt: skip
+        most: dict[tuple[str, str, bool], int] = {}
+        """Draws of a kind that each state of a name may take: those of the next one follow."""
+        for _, key, root, _, normal, number in taken:
+            most[key, root, normal] = max(most.get((key, root, normal), 0), number)
+        _check_streams((key, root) for key, root, _ in most)
+        made = {}
+        for name, key, root, index, normal, number in taken:
+            place = index * most[key, root, normal] + number - 1
+            if place >= MOST_DRAWS:
+                raise ValueError(
+                    f"the states {root!r} of {key!r} take more than {MOST_DRAWS} draws of a kind; take "
+                    "fewer, or give some of the states another name"
+                )
+            made[name] = Draw(stream_of(key, root), normal, place)
+        return made
 
     @cached_property
     def chains(self) -> dict[str, list[Attached[Actuation]]]:
@@ -308,6 +340,36 @@ def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) ->
     return first or effort
 
 
+DRAWN = " draws "
+"""Between the field of a state and its draw in the name of a quantity, as in no other name."""
+
+
+def _root_and_index(state: str) -> tuple[str, int]:
+    """noise[3] -> noise, 3; a state without an index is the first of its name."""
+    root, _, index = state.partition("[")
+    return root, int(index[:-1] or 0) if index else 0
+
+
+def _kind_and_number(name: str) -> tuple[bool, int]:
+    """Whether a draw is normal, and its number, from the name of its quantity."""
+    found = DRAW.fullmatch(name.partition(DRAWN)[2])
+    assert found
+    return found[1] == "normal", int(found[2])
+
+
+def _check_streams(states: Iterable[tuple[str, str]]) -> None:
+    """ValueError if draws of two effects' states, or of one and an episode's start, would be the same."""
+    streams = {START_OF_EPISODES: "the start of an episode"}
+    for key, root in states:
+        name = f"{key}.{root}"
+        other = streams.setdefault(stream_of(key, root), name)
+        if other != name:
+            raise ValueError(
+                f"effects have the states {name!r}, whose draws would be those of {other!r}: their names "
+                "have the same hash; rename one of these states, or give its effect another 'key'"
+            )
+
+
 def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
     guard = getattr(hook, "guard", None)
@@ -323,15 +385,17 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
             return passed_field(key)
         return f"{key}{source}" if source.startswith(".") else source
 
-    def names(part: Any, field: str, f: Callable[..., Any]) -> tuple[str, ...]:
-        return tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f))
-
     def bound(part: Any) -> Functions:
         values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
+
+        def quantity(argument: str, field: str) -> str:
+            source = part.bind.get(argument, argument)
+            if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own
+                return f"{key}.{part.name}{DRAWN}{source}"
+            return name_of(source, field)
+
         return {
-            _called(field, part): Bound(
-                f, tuple(name_of(part.bind.get(a, a), field) for a in arguments_of(f)), key
-            )
+            _called(field, part): Bound(f, tuple(quantity(a, field) for a in arguments_of(f)), key)
             for field, f in values.items()
             if callable(f)
         }

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
 from redundant_envs.algebra import arguments_of, name_of, numbered
+from redundant_envs.draws import DRAW
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
@@ -91,12 +92,16 @@ RULES: dict[type, dict[str, Rule]] = {
     State: {
         "derivative": Rule(),
         "update": Rule(),
+        "initial": Rule(1, May.MOTION, "{field} {name} depends on {more}; it may depend on parameters, on "
+                        "draws and on the motion at the start"),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
         "closed": Rule(),
     },
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
 AXES = "function", "conservative"
+TAKING_DRAWS = "update", "initial"
+"""Functions of states that may take draws."""
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
 """Fields of hooks that name numbers of the effect, none of them a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
@@ -274,9 +279,16 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             if (part.derivative is None) == (part.update is None):
                 raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
             _check_closed(part)
-            number(f"initial of the state {part.name!r}", part.initial)
+            if part.derivative is not None and isinstance(hook, Sensing):
+                raise ValueError(
+                    f"the state {part.name!r} of a sensor has a derivative; give an update: a sensor is read "
+                    "once in a control interval"
+                )
+            if not callable(part.initial):
+                number(f"initial of the state {part.name!r}", part.initial)
         for field, rule in RULES.get(type(part), {}).items():
-            if getattr(part, field) is not None:
+            given = getattr(part, field)
+            if given is not None and (field != "initial" or callable(given)):
                 _check_function(field, rule, allowed)
 
 
@@ -381,6 +393,8 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
     allowed |= {*arm.rates} if may is May.MOTION else set()
     free = {*part.motion} if may is May.OWN_JOINT else set()
+    if isinstance(part, Sensing):
+        free |= {source for source in roots if source.startswith(".")}  # states of its effect
     more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
     if more and may is not May.ANYTHING:
         if field == "conservative" and function is part.function:
@@ -414,6 +428,14 @@ def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterato
         if source.startswith("."):
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
+            continue
+        if DRAW.fullmatch(source):
+            if not isinstance(part, State) or field not in TAKING_DRAWS:
+                raise ValueError(
+                    f"{where}: {source!r} is a draw, which only the functions {' and '.join(TAKING_DRAWS)} "
+                    "of a State take; keep it in a state, and bind that"
+                )
+            yield source, set()
             continue
         if source == SPEED and isinstance(part, Friction):
             continue

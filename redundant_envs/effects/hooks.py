@@ -25,12 +25,20 @@ ELAPSED = "elapsed"
 class State:
     """A number of an effect that changes with the motion; it is saved, restored and reset like coordinates.
 
-    Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``, and
-    the value ``initial`` at the start of an episode or a motion. Either ``derivative`` is its rate of change,
-    and it is integrated beside the arm's states, or ``update`` is its value after a control interval, from
-    the quantities at the interval's end, and it is constant within the interval. ``rate`` is the largest
-    change of the derivative per change of the state [1/s], from the parameters alone: error control takes
-    steps that are short enough for it. ``bind`` says what arguments stand for, see :class:`Effect`.
+    Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``.
+    Either ``derivative`` is its rate of change, and it is integrated beside the arm's states, or ``update``
+    is its value after a control interval, from the quantities at the interval's end, and it is constant
+    within the interval. ``rate`` is the largest change of the derivative per change of the state [1/s], from
+    the parameters alone: error control takes steps that are short enough for it. ``bind`` says what arguments
+    stand for, see :class:`Effect`.
+
+    ``initial`` is its value at the start of an episode or a motion: a number, or a function of parameters and
+    of the motion at the start, at which the arm has the positions and rates that were set.
+
+    The functions ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and
+    ``normal1``, ``normal2``, ... of the standard normal distribution. All draws are independent: each lane,
+    interval and state has others. They follow from the key of the lane's episode, the number of the interval,
+    the effect's key and the state's name, so that no other effect changes them.
 
     ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
     and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
@@ -38,6 +46,7 @@ class State:
     derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
     follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
     state which lags behind them does so by the right time.
+
     With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
     there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
     state stays.
@@ -48,7 +57,7 @@ class State:
     derivative: Callable[..., Any] | None = None
     update: Callable[..., Any] | None = None
     bind: Mapping[str, str] = field(default_factory=dict)
-    initial: float = 0.0
+    initial: float | Callable[..., Any] = 0.0
     rate: Callable[..., Any] | None = None
     closed: Callable[..., Any] | None = None
     when: str = "interval"
@@ -305,12 +314,18 @@ class Sensing:
     memory, and the goals beside the observation of goal environments. A reading that is no number, or beyond
     1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start reported by ``info`` alone.
     ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    ``states`` belong to the sensor, such as its noise or what it read before. They have an ``update``, which
+    is computed at the end of an interval, before the observation, one sensor after the other: in it
+    ``phi<k>`` is what reaches the sensor at that instant. In their ``initial`` it is what reaches it at the
+    start.
     """
 
     joint: int
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
     reading: Reading = Reading.POSITION
+    states: tuple[State, ...] = ()
 
 
 Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
@@ -318,7 +333,7 @@ Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia
 
 def states_of(hook: Any) -> tuple[State, ...]:
     """The states of a hook."""
-    return hook.states if isinstance(hook, Force | Actuation) else ()
+    return hook.states if isinstance(hook, Force | Actuation | Sensing) else ()
 
 
 @dataclass(frozen=True)
@@ -332,6 +347,9 @@ class Effect:
     the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
     quantity of its own name. ``control_dt`` is the control interval of the scene [s], also while a simulator
     advances by less.
+
+    Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
+    the effect's hooks may name them.
 
     Attributes
     ----------
@@ -392,6 +410,8 @@ class Effect:
         count, changed = len(arm.joints), {}
         for f in dataclasses.fields(self):
             given = getattr(self, f.name)
+            if _is_absent(f, given):
+                continue
             value = _of_python(given, static=f.name in self.static)
             if f.name in self.of_joints:
                 wide = hasattr(value, "__len__") and not isinstance(value, str | bytes)
@@ -446,9 +466,9 @@ class Effect:
         """The effect's numbers: "field" or "field[k]" -> value."""
         values: dict[str, float] = {}
         for f in dataclasses.fields(self):
-            if f.name in self.static:
-                continue
             value = getattr(self, f.name)
+            if f.name in self.static or _is_absent(f, value):
+                continue
             row = {f"{f.name}[{k}]": v for k, v in enumerate(value)} if isinstance(value, tuple) else None
             values |= {f.name: value} if row is None else row
         return values
@@ -466,6 +486,11 @@ def effort_unit(arm: Arm, joint: int) -> str:
 def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
     """Units of a field with a number for each joint."""
     return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
+
+
+def _is_absent(field: dataclasses.Field[Any], value: Any) -> bool:
+    """Whether a number is left out, as its default None allows."""
+    return value is None and field.default is None
 
 
 def _of_python(value: Any, static: bool) -> Any:

@@ -13,7 +13,8 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, KEY_WORDS, Autoreset, Operation
+from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
+from redundant_envs.draws import KEY_WORDS
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
@@ -250,10 +251,12 @@ class Core(Copied):
         due = self.mask.copy()
         self.mask[:] = lanes
         (run or self._run)(Operation.RESET)
-        self.mask[:] = np.where(lanes, 0, due)
-        self.waiting[lanes] = False
         for rows, numbers in writes:
             self.memory.write(rows, numbers, index)
+        if writes and self.simulator.dynamics.effect_states.computed:
+            (run or self._run)(Operation.BEGIN_STATES)
+        self.mask[:] = np.where(lanes, 0, due)
+        self.waiting[lanes] = False
 
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
@@ -324,7 +327,8 @@ class Core(Copied):
         parameters.check_keys("state", state, STATE_KEYS, "get_state")
         parameters.check_facts("state", state["simulator"], self._facts)
         dynamics = self.simulator.dynamics
-        finite = (*dynamics.states, *dynamics.effect_states.updated, *self.task.memory, "steps")
+        motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
+        finite = (*motion, *self.task.memory, "steps")
         kept = (*numbers_of_reward(self.task), *self.episode.randomized.numbers())
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for name in OF_KEYS:

@@ -22,7 +22,7 @@ Procedure = Callable[[Lane], Any]
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
     "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp,
-    "log": algebra.log,
+    "log": algebra.log, "philox": algebra.philox,
     "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
     **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
     "not": algebra.logical_not, "select": algebra.where,
@@ -117,7 +117,7 @@ def evaluate(results: Iterable[Value], load: Callable[[tuple[str, int]], Any]) -
             known[node] = load(node.extra)
         elif node.name == "stage":
             known[node] = node.extra.function(*arguments)
-        elif node.name == "result":
+        elif node.name in ("result", "word"):
             known[node] = arguments[0][node.extra]
         else:
             known[node] = OPERATIONS[node.name](*arguments)

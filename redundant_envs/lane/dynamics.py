@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
+from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered, total, where
+from redundant_envs.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
@@ -20,10 +21,11 @@ from redundant_envs.effects.hooks import (
     Impact,
     Instant,
     Point,
+    Sensing,
 )
 from redundant_envs.events.boundary import Boundary
 from redundant_envs.events.crossings import Overshoot
-from redundant_envs.lane import kinks, required_steps
+from redundant_envs.lane import kinks, required_steps, sensing
 from redundant_envs.lane.closed_forms import InStep, StepStart, varying_arguments
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
@@ -35,6 +37,9 @@ from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
+DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
+INTERVALS = "draw_interval"
+"""Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
 LOST_IN_LOADS = 1e-14
@@ -315,7 +320,18 @@ class Dynamics:
     @property
     def kept(self) -> tuple[str, ...]:
         """Fields that are kept at the start of an interval, and restored when it is given up."""
-        return (*self.states, *self.effect_states.updated, *self.active, *self.rests)
+        count = (INTERVALS,) if self.draws else ()
+        return (*self.states, *self.effect_states.updated, *count, *self.active, *self.rests)
+
+    @property
+    def draws(self) -> Mapping[str, Draw]:
+        """Draws of effects' states, by the names of their quantities."""
+        return self.scene.attached.draws
+
+    @property
+    def draw_fields(self) -> tuple[str, ...]:
+        """Fields from which draws follow; none in a scene without draws."""
+        return (*DRAW_KEY, INTERVALS) if self.draws else ()
 
     @property
     def rests(self) -> tuple[str, ...]:
@@ -427,12 +443,34 @@ class Dynamics:
             x[command] = given
         return efforts, changes
 
-    def changes(self, x: Quantities, what: str) -> dict[str, Any]:
-        """What functions of a kind give for states of effects."""
+    def changes(self, x: Quantities, what: str, lane: Any) -> dict[str, Any]:
+        """New values of effects' states, by their fields: the "update" at the end of an interval, or
+        :data:`RENEWAL`."""
+        x.update(self._drawn(what, lane))
         _, changes = self.efforts(x, what)
         for a in self.scene.attached.of(Force):
             changes |= a.changes(what, x)
-        return changes
+        return changes | sensing.renewed(self.scene.attached, what, x)
+
+    def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
+        """Values of effects' states at a start, by their fields, of those that are computed then."""
+        x.update(self._drawn("initial", lane))
+        changes: dict[str, Any] = {}
+        for a in self.scene.attached:
+            if not isinstance(a.hook, Sensing):
+                changes |= a.changes("initial", x)
+        return changes | sensing.renewed(self.scene.attached, "initial", x)
+
+    def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
+        """The draws that functions of states take, by the names of quantities: of the start, or of the next
+        interval."""
+        functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
+        needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
+        if not needed:
+            return {}
+        interval = 0.0 if what == "initial" else lane[INTERVALS] + 1.0
+        found = drawn(needed.values(), interval, lane.get(DRAW_KEY))
+        return {name: found[draw] for name, draw in needed.items()}
 
     # ---- equations of motion -----------------------------------------------------------------------
 

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Iterator, Mapping
 from functools import cached_property, reduce
 from typing import Any
 
-import numpy as np
-
 from redundant_envs.algebra import (
-    any_of,
     arguments_of,
     gives_of,
     logical_not,
@@ -21,12 +17,13 @@ from redundant_envs.algebra import (
     total,
     where,
 )
-from redundant_envs.effects.hooks import Reading, Sensing
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.effects.hooks import Sensing
+from redundant_envs.lane.dynamics import INTERVALS
 from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
 from redundant_envs.lane.interval import Interval, copies
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.lane.randomized import Randomized
+from redundant_envs.lane.sensing import measured, reads_nonsense
 from redundant_envs.quantities import Quantities, check_names
 from redundant_envs.scene import identifier
 from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
@@ -49,9 +46,6 @@ SPENT = {
 """What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
-
-LARGEST = {Reading.POSITION: 1e6, Reading.RATE: 1e100}
-"""Largest readings: sines are exact up to 1e6 rad, and squares of rates are finite."""
 
 
 class Episode:
@@ -148,7 +142,8 @@ class Episode:
 
     def quantities_now(self, lane: Lane) -> Quantities:
         """The same after an interval."""
-        names = (*self.dynamics.states, *self.task.memory, *self.actions)
+        states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
+        names = (*states, *self.task.memory, *self.actions)
         return self.quantities(lane, {n: lane[n] for n in names})
 
     # ---- a control step --------------------------------------------------------------------------------
@@ -178,7 +173,7 @@ class Episode:
         defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
         if self.sensors:
             x = self.quantities_now(lane)
-            defect = defect + where(reads_nonsense(self.dynamics, x), math.nan, 0.0)
+            defect = defect + where(reads_nonsense(self.dynamics.scene.attached, x), math.nan, 0.0)
             lane.next_part()
         fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
         observable = (self.dynamics.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
@@ -229,9 +224,10 @@ class Episode:
     def observe(self, lane: Lane) -> dict[Any, Any]:
         """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
         memory = (*self.task.memory, *self.counts, *self.held_outputs, *self.drawn)
-        known = {n: lane[n] for n in (*self.dynamics.states, *self.task.memory)}
+        states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
+        known = {n: lane[n] for n in (*states, *self.task.memory)}
         x = self.quantities(lane, known)
-        read = measured(self.dynamics, x)
+        read = measured(self.dynamics.scene.attached, self.arm, x)
         seen = self.quantities(lane, {**known, **read}) if read else x
         count = len(self.observed)
         of_task = self.observed[: count - len(self.observed_numbers)]
@@ -246,7 +242,7 @@ class Episode:
                     )
                     value = reduce(maximum, depths)
                 elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
-                    bad = reads_nonsense(self.dynamics, x) & (lane.numerics == 0.0)
+                    bad = reads_nonsense(self.dynamics.scene.attached, x) & (lane.numerics == 0.0)
                     value = where(bad, float(Fault.NON_FINITE), lane.numerics)
                 else:
                     value = lane[name] if name in memory else x[name]
@@ -272,42 +268,14 @@ class Episode:
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
         zero = [*arm.rates, *remembered, *self.dynamics.active, *self.held_outputs]
         zero += ["next_step"] if "next_step" in lane else []
+        zero += [INTERVALS] if self.dynamics.draws else []
         values |= self.dynamics.effect_states.initial
         for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
             lane[name] = where(lane.resetting, value, lane[name])
+        self.begin_states(lane)
 
-
-# ---- sensors -----------------------------------------------------------------------------------------
-
-
-def readings(dynamics: Dynamics, x: Quantities) -> dict[tuple[Reading, int], Any]:
-    """Readings of the scene's sensors, from true quantities."""
-    read: dict[tuple[Reading, int], Any] = {}
-    for a in dynamics.scene.attached.of(Sensing):
-        key, name = (a.hook.reading, a.hook.joint), a.hook.reading.value.format(a.hook.joint + 1)
-        reaching, function = read.get(key, x[name]), a.functions["function"]
-        read[key] = function.on(reaching if n == name else x[n] for n in function.names)
-    return read
-
-
-def measured(dynamics: Dynamics, x: Quantities) -> dict[str, Any]:
-    """Coordinates and rates as the sensors read them, from true quantities; {} without sensors."""
-    read = readings(dynamics, x)
-    if not read:
-        return {}
-    arm, kinds = dynamics.arm, [(r, k) for r in Reading for k in range(dynamics.count)]
-    names = {(r, k): r.value.format(k + 1) for r, k in kinds}
-    joints = {name: read[key] if key in read else x[name] for key, name in names.items()}
-    place = arm.coordinates_of_joints
-    results = place(*(joints[name] for name in arguments_of(place)))
-    motion = dict(zip(gives_of(place), results if isinstance(results, tuple) else (results,), strict=True))
-    for rate, row in zip(arm.rates, np.linalg.inv(arm.motor_map.T), strict=True):
-        shares = [(float(b), joints[f"phid{k + 1}"]) for k, b in enumerate(row) if b != 0.0]
-        motion[rate] = reduce(operator.add, (v if b == 1.0 else b * v for b, v in shares))
-    return motion
-
-
-def reads_nonsense(dynamics: Dynamics, x: Quantities) -> Any:
-    """Whether a reading is NaN, or too large for an observation."""
-    read = readings(dynamics, x)
-    return any_of(logical_not(abs(value) <= LARGEST[kind]) for (kind, _), value in read.items())
+    def begin_states(self, lane: Lane) -> None:
+        """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
+        if self.dynamics.effect_states.computed:
+            for name, value in self.interval.initial_states(lane).items():
+                lane[name] = where(lane.resetting, value, lane[name])

@@ -14,7 +14,7 @@ from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
 from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
 from redundant_envs.lane.program import LaneProgram, Request
@@ -100,8 +100,16 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-            changes = dynamics.changes(x, "update")
+            changes = dynamics.changes(x, "update", lane)
             lane.set(changes, changes.values())
+        if dynamics.draws:
+            lane[INTERVALS] = lane[INTERVALS] + 1.0
+
+    def initial_states(self, lane: Lane) -> dict[str, Any]:
+        """Values that states of effects have at the start of a motion, of those whose values are computed."""
+        dynamics = self.dynamics
+        x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+        return dynamics.initial_states(x, lane)
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
@@ -165,6 +173,9 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
     for name, state in dynamics.effect_states.items():
         yield Field(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
+    for name in dynamics.draw_fields:
+        doc = "control intervals since draws began" if name == INTERVALS else "word of the key of draws"
+        yield Field(name, "", doc, STATE)
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
     yield Field("h", "s", "length of the common step", SCRATCH if dynamics.instants else PARAMETER)

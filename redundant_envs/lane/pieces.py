@@ -56,7 +56,7 @@ def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
     if dynamics.renewed:
         x = dynamics.quantities(lane.get(dynamics.states), numbers)
         dynamics.guard_values(x, begins=True)  # the laws of the piece before need not hold any more
-        for name, value in dynamics.changes(x, RENEWAL).items():
+        for name, value in dynamics.changes(x, RENEWAL, lane).items():
             lane[name] = where(happens[dynamics.renewed[name]], value, lane[name])
     for passed, now in happens.items():
         lane[passed] = where(now, 1.0, lane[passed])

@@ -19,6 +19,7 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
+from redundant_envs.philox import LOW, philox
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.values import shown, whole_number
 
@@ -57,6 +58,25 @@ class Status(NamedTuple):
     numerics: NDArray[np.int8]  # flags of Numerics
 
 
+LARGEST_SEED = 2**64 - 1
+
+
+def check_seed(seed: Any) -> None:
+    """ValueError unless it is a seed of draws."""
+    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    if not whole or not 0 <= seed <= LARGEST_SEED:
+        raise ValueError(f"seed is {shown(seed)}; give a whole number from 0 to 2^64 - 1")
+
+
+def draws_of(seed: int, lanes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """What the draws of some lanes follow from at the start of a motion, as :attr:`BatchSimulator.draws`."""
+    seed, zero = int(seed), np.zeros(len(lanes), np.uint64)
+    key = [zero + np.uint64(seed & LOW), zero + np.uint64(seed >> 32)]
+    with np.errstate(over="ignore"):
+        words = philox(key, [lanes.astype(np.uint64), 0, zero, zero])
+    return np.stack([*words, zero], axis=1).astype(np.float64)
+
+
 class BatchSimulator(Copied):
     """``num_envs`` copies of a scene with their own states and parameters.
 
@@ -72,12 +92,18 @@ class BatchSimulator(Copied):
         Threads over blocks of lanes.
     track_work : bool
         Also integrate the work of motors and of forces without a potential (``work``, J).
+    seed : int
+        Of the draws of effects, 0 to 2^64 - 1; those of lane i follow from the seed and i. Each motion that
+        ``set_state`` begins has the same draws again; give another seed for others.
     """
 
-    made_anew = ("_team", "_filled", "_unchanging", "_facts")
+    made_anew = ("_team", "_beginning", "_filled", "_unchanging", "_facts")
 
-    def __init__(self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False) -> None:
+    def __init__(
+        self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False, seed: int = 0
+    ) -> None:
         check_scene(scene)
+        check_seed(seed)
         self.scene = scene
         self.num_envs = whole_number("num_envs", num_envs)
         self.threads = whole_number("threads", threads)
@@ -85,11 +111,16 @@ class BatchSimulator(Copied):
         self.simulator = batch_simulator(scene, self.track_work)
         self._memory = Memory(self.simulator.dynamics, self.simulator.layout, self.num_envs, {})
         self._connect()
+        if self.simulator.dynamics.draws:
+            self.set_draws(draws_of(seed, self._memory.index))
+        self._begin(self._memory.index)
 
     def _connect(self) -> None:
         simulator, memory = self.simulator, self._memory
         self._team = Team(simulator, "advance", memory, self.threads)
         dynamics = simulator.dynamics
+        computed = dynamics.effect_states.computed
+        self._beginning = Team(simulator, "begin", memory, 1) if computed else None
         same = {} if dynamics.method.error5 else {"error": np.nan}
         if not dynamics.counts_evaluations:
             same["evaluations"] = self.scene.substeps * dynamics.method.stages
@@ -168,7 +199,36 @@ class BatchSimulator(Copied):
         parameters.check_stops(self.scene, positions, parameters.stops_of(self._memory, lanes))
         self._memory.write(arm.coordinates, positions, lanes)
         self._memory.write(arm.rates, rates, lanes)
-        self._memory.begin(lanes)
+        self._begin(lanes)
+
+    def _begin(self, lanes: NDArray[np.int64]) -> None:
+        """Begin a new motion in some lanes, which have its positions and rates."""
+        memory, names = self._memory, self.simulator.dynamics.effect_states.computed
+        memory.begin(lanes)
+        if self._beginning is not None:
+            values = np.zeros((memory.blocks * LANES, len(names)))
+            self._beginning.parts[0].set(initial=values)
+            self._beginning()
+            memory.write(names, values[lanes], lanes)
+
+    @property
+    def draws(self) -> NDArray[np.float64]:
+        """What the draws of effects follow from, (num_envs, 5): the four words of each lane's key, and the
+        number of control intervals since its motion began. (num_envs, 0) if no effect draws. A copy."""
+        return self._memory.read(self.simulator.dynamics.draw_fields)
+
+    def set_draws(self, draws: ArrayLike, index: ArrayLike | None = None) -> None:
+        """Let the draws of lanes follow from others, (5,) or (lanes, 5), as :attr:`draws` has them.
+
+        States keep their values; :meth:`set_state` begins with the new draws.
+        """
+        lanes, names = self._lanes(index), self.simulator.dynamics.draw_fields
+        if not names:
+            raise ValueError("no effect of the scene draws; leave set_draws out")
+        given = parameters.table("draws", draws, len(lanes), len(names))
+        if not ((given >= 0.0) & (given == np.floor(given)) & (given < 2.0**53)).all():
+            raise ValueError("draws has entries that are no whole numbers; give those that 'draws' returned")
+        self._memory.write(names, given, lanes)
 
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
         """Set physical parameters of lanes.

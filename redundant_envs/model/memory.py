@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
 
 Array = NDArray[np.float64]
@@ -137,12 +137,14 @@ class Memory:
             self.write(names, 0.0, index)
 
     def begin(self, index: NDArray[Any]) -> None:
-        """Begin a new motion in some lanes: their fields beside positions and velocities are reset."""
+        """Begin a new motion in some lanes: their fields beside positions and velocities are reset; states
+        whose values are computed then are 0."""
         self.forget(index)
         for name, initial in self.dynamics.effect_states.initial.items():
             self.write((name,), initial, index)
-        if "work" in self:
-            self.write(("work",), 0.0, index)
+        for name in ("work", INTERVALS):
+            if name in self:
+                self.write((name,), 0.0, index)
 
     def save(self) -> dict[str, Array]:
         """Copies of all numbers, in one dimension."""

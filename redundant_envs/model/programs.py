@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.backends import cache, llvm
 from redundant_envs.backends.loaded import scene_key
-from redundant_envs.batch.advance import advance_kernel
+from redundant_envs.batch.advance import advance_kernel, begin_kernel
 from redundant_envs.batch.blocks import LANES, Blocks
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
 from redundant_envs.lane.dynamics import Dynamics
@@ -146,7 +146,8 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
 
     def trace() -> Traced:
         kernel, blocks = advance_kernel(dynamics)
-        return Program([kernel]), blocks
+        begins = [begin_kernel(dynamics)[0]] if dynamics.effect_states.computed else []
+        return Program([kernel, *begins]), blocks
 
     return Simulator(dynamics, trace)
 

@@ -41,7 +41,9 @@ def torch_step(scene: Scene) -> Step:
         N m and N; ``parameters`` maps names such as "masses", "lengths" or "gravity.g" to tensors
         (..., entries), or (...) of a single number. If effects of the scene have states,
         ``step(q, qd, efforts, parameters=None, z=...) -> (q, qd, z)`` takes and returns these, too,
-        (..., states) in the order of ``Scene.states()``.
+        (..., states) in the order of ``Scene.states()``. If some of them draw random numbers,
+        ``step(q, qd, efforts, parameters=None, z=..., draws=...) -> (q, qd, z, draws)`` takes and returns
+        what these follow from, too, (..., 5), as ``BatchSimulator.draws`` has it.
 
     Raises
     ------
@@ -67,9 +69,15 @@ def torch_step(scene: Scene) -> Step:
             "tolerance if errors are to be controlled"
         )
     count, layout, of_effects = dynamics.count, interval.layout(), tuple(dynamics.effect_states)
+    of_draws = dynamics.draw_fields
 
     def step(
-        q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None
+        q: Any,
+        qd: Any,
+        efforts: Any,
+        parameters: Mapping[str, Any] | None = None,
+        z: Any = None,
+        draws: Any = None,
     ) -> tuple[Any, ...]:
         tensors = [_checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))]
         effects: dict[str, Any] = {}
@@ -77,12 +85,18 @@ def torch_step(scene: Scene) -> Step:
             effects = dict(zip(of_effects, _checked("z", z, len(of_effects)).unbind(-1), strict=True))
         elif z is not None:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
+        keys: dict[str, Any] = {}
+        if of_draws:
+            keys = dict(zip(of_draws, _checked("draws", draws, len(of_draws)).unbind(-1), strict=True))
+        elif draws is not None:
+            raise ValueError("draws is given, and no effect of the scene draws; leave it out")
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
         states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
             **fields_of(dynamics, _named(dynamics, parameters or {})),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.effect_states.updated},
+            **keys,
         }
 
         def lane_now() -> Lane:
@@ -105,10 +119,11 @@ def torch_step(scene: Scene) -> Step:
                 states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
         lane = lane_now()
         interval.update_effect_states(lane)
-        states += [number(lane[n]) for n in of_effects]
+        ends = 2 * count, 2 * count + len(of_effects)
+        states = [*states[: ends[0]], *(number(lane[n]) for n in (*of_effects, *of_draws))]
         wide = torch.broadcast_tensors(*states)
-        moved = torch.stack(wide[:count], -1), torch.stack(wide[count : 2 * count], -1)
-        return (*moved, torch.stack(wide[-len(of_effects) :], -1)) if of_effects else moved
+        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]], wide[ends[1] :]]
+        return tuple(torch.stack(part, -1) for part in parts if part)
 
     return step
 

@@ -82,7 +82,7 @@ class Trajectory:
 
 
 def simulate(
-    scene: Scene, q: ArrayLike, qd: ArrayLike, times: ArrayLike, efforts: Efforts = None
+    scene: Scene, q: ArrayLike, qd: ArrayLike, times: ArrayLike, efforts: Efforts = None, seed: int = 0
 ) -> Trajectory:
     """Simulate a scene from t = 0.
 
@@ -95,6 +95,8 @@ def simulate(
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
     efforts : None, (joints,) array, or callable(t, q, qd)
         Joint efforts, N m and N; a callable is called once per control instant.
+    seed : int
+        Of the draws of effects, as :class:`BatchSimulator` takes it; each motion has draws of its own.
 
     Returns
     -------
@@ -124,7 +126,7 @@ def simulate(
     shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
     if not count:
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
-    batch = BatchSimulator(scene, count, track_work=True)
+    batch = BatchSimulator(scene, count, track_work=True, seed=seed)
     batch.set_state(q0.reshape(count, joints), qd0.reshape(count, joints))
     dt, step, events = scene.control_dt, 0, list[Event]()
 

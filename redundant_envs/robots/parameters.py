@@ -79,6 +79,11 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
     return sliders
 
 
+def strengths(field: str, values: Any) -> float | tuple[float, ...]:
+    """A strength, or a sequence of one for each joint."""
+    return _each(field, values, lambda x: True, "")
+
+
 def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint, none negative."""
     return _each(field, values, lambda x: x >= 0.0, "it must not be negative")

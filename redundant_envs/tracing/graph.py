@@ -26,7 +26,7 @@ COMPARISONS = {
 }  # fmt: skip
 FREE = ("neg", "bit", "and", "result", "load")
 """Operations that become part of the instructions that use their results, or only name values."""
-LATENCY = {"/": 13, "sqrt": 32, "select": 2}
+LATENCY = {"/": 13, "sqrt": 32, "select": 2, "philox": 80}
 """Cycles until a result can be used, for vectors of 8; those of an addition if not listed."""
 ADDITION = 4
 

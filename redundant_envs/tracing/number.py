@@ -278,9 +278,17 @@ def logarithm(x: Any, significand: Any, exponent: Any) -> Any:
     return algebra.where(x > 0.0, found, algebra.where(x == 0.0, -math.inf, math.nan))
 
 
+def philox(*numbers: Any) -> tuple[Number, ...]:
+    """Random words, see :func:`algebra.philox`: one operation, whose results are words."""
+    graph = next(x.graph for x in numbers if isinstance(x, Number))
+    made = graph.record("philox", *map(value_of, numbers))
+    return tuple(Number(graph, graph.record("word", made, extra=k)) for k in range(4))
+
+
 algebra.register_numbers(
-    algebra.Primitives(_unary("sqrt"), exp, log, _unary("floor"), sincos, where, negation), Number, Condition
-)
+    algebra.Primitives(_unary("sqrt"), exp, log, _unary("floor"), sincos, where, negation, philox),
+    Number, Condition,
+)  # fmt: skip
 
 
 class Loads(dict[str, Number]):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.batch import BatchSimulator, draws_of
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import Array, Trial, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
@@ -23,6 +23,8 @@ def batch_of(trial: Trial, lanes: Array, threads: int = 1) -> BatchSimulator:
     """A batch whose lanes have the states with these indices, in this order."""
     q, qd, _ = trial.states
     batch = BatchSimulator(trial.scene, len(lanes), threads, track_work=True)
+    if batch.simulator.dynamics.draws:  # those of a lane follow it to another index
+        batch.set_draws(draws_of(0, lanes))
     batch.set_state(q[lanes % len(q)], qd[lanes % len(q)])
     return batch
 

@@ -34,6 +34,7 @@ class Ended(NamedTuple):
     scene: Scene  # the trial's, with a calm interval of few equal steps
     lanes: Array  # the states of the trial that are compared
     states: Array  # (lanes, 2 joints)
+    started: dict[str, Array]  # states of effects, and what their draws follow from, at the start
 
 
 def compiled(trial: Trial) -> Ended:
@@ -47,6 +48,9 @@ def compiled(trial: Trial) -> Ended:
     ends = []
     for rates in (qd * (1.0 + NUDGE), qd):
         batch.set_state(q, rates)
+        dynamics = batch.simulator.dynamics
+        names = (*dynamics.effect_states, *dynamics.draw_fields)
+        table = np.concatenate([batch.z, batch.draws], axis=1)
         status = batch.advance(efforts)
         ends.append(np.concatenate([batch.q, batch.qd], axis=1))
     nudged, own_end = ends
@@ -59,7 +63,7 @@ def compiled(trial: Trial) -> Ended:
         raise NotApplicable(
             f"every interval takes more than {MOST_EVALUATIONS} evaluations, or magnifies rounding"
         )
-    return Ended(scene, lanes, own_end[lanes])
+    return Ended(scene, lanes, own_end[lanes], dict(zip(names, table.T, strict=True)))
 
 
 def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array:
@@ -68,7 +72,8 @@ def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array
     q, qd, efforts = (x[lanes] for x in trial.states)
     names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)
     columns = np.concatenate([q, qd, efforts], axis=1).T
-    fields = fields_of(dynamics) | dynamics.effect_states.initial
+    started = {n: convert(x[lanes]) for n, x in trial.shared(compiled).started.items()}
+    fields = fields_of(dynamics) | started
     fields |= {n: convert(x) for n, x in zip(names, columns, strict=True)}
     lane = cross_interval(Interval(dynamics), fields)
     states = dynamics.states[: 2 * q.shape[1]]

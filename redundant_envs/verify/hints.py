@@ -47,6 +47,7 @@ class Motion:
         known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
         known[TIME] = known["interval"]
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
+        known |= {name: 0.0 if draw.normal else 0.5 for name, draw in d.draws.items()}  # their medians
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):
             columns = (numbers @ back).T
             slopes = np.zeros(len(names)) if joint is None else back[joint]

@@ -12,11 +12,13 @@ from compiled import compiled, on_columns
 
 from redundant_envs import algebra
 from redundant_envs.backends import llvm, llvm_kernels
+from redundant_envs.backends.torch import torch
 from redundant_envs.batch.blocks import LANES
-from redundant_envs.batch.environment import philox, uniform
+from redundant_envs.draws import uniform
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator
+from redundant_envs.philox import philox
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 
@@ -134,12 +136,38 @@ def test_draws_are_those_of_philox_and_neither_zero_nor_one(given, words):
     loaded = [p.load(p["given"], k) for k in range(6)]
     for k, word in enumerate([*philox(loaded[:2], loaded[2:]), loaded[0]]):
         p.store(p["words"], k, word)
-        p.store(p["numbers"], k, uniform(p, word))
+        p.store(p["numbers"], k, uniform(p.number(word)))
     got, numbers = np.zeros(5, np.uint32), np.zeros(5)
     compiled(p)(given=np.array(given, np.uint32), words=got, numbers=numbers)
     assert tuple(got) == (*words, given[0])
     np.testing.assert_array_equal(numbers, (got + 0.5) / 2**32)
     assert ((numbers > 0.0) & (numbers < 1.0)).all()
+
+
+LANES_OF_KEYS = np.random.default_rng(0).integers(0, 2**32, (5, 100)).astype(float)
+"""Numbers of intervals, and the words of keys."""
+LANES_OF_KEYS[:, :3] = np.array([0.0, 1.0, 2.0**32 - 1.0])
+
+
+def words(interval, *key):
+    return algebra.philox(0xFFFFFF07, interval, *key)
+
+
+def test_words_are_those_of_philox_on_all_kinds_of_numbers():
+    known = [
+        philox([k0, k1], [0xFFFFFF07, c1, k2, k3])
+        for c1, k0, k1, k2, k3 in LANES_OF_KEYS.T.astype(int).tolist()
+    ]
+    of_tensors = words(*map(torch.tensor, LANES_OF_KEYS))
+    single = np.transpose([words(*row) for row in LANES_OF_KEYS.T.tolist()])
+    for found in (on_columns(words, *LANES_OF_KEYS), words(*LANES_OF_KEYS), np.stack(of_tensors), single):
+        np.testing.assert_array_equal(found, np.transpose(known))
+
+
+def test_the_number_of_an_interval_counts_on_beyond_a_word():
+    key = LANES_OF_KEYS[1:]
+    for on in (lambda x: on_columns(words, x, *key), lambda x: words(x, *key)):
+        np.testing.assert_array_equal(on(np.full(100, 2.0**32 + 5.0)), on(np.full(100, 5.0)))
 
 
 # ---- tables ----------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import rrp
 import three_r
 from armature import LinkInertia
 from payload import Payload
-from sensors import SensorBias
+from sensors import EccentricEncoders, FilteredRates
 from tether import Tether
 from two_stage_spring import TwoStageSpring
 
@@ -52,7 +52,7 @@ def effects_from_outside(arm):
         "a load": (Payload(0.7),),
         "a force at a point": (Tether(2, 0.3, -0.2, 50.0, 2.0),),
         "a law that changes": (TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3),),
-        "sensors": (SensorBias(0.01, 0.02),),
+        "sensors": (EccentricEncoders(0.01), FilteredRates(0.05)),
     }
 
 

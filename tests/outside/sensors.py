@@ -1,63 +1,71 @@
-"""Encoders that are off, and that count in steps."""
+"""Encoders whose discs are mounted off their centres, and rates that come through a filter."""
 
 from dataclasses import dataclass
 
-import numpy as np
-
 import redundant_envs as rde
-from redundant_envs.algebra import floor, physics
-from redundant_envs.effects import Effect, Reading, Sensing
-from redundant_envs.robots.parameters import not_negative
+from redundant_envs.algebra import exp, physics, sincos
+from redundant_envs.effects import Effect, Reading, Sensing, State
+from redundant_envs.robots.parameters import not_negative, positive
 
 
 @physics
-def shifted(reading, bias):
-    return reading + bias
+def off_centre(reading, eccentricity):
+    """The reading leads and lags once in a turn."""
+    sine, _ = sincos(reading)
+    return reading + eccentricity * sine
 
 
 @physics
-def counted(reading, resolution):
-    """In whole steps of the encoder; the nearest one."""
-    return resolution * floor(reading / resolution + 0.5)
+def filtered(reading, last, time_constant, control_dt):
+    """A first-order lag, exact for a reading that is constant in the interval."""
+    return reading + (last - reading) * exp(-control_dt / time_constant)
+
+
+@physics
+def first(reading):
+    return reading
+
+
+@physics
+def shown(last):
+    return last
 
 
 @dataclass(frozen=True)
-class SensorBias(Effect):
-    """Offset of each encoder, rad or m, and of each rate sensor, rad/s or m/s."""
+class EccentricEncoders(Effect):
+    """Eccentricity of the disc of each revolute joint's encoder, in units of the disc's radius."""
 
-    positions: float | tuple[float, ...] = 0.0
-    rates: float | tuple[float, ...] = 0.0
-
-    of_joints = ("positions", "rates")
-
-    def hooks(self, arm):
-        return tuple(
-            Sensing(k, shifted, {"reading": kind.value.format(k + 1), "bias": f".{own}[{k}]"}, kind)
-            for kind, own in ((Reading.POSITION, "positions"), (Reading.RATE, "rates"))
-            for k in range(len(arm.joints))
-        )
-
-
-@dataclass(frozen=True)
-class Encoders(Effect):
-    """Steps of the encoders, rad or m, positive."""
-
-    resolution: float | tuple[float, ...]
-
-    of_joints = ("resolution",)
+    eccentricity: float
 
     def __post_init__(self):
-        checked = not_negative("Encoders.resolution", self.resolution)
-        if np.min(checked) == 0.0:
-            raise ValueError(f"Encoders.resolution is {self.resolution}; it must be positive")
-        object.__setattr__(self, "resolution", checked)
-
-    def hooks(self, arm):
-        return tuple(
-            Sensing(k, counted, {"reading": f"phi{k + 1}", "resolution": f".resolution[{k}]"})
-            for k in range(len(arm.joints))
+        object.__setattr__(
+            self, "eccentricity", not_negative("EccentricEncoders.eccentricity", self.eccentricity)
         )
 
+    def hooks(self, arm):
+        bind = {"eccentricity": ".eccentricity"}
+        joints = (k for k, slides in enumerate(arm.prismatic) if not slides)
+        return tuple(Sensing(k, off_centre, {"reading": f"phi{k + 1}", **bind}) for k in joints)
 
-rde.register_effect(SensorBias)
-rde.register_effect(Encoders)
+
+@dataclass(frozen=True)
+class FilteredRates(Effect):
+    """Time constant of the filter of each rate sensor, s, positive; it has settled when an episode begins."""
+
+    time_constant: float
+
+    def __post_init__(self):
+        positive("FilteredRates.time_constant", self.time_constant)
+
+    def hooks(self, arm):
+        return tuple(self.sensor(k, arm) for k in range(len(arm.joints)))
+
+    def sensor(self, k, arm):
+        name, unit = f"last[{k}]", "m/s" if arm.prismatic[k] else "rad/s"
+        bind = {"reading": f"phid{k + 1}", "last": f".{name}", "time_constant": ".time_constant"}
+        state = State(name, unit, update=filtered, initial=first, bind=bind)
+        return Sensing(k, shown, {"last": f".{name}"}, Reading.RATE, (state,))
+
+
+rde.register_effect(EccentricEncoders)
+rde.register_effect(FilteredRates)

@@ -5,14 +5,11 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import pytest
-from sensors import Encoders, SensorBias
+from sensors import EccentricEncoders, FilteredRates
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics, where
-from redundant_envs.effects import Armature, Effect, Reading, Sensing
-
-BIAS = (0.03, -0.02, 0.05, 0.01)
-SPEEDS = (0.2, -0.1, 0.3, 0.05)
+from redundant_envs.effects import Armature, Effect, Reading, Sensing, SensorBias
 
 
 def made(env_id, *effects):
@@ -35,40 +32,30 @@ def motion(env, **parameters):
 
 def test_motion_reward_and_info_know_the_truth():
     true = motion(made("FourRGoalReach-v0"))
-    read = motion(made("FourRGoalReach-v0", SensorBias(BIAS, SPEEDS), Encoders(0.01)))
+    read = motion(made("FourRGoalReach-v0", EccentricEncoders(0.05), FilteredRates(0.05)))
     for k in (0, 1, 3):
         np.testing.assert_array_equal(read[k], true[k])
     # Outputs about a state may be rounded differently if observations need other numbers.
     for told, known in zip(read[4], true[4], strict=True):
         assert told == pytest.approx(known, rel=1e-13, abs=1e-15)
-    for place in ("achieved_goal", "desired_goal"):
-        told, known = ([o[place] for o in x[2]] for x in (read, true))
-        np.testing.assert_allclose(told, known, rtol=1e-13, atol=1e-15)
     told, known = (np.array([o["observation"] for o in x[2]]) for x in (read, true))
     assert np.abs(told - known).max() > 0.01
 
 
-def test_a_sensor_that_an_episode_biases_shows_what_an_arm_elsewhere_shows():
-    biases = {"sensor_bias.positions": BIAS, "sensor_bias.rates": SPEEDS}
-    q, qd, read, *_ = motion(made("FourRReach-v0", SensorBias()), **biases)
-    env = made("FourRReach-v0")
+@pytest.mark.parametrize("env_id", ["FourRReach-v0", "RPRPReach-v0"])
+def test_sensors_from_outside_show_what_an_arm_elsewhere_shows(env_id):
+    q, qd, read, *_ = motion(made(env_id, EccentricEncoders(0.05), FilteredRates(0.05)))
+    env = made(env_id)
     env.reset(seed=4)
-    goal, inverse = env.unwrapped.goal, np.linalg.inv(env.unwrapped.scene.robot.motor_map)
+    core, arm = env.unwrapped.core, env.unwrapped.scene.robot
+    inverse, rates = np.linalg.inv(arm.motor_map), qd[0] @ arm.motor_map
+    turns = np.array([not slides for slides in arm.prismatic])
     for k in range(len(q)):
-        there = {"q": q[k] + np.array(BIAS) @ inverse, "qd": qd[k] + np.array(SPEEDS) @ inverse}
-        np.testing.assert_allclose(read[k], env.reset(options={**there, "goal": goal})[0], atol=3e-7)
-
-
-@pytest.mark.parametrize(
-    ("effects", "expected"),
-    [
-        ((SensorBias(0.02), Encoders(0.1)), 0.2),
-        ((Encoders(0.1), SensorBias(0.02)), 0.12),
-    ],
-)
-def test_encoders_count_in_steps_and_sensors_act_in_the_order_of_the_scene(effects, expected):
-    obs, _ = made("FourRReach-v0", *effects).reset(seed=0, options={"q": [0.14] * 4, "qd": [0.0] * 4})
-    assert np.arctan2(obs[0], obs[1]) == pytest.approx(expected, abs=1e-6)
+        rate, position = qd[k] @ arm.motor_map, q[k] @ arm.motor_map
+        rates = rate + (rates - rate) * np.exp(-env.unwrapped.scene.control_dt / 0.05)
+        core.memory.write(arm.coordinates, (position + 0.05 * turns * np.sin(position)) @ inverse)
+        core.memory.write(arm.rates, rates @ inverse)
+        np.testing.assert_allclose(read[k], core.observe()[0][0], atol=4e-7)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,138 @@
+"""What disturbing forces at the tip and at joints have in common: their laws, their states, their checks.
+
+A disturbance has up to four parts, each of which is absent unless its numbers are given: a step, a periodic
+force, white noise, and an Ornstein-Uhlenbeck process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from redundant_envs.algebra import exp, physics, sincos, sqrt, where
+from redundant_envs.effects.hooks import State
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, number
+
+ROUNDING = 1e-6
+"""Share of a control interval by which the sum of all intervals so far may differ from the time: rounding
+stays below it for 1e9 intervals."""
+PARTS: Mapping[str, Mapping[str, float | None]] = {
+    "step": {"start": 0.0},
+    "amplitude": {"frequency": None, "phase": 0.0},
+    "density": {},
+    "deviation": {"time_constant": None},
+}
+"""The number that a part begins with -> others that belong to it, and their defaults, None without one."""
+TIMES = "frequency", "time_constant"
+"""Numbers of which there is one, and which must be positive."""
+
+
+@physics
+def step(elapsed, start, control_dt, size):
+    """From the first control interval on that begins at the time ``start`` or later."""
+    return where(elapsed >= start - ROUNDING * control_dt, size, 0.0)
+
+
+@physics
+def later(elapsed, control_dt):
+    return elapsed + control_dt
+
+
+@physics
+def periodic(angle, phase, amplitude):
+    sine, _ = sincos(angle + phase)
+    return amplitude * sine
+
+
+@physics
+def angular_rate(frequency):
+    return 6.283185307179586 * frequency
+
+
+@physics
+def white(density, control_dt, normal1):
+    """Constant in an interval, with a variance that makes the impulse of any time independent of it."""
+    return density / sqrt(control_dt) * normal1
+
+
+@physics
+def wandering(force, deviation, time_constant, control_dt, normal1):
+    """The exact law of an Ornstein-Uhlenbeck process from one instant to another (Gillespie 1996)."""
+    decay = exp(-control_dt / time_constant)
+    return force * decay + deviation * sqrt(1.0 - decay * decay) * normal1
+
+
+@physics
+def stationary(deviation, normal1):
+    return deviation * normal1
+
+
+def clock() -> State:
+    """The time since the start, at the beginning of an interval."""
+    return State("elapsed", "s", update=later, bind={"elapsed": ".elapsed"})
+
+
+def phase_angle() -> State:
+    """The angle of a periodic force without its phase."""
+    return State("angle", "rad", derivative=angular_rate, bind={"frequency": ".frequency"})
+
+
+def white_noise(entry: str, unit: str) -> State:
+    """The force of white noise in an interval; ``entry`` is "[k]"."""
+    bind = {"density": f".density{entry}"}
+    return State(f"white{entry}", unit, update=white, initial=white, bind=bind)
+
+
+def wander(entry: str, unit: str) -> State:
+    """The force of an Ornstein-Uhlenbeck process in an interval; ``entry`` is "[k]"."""
+    name = f"wander{entry}"
+    bind = {"force": f".{name}", "deviation": f".deviation{entry}", "time_constant": ".time_constant"}
+    return State(name, unit, update=wandering, initial=stationary, bind=bind)
+
+
+def check_parts(effect: Any, check: Callable[[str, Any], Any]) -> None:
+    """Check the numbers of a disturbance, by a function of the name of a field and its value, and complete
+    them; ValueError if there is no part, or a number is missing or belongs to none."""
+    kind = type(effect).__name__
+    if all(getattr(effect, part) is None for part in PARTS):
+        raise ValueError(f"{kind} has no part; give one or several of {', '.join(PARTS)}")
+    for part, partners in PARTS.items():
+        present = getattr(effect, part) is not None
+        for field, default in partners.items():
+            given = getattr(effect, field)
+            if given is not None and not present:
+                raise ValueError(
+                    f"{kind}.{field} is {given} without {part}; give {part}, too, or leave it out"
+                )
+            if given is None and present:
+                if default is None:
+                    raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")
+                object.__setattr__(effect, field, default)
+    for field in (name for part, partners in PARTS.items() for name in (part, *partners)):
+        given = getattr(effect, field)
+        if given is not None:
+            object.__setattr__(effect, field, _checked(f"{kind}.{field}", field, given, check))
+
+
+def _checked(where: str, field: str, given: Any, check: Callable[[str, Any], Any]) -> Any:
+    if field == "start":
+        start = number(where, given)
+        if start < 0.0:
+            raise ValueError(f"{where} is {start} s; it must not be negative")
+        return start
+    if field in TIMES:
+        value = number(where, given)
+        if not SMALLEST <= value <= LARGEST:
+            raise ValueError(f"{where} is {value}; it must lie in {SMALLEST:g} to {LARGEST:g}")
+        return value
+    found = check(where, given)
+    entries = found if isinstance(found, tuple) else (found,)
+    if field in ("density", "deviation") and min(entries) < 0.0:
+        raise ValueError(f"{where} has the entry {min(entries)}; it must not be negative")
+    return found
+
+
+def shared_units(effect: Any) -> dict[str, str]:
+    """Units of the numbers of which there is one."""
+    units = {"start": "s", "frequency": "Hz", "time_constant": "s", "phase": "rad"}
+    return {field: unit for field, unit in units.items() if getattr(effect, field) is not None}

@@ -1,0 +1,66 @@
+"""Readings that do not arrive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics, where
+from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
+from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def latest(reading, last, probability, uniform1):
+    """The reading, or the last one that arrived."""
+    return where(uniform1 < probability, last, reading)
+
+
+@physics
+def first(reading):
+    return reading
+
+
+@physics
+def shown(last):
+    return last
+
+
+@dataclass(frozen=True)
+class DroppedSamples(Effect):
+    """Readings that are lost on their way: the last one that arrived is shown again. Motion, reward, ``info``
+    and goals keep the true values.
+
+    Each reading, of each position and each rate, is lost independently of all others. The one at the start of
+    an episode arrives.
+
+    Parameters
+    ----------
+    probability : float or sequence of one for each joint
+        Of the loss of a reading of the joint in a control step, 0 to 1.
+    """
+
+    probability: float | tuple[float, ...]
+
+    of_joints = ("probability",)
+
+    def __post_init__(self) -> None:
+        checked = not_negative("DroppedSamples.probability", self.probability)
+        for k, p in enumerate(checked if isinstance(checked, tuple) else (checked,)):
+            if p > 1.0:
+                entry = f"[{k}]" if isinstance(checked, tuple) else ""
+                raise ValueError(f"DroppedSamples.probability{entry} is {p}; it must lie in 0 to 1")
+        object.__setattr__(self, "probability", checked)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"probability": "1"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._lossy(s, arm) for s in every_sensor(arm))
+
+    def _lossy(self, s: Sensor, arm: Arm) -> Hook:
+        name = f"last_{s.field}[{s.joint}]"
+        bind = {"reading": s.quantity, "last": f".{name}", "probability": f".probability[{s.joint}]"}
+        state = State(name, s.unit(arm), update=latest, initial=first, bind=bind)
+        return Sensing(s.joint, shown, {"last": f".{name}"}, s.reading, (state,))

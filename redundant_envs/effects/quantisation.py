@@ -1,0 +1,48 @@
+"""Sensors that count in steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import floor, physics
+from redundant_envs.effects.hooks import Effect, Hook, Sensing
+from redundant_envs.effects.readings import check_readings, sensors_of, units_of_readings
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import positive
+
+
+@physics
+def counted(reading, resolution):
+    """The nearest whole number of steps; halves go up."""
+    return resolution * floor(reading / resolution + 0.5)
+
+
+@dataclass(frozen=True)
+class Quantisation(Effect):
+    """Readings in whole steps, as those of encoders and converters; motion, reward, ``info`` and goals keep
+    the true values.
+
+    Parameters
+    ----------
+    position : float or sequence of one for each joint, optional
+        Step of the reading of the joint's position, rad (revolute) or m (prismatic), positive.
+    rate : float or sequence of one for each joint, optional
+        Step of the reading of its rate, rad/s or m/s, positive.
+    """
+
+    position: float | tuple[float, ...] | None = None
+    rate: float | tuple[float, ...] | None = None
+
+    of_joints = ("position", "rate")
+
+    def __post_init__(self) -> None:
+        check_readings(self, positive)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_readings(self, arm)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(
+            Sensing(s.joint, counted, {"reading": s.quantity, "resolution": s.number}, s.reading)
+            for s in sensors_of(self, arm)
+        )

@@ -1,0 +1,57 @@
+"""Noise of the sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
+from redundant_envs.effects.readings import Sensor, check_readings, sensors_of, units_of_readings
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@physics
+def noise(deviation, normal1):
+    return deviation * normal1
+
+
+@physics
+def disturbed(reading, noise):
+    return reading + noise
+
+
+@dataclass(frozen=True)
+class SensorNoise(Effect):
+    """Normally distributed errors of the sensors, others in every observation; motion, reward, ``info`` and
+    goals keep the true values.
+
+    The noise of a reading is independent of that of other readings, control steps and environments.
+
+    Parameters
+    ----------
+    position : float or sequence of one for each joint, optional
+        Standard deviation of the reading of the joint's position, rad (revolute) or m (prismatic), not
+        negative.
+    rate : float or sequence of one for each joint, optional
+        Standard deviation of the reading of its rate, rad/s or m/s, not negative.
+    """
+
+    position: float | tuple[float, ...] | None = None
+    rate: float | tuple[float, ...] | None = None
+
+    of_joints = ("position", "rate")
+
+    def __post_init__(self) -> None:
+        check_readings(self, not_negative)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return units_of_readings(self, arm)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._noisy(s, arm) for s in sensors_of(self, arm))
+
+    def _noisy(self, s: Sensor, arm: Arm) -> Hook:
+        error = f"error_of_{s.field}[{s.joint}]"
+        state = State(error, s.unit(arm), update=noise, initial=noise, bind={"deviation": s.number})
+        return Sensing(s.joint, disturbed, {"reading": s.quantity, "noise": f".{error}"}, s.reading, (state,))

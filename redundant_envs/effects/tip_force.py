@@ -1,0 +1,102 @@
+"""A force that disturbs the tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects import disturbances as d
+from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import numbers, strength
+
+AXES = "[0]", "[1]"
+
+
+@physics
+def steps(elapsed, start, control_dt, size_x, size_y):
+    return d.step(elapsed, start, control_dt, size_x), d.step(elapsed, start, control_dt, size_y)
+
+
+@physics
+def oscillating(angle, phase_x, phase_y, amplitude_x, amplitude_y):
+    return d.periodic(angle, phase_x, amplitude_x), d.periodic(angle, phase_y, amplitude_y)
+
+
+@physics
+def drawn(force_x, force_y):
+    return force_x, force_y
+
+
+@dataclass(frozen=True)
+class TipForce(Effect):
+    """A force at the tip that nobody controls. Each part is absent unless it is given; they add.
+
+    Parameters
+    ----------
+    step : (float, float), optional
+        A constant force (x, y), N, from ``start`` on.
+    start : float, optional
+        s, 0 by default: the step begins with the first control interval that begins then or later.
+    amplitude : (float, float), optional
+        Of a periodic force amplitude sin(2 pi frequency t + phase), (x, y), N.
+    frequency : float, optional
+        Its frequency, Hz, positive.
+    phase : float or (float, float), optional
+        Its phase at the start of an episode or motion, rad, 0 by default; a quarter of a turn between x and y
+        makes a force that turns.
+    density : float or (float, float), optional
+        Of white noise, N sqrt(s), not negative: the impulse in a time t has the variance density^2 t. The
+        force is constant in a control interval T, with the standard deviation density / sqrt(T).
+    deviation : float or (float, float), optional
+        Standard deviation of an Ornstein-Uhlenbeck process, N, not negative, from the start on.
+    time_constant : float, optional
+        Time in which its correlation falls to 1/e, s, positive.
+    """
+
+    step: tuple[float, float] | None = None
+    start: float | None = None
+    amplitude: tuple[float, float] | None = None
+    frequency: float | None = None
+    phase: float | tuple[float, float] | None = None
+    density: float | tuple[float, float] | None = None
+    deviation: float | tuple[float, float] | None = None
+    time_constant: float | None = None
+
+    def __post_init__(self) -> None:
+        d.check_parts(self, _pair)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        own = {"step": "N", "amplitude": "N", "density": "N sqrt(s)", "deviation": "N"}
+        own = {field: unit for field, unit in own.items() if getattr(self, field) is not None}
+        return own | d.shared_units(self)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        tip, found = Point(arm.num_masses - 1), []
+        if self.step is not None:
+            own = {"elapsed": ".elapsed", "start": ".start", **_of_axes("size", "step")}
+            found.append(Force(tip, steps, own, states=(d.clock(),)))
+        if self.amplitude is not None:
+            own = {"angle": ".angle", **_of_axes("phase", "phase"), **_of_axes("amplitude", "amplitude")}
+            found.append(Force(tip, oscillating, own, states=(d.phase_angle(),)))
+        if self.density is not None:
+            noise = tuple(d.white_noise(axis, "N") for axis in AXES)
+            found.append(Force(tip, drawn, _of_axes("force", "white"), states=noise))
+        if self.deviation is not None:
+            noise = tuple(d.wander(axis, "N") for axis in AXES)
+            found.append(Force(tip, drawn, _of_axes("force", "wander"), states=noise))
+        return tuple(found)
+
+
+def _of_axes(argument: str, own: str) -> dict[str, str]:
+    """Arguments of both axes, and what they stand for."""
+    return {f"{argument}_{axis}": f".{own}{entry}" for axis, entry in zip("xy", AXES, strict=True)}
+
+
+def _pair(field: str, value: Any) -> tuple[float, ...]:
+    """Numbers of both axes; one stands for both where it is no direction."""
+    plain = not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0
+    if plain and field.partition(".")[2] not in ("step", "amplitude"):
+        value = (value, value)
+    return tuple(strength(f"{field}[{k}]", x) for k, x in enumerate(numbers(field, value, 2)))
