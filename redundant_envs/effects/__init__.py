@@ -6,9 +6,11 @@ from redundant_envs.effects.command_delay import CommandDelay
 from redundant_envs.effects.coulomb_friction import CoulombFriction
 from redundant_envs.effects.dc_motor import DCMotor
 from redundant_envs.effects.dead_zone import DeadZone
+from redundant_envs.effects.disc import Disc
 from redundant_envs.effects.dropped_samples import DroppedSamples
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gravity import Gravity
+from redundant_envs.effects.half_plane import HalfPlane
 from redundant_envs.effects.hooks import (
     Actuation,
     Effect,
@@ -43,8 +45,8 @@ from redundant_envs.effects.torque_speed import TorqueSpeed
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
-    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact",
+    "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone", "Disc",
+    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "HalfPlane", "Impact",
     "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass",
     "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias", "SensorDelay",
     "SensorNoise", "SmoothCoulombFriction", "State", "TipForce", "TorqueSpeed", "ViscousFriction",
@@ -59,9 +61,11 @@ REGISTRY: dict[str, type[Effect]] = {
         CoulombFriction,
         DCMotor,
         DeadZone,
+        Disc,
         DroppedSamples,
         EffortLimits,
         Gravity,
+        HalfPlane,
         JointTorque,
         Lag,
         LimitSpring,
