@@ -147,11 +147,27 @@ def every_effect(arm):
     )  # fmt: skip
 
 
+def bodies(arm):
+    """Loads, links with inertia and springs between parts of the arm."""
+    first, second, *_, last = arm.joints
+    return (
+        e.Payload(0.4), e.LinkInertia(0.03), e.Tether(2, (0.2, 0.1), 40.0, 0.5),
+        e.Tendon((first, second), (0.04, -0.05), 3e3, 4.0), e.TwoStageSpring(last, -0.2, 0.3, 5.0, 60.0),
+    )  # fmt: skip
+
+
+GROUPS = {"bodies": bodies}
+"""Groups of effects that ``every_effect`` does not have: functions of an arm."""
+
+
 def _scenes():
     yield from aimed.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)
+    for name, group in GROUPS.items():
+        yield f"4R {name} rk8", rde.Scene(FOUR_R, (GRAVITY, *group(FOUR_R)), "rk8", 0.01)
+        yield f"RPRP {name} 1e-6", rde.Scene(RPRP, (GRAVITY, *group(RPRP)), tolerance=1e-6)
     for kind in ("4R", "RPRP"):
         for name, effects in USERS.items():
             yield f"{kind} users' {name} 1e-6", rde.Scene(ARMS[kind], (GRAVITY, *effects), tolerance=1e-6)

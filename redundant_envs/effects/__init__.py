@@ -19,17 +19,34 @@ from redundant_envs.effects.hooks import (
     State,
 )
 from redundant_envs.effects.limit_spring import LimitSpring
+from redundant_envs.effects.link_inertia import LinkInertia
+from redundant_envs.effects.payload import Payload
 from redundant_envs.effects.prismatic_stop import PrismaticStop
+from redundant_envs.effects.tendon import Tendon
+from redundant_envs.effects.tether import Tether
+from redundant_envs.effects.two_stage_spring import TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
-    "Inertia", "LimitSpring", "Link", "Point", "PointMass", "PrismaticStop", "Reading", "Sensing", "State",
-    "ViscousFriction",
+    "Inertia", "LimitSpring", "Link", "LinkInertia", "Payload", "Point", "PointMass", "PrismaticStop",
+    "Reading", "Sensing", "State", "Tendon", "Tether", "TwoStageSpring", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
     effect.__name__: effect
-    for effect in (CentringSpring, EffortLimits, Gravity, LimitSpring, PrismaticStop, ViscousFriction)
+    for effect in (
+        CentringSpring,
+        EffortLimits,
+        Gravity,
+        LimitSpring,
+        LinkInertia,
+        Payload,
+        PrismaticStop,
+        Tendon,
+        Tether,
+        TwoStageSpring,
+        ViscousFriction,
+    )
 }
 """Effects by their name in scene files."""

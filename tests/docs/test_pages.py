@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 import yaml
-from markdown import MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
+from markdown import EFFECTS, MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
 
 import redundant_envs as rde
 
@@ -17,7 +17,7 @@ BLOCKS = [
         page, line, block, id=f"{page.stem}-{line}",
         marks=pytest.mark.long if any(word in block for word in SLOW) else (),
     )
-    for page in MANUAL for line, _, block in blocks(page, "python")
+    for page in (*MANUAL, *EFFECTS) for line, _, block in blocks(page, "python")
 ]  # fmt: skip
 OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
 BEHIND = {"RecordVideo": "moviepy", "animate(": "imageio"}
@@ -66,7 +66,7 @@ def test_every_page_of_the_manual_can_be_reached_from_the_readme():
         seen.add(page)
         links = re.findall(r"\]\(([^)#\s]+\.md)", prose(page))
         new |= {(page.parent / link).resolve() for link in links if "://" not in link} - seen
-    assert set(MANUAL) <= seen
+    assert {*MANUAL, *EFFECTS} <= seen
 
 
 def test_the_readme_is_short_and_its_pages_are_not_long():

@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, SCENES, SoftJoint, StiffeningSpring, advanced, every_effect
+from catalogue import FOUR_R, GROUPS, RPRP, SCENES, SoftJoint, StiffeningSpring, advanced, every_effect
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -20,8 +20,9 @@ QD0 = np.array([0.5, -0.6, 0.9, 0.8])
 
 
 def test_every_effect_is_tested():
-    """A new effect of the package joins ``every_effect`` of the catalogue."""
-    used = {type(effect).__name__ for effect in (*every_effect(RPRP), *every_effect(FOUR_R))}
+    """A new effect of the package joins a group of the catalogue."""
+    groups = (every_effect, *GROUPS.values())
+    used = {type(effect).__name__ for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
     assert used == {n for n, x in e.REGISTRY.items() if x.__module__.startswith("redundant_envs.")}
     assert used <= set(e.__all__)
 

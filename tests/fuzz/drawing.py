@@ -15,6 +15,8 @@ TRIES = 50
 """Most draws of numbers until a scene accepts them."""
 MOTORS = "EffortLimits"
 """Environments need it."""
+OF_SLIDERS = "CentringSpring", "PrismaticStop"
+"""Effects with a number for each slider."""
 
 
 def decades(rng, low, high, count=None):
@@ -55,7 +57,7 @@ def weight_of(arm):
 def drawn_effect(rng, kind, arm):
     """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
     n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
-    count = 1 if kind.__name__ == "LimitSpring" else len(arm.sliders())
+    count = len(arm.sliders()) if kind.__name__ in OF_SLIDERS else 1
     if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
         low = size * rng.choice([0.0, 0.0, -0.1, 0.05], count)
         high = low + size * decades(rng, 0.01, 1.0, count)
@@ -71,6 +73,11 @@ def drawn_effect(rng, kind, arm):
         "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),
         "limits": weight * decades(rng, 0.05, 5.0) * unit * rng.uniform(0.2, 1.0, n),
         "coordinate": arm.joints[joint],
+        "joints": rng.choice(arm.joints, 2, replace=False),
+        "moment_arms": 0.05 * rng.choice([-1.0, 1.0], 2),
+        "name": "",
+        "point": rng.integers(arm.num_masses) + 1,
+        "post": size * rng.uniform(-1.0, 1.0, 2),
         "lower": low,
         "upper": high,
         "restitution": rng.choice([0.0, 0.0, 0.3, 0.5, 0.9, 1.0]),
