@@ -13,7 +13,7 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
-from redundant_envs.effects.hooks import Effect, Field, Impact, State, states_of
+from redundant_envs.effects.hooks import Effect, Impact, State, states_of
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import REGISTRY as ARMS
@@ -91,8 +91,6 @@ class Scene:
                 "scene's own robot, and the effects"
             )
         _ = self.loaded_robot  # refuses impossible masses and inertias
-        if len(self.attached.of(Field)) > 1:
-            raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         dt = number("control_dt", self.control_dt)

@@ -20,6 +20,7 @@ from redundant_envs.effects.hooks import (
 )
 from redundant_envs.effects.limit_spring import LimitSpring
 from redundant_envs.effects.link_inertia import LinkInertia
+from redundant_envs.effects.moving_base import MovingBase
 from redundant_envs.effects.payload import Payload
 from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.tendon import Tendon
@@ -29,8 +30,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
-    "Inertia", "LimitSpring", "Link", "LinkInertia", "Payload", "Point", "PointMass", "PrismaticStop",
-    "Reading", "Sensing", "State", "Tendon", "Tether", "TwoStageSpring", "ViscousFriction",
+    "Inertia", "LimitSpring", "Link", "LinkInertia", "MovingBase", "Payload", "Point", "PointMass",
+    "PrismaticStop", "Reading", "Sensing", "State", "Tendon", "Tether", "TwoStageSpring", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -41,6 +42,7 @@ REGISTRY: dict[str, type[Effect]] = {
         Gravity,
         LimitSpring,
         LinkInertia,
+        MovingBase,
         Payload,
         PrismaticStop,
         Tendon,

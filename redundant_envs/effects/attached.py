@@ -15,9 +15,9 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from redundant_envs.algebra import arguments_of, numbered
+from redundant_envs.algebra import ABSENT, arguments_of, numbered, total
 from redundant_envs.effects import REGISTRY, hooks
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, State, states_of
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Force, Hook, Inertia, State, states_of
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
 from redundant_envs.robots.arm import Arm
@@ -147,9 +147,21 @@ class Attachments(tuple[Attached[Hook], ...]):
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
         return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
 
+    @cached_property
+    def constant_fields(self) -> tuple[Attached[Field], ...]:
+        """Fields that follow from parameters alone: these have a potential."""
+        states = self.states.keys()
+        return tuple(a for a in self.of(Field) if states.isdisjoint(a.functions["function"].names))
+
+    @cached_property
+    def moving_fields(self) -> tuple[Attached[Field], ...]:
+        """Fields that change with states of their effects."""
+        return tuple(a for a in self.of(Field) if a not in self.constant_fields)
+
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
-        """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
-        the link. With ``only``, motors without one of these links are left out."""
+        """Moving fields, forces, then the links of motors; while a link is evaluated, its command in ``x`` is
+        the input of the link. With ``only``, motors without one of these links are left out."""
+        yield from self.moving_fields
         yield from self.of(Force)
         for command, chain in self.chains.items():
             if only is not None and not any(link in only for link in chain):
@@ -204,6 +216,12 @@ class Attachments(tuple[Attached[Hook], ...]):
         self.check_inertias(arm, values)
         found = {name: values[name] for _, name in self.inertias}
         return with_inertias(arm, self.inertias, found) if found else arm
+
+
+def field_of(fields: Iterable[Attached[Field]], x: Quantities) -> tuple[Any, Any]:
+    """The sum (ax, ay) of some fields; absent without any."""
+    found = [field.functions["function"](x) for field in fields]
+    return (total(ax for ax, _ in found), total(ay for _, ay in found)) if found else (ABSENT, ABSENT)
 
 
 def _attached(effect: Effect, hook: Any, laws: Iterator[int]) -> Attached[Any]:

@@ -47,6 +47,7 @@ class May(enum.Enum):
     MOTION = "the motion"
     POSITION = "the position"
     OWN_JOINT = "parameters and the position and rate of its own joint"
+    STATES = "parameters and states of its effect"
     PARAMETERS = "parameters"
 
 
@@ -59,8 +60,8 @@ class Rule(NamedTuple):
 
 
 RULES: dict[type, dict[str, Rule]] = {
-    Field: {"function": Rule(2, May.PARAMETERS, "{name} depends on {more}; a uniform field may depend on "
-                             "parameters alone: give a Force at each point for another")},
+    Field: {"function": Rule(2, May.STATES, "{name} depends on {more}; a uniform field may depend on "
+                             "parameters and states of its effect: give a Force at each point for another")},
     Force: {
         "function": Rule(),
         "kink": Rule(),
@@ -287,6 +288,7 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
     allowed = {*arm.parameter_values()}
     allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
     allowed |= {*arm.rates} if may is May.MOTION else set()
+    allowed |= {f".{name}" for name, is_state in own.items() if is_state} if may is May.STATES else set()
     free = {*part.motion} if may is May.OWN_JOINT else set()
     more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
     if more and may is not May.ANYTHING:

@@ -40,11 +40,16 @@ class State:
 
 @dataclass(frozen=True)
 class Field:
-    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2];
-    ``bind`` says what its arguments stand for, see :class:`Effect`."""
+    """A uniform field: the function returns (ax, ay), minus the gravity vector [m/s^2]; those of a scene add.
+
+    A function of parameters alone is a field with a potential. One that takes ``states`` of the effect, such
+    as the acceleration of a moving base, changes with time, and its power counts as work. ``bind`` says what
+    its arguments stand for, see :class:`Effect`.
+    """
 
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -229,7 +234,7 @@ Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
 
 def states_of(hook: Any) -> tuple[State, ...]:
     """The states of a hook."""
-    return hook.states if isinstance(hook, Force | Actuation) else ()
+    return hook.states if isinstance(hook, Field | Force | Actuation) else ()
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, total, where
-from redundant_envs.effects.attached import Attached, EffectStates
+from redundant_envs.algebra import arguments_of, gives_of, maximum, total, where
+from redundant_envs.effects.attached import Attached, EffectStates, field_of
 from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
 from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
@@ -232,15 +232,20 @@ class Dynamics:
         }
         x = Quantities({**parameters, **made}, functions, {})
         made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
-        for a in self.scene.attached.of(Field):
-            if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
-                made["ax"], made["ay"] = a.functions["function"](x)
+        fields, known = self.scene.attached.constant_fields, {*parameters, *self.scene.attached.carried}
+        if fields and all({*a.functions["function"].names} <= known for a in fields):
+            made |= zip(self.steady_field, field_of(fields, x), strict=True)
         if not self.controlled:
             return made
         rates = required_steps.rates_of_parameters(self.scene, x)
         made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
         dampers = required_steps.dampers(self.scene)
         return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
+
+    @property
+    def steady_field(self) -> tuple[str, str]:
+        """Fields of the lane with the uniform field that follows from parameters alone."""
+        return ("steady_ax", "steady_ay") if self.scene.attached.moving_fields else ("ax", "ay")
 
     @cached_property
     def prepared(self) -> tuple[str, ...]:
@@ -287,18 +292,26 @@ class Dynamics:
         held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
+    def set_field(self, x: Quantities) -> None:
+        """The field of the scene, where it does not follow from parameters alone."""
+        if "ax" in self.prepared:
+            return
+        attached, steady = self.scene.attached, self.steady_field
+        known = steady[0] in self.prepared
+        constant = x.each(steady) if known else field_of(attached.constant_fields, x)
+        moving = field_of(attached.moving_fields, x)
+        x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
+
     def accelerations(self, x: Quantities) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces."""
         joints = range(self.count)
-        if "ax" not in self.prepared:
-            x["ax"] = x["ay"] = ABSENT
-            for field in self.scene.attached.of(Field):
-                del x["ax"], x["ay"]
-                x["ax"], x["ay"] = field.functions["function"](x)
+        self.set_field(x)
         effort, changes = self.efforts(x, "derivative")
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
+        for moving in self.scene.attached.of(Field):
+            changes |= moving.changes("derivative", x)
         for a in self.scene.attached.of(Force):
             if a.law and not self.laws:
                 law = self.law_of[a]
@@ -329,10 +342,22 @@ class Dynamics:
         results += [changes[name] for name in self.effect_states.integrated]
         if self.track_work:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
+            power += self._power_of_fields(x)
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(total(power or [0.0]))
         return results
+
+    def _power_of_fields(self, x: Quantities) -> list[Any]:
+        """The power of moving fields, -G qd with the weight G in these fields alone."""
+        fields = self.scene.attached.moving_fields
+        if not fields:
+            return []
+        known = {name: x[name] for name in (*self.arm.coordinates, *self.arm.rates)}
+        known |= {name: x[name] for name in self.numbers if name not in ("ax", "ay")}
+        known["ax"], known["ay"] = field_of(fields, x)
+        alone = Quantities(known, self.functions, self.arm.sincos)
+        return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]
 
     def _add_at_coordinates(
         self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]

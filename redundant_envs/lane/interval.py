@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
-from redundant_envs.effects.hooks import Force
+from redundant_envs.effects.hooks import Actuation
 from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
@@ -114,9 +114,11 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            dynamics.set_field(x)
             _, changes = dynamics.efforts(x, "update")
-            for a in dynamics.scene.attached.of(Force):
-                changes |= a.changes("update", x)
+            for a in dynamics.scene.attached:
+                if not isinstance(a.hook, Actuation):
+                    changes |= a.changes("update", x)
             lane.set(changes, changes.values())
 
     def undo(self, lane: Lane, failed: Any) -> None:

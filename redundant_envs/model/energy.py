@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import Field, Force, Point
+from redundant_envs.effects.attached import Attached, field_of
+from redundant_envs.effects.hooks import Force, Point
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
@@ -24,7 +24,7 @@ def kinetic_energy(scene: Scene, q: Array, qd: Array) -> Array:
 
 
 def potential_energy(scene: Scene, q: Array) -> Array:
-    """Potential energy of the field and of all springs, (...), J."""
+    """Potential energy of the fields that follow from parameters alone and of all springs, (...), J."""
     x = scene_quantities(scene, q)
     springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
     return np.broadcast_to(x["U"] + sum(springs), q.shape[:-1]).astype(np.float64)
@@ -34,7 +34,8 @@ def scene_quantities(
     scene: Scene, q: Array, qd: Array | None = None, parameters: Mapping[str, Any] = MappingProxyType({})
 ) -> Quantities:
     """Quantities that the functions of a scene's hooks take, in motions or at rest, with other ``parameters``
-    if given. States of effects have their initial values; positions choose between the laws of a force."""
+    if given, in the fields that have a potential. States of effects have their initial values; positions
+    choose between the laws of a force."""
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
@@ -46,8 +47,8 @@ def scene_quantities(
     for a in scene.attached.of(Force):
         if a.hook.switch is not None:
             x[a.side] = side_beyond(*x.each((a.hook.motion[0], *map(a.parameter, a.hook.switch))))
-    for field in scene.attached.of(Field):
-        x["ax"], x["ay"] = field.functions["function"](x)
+    if scene.attached.constant_fields:
+        x["ax"], x["ay"] = field_of(scene.attached.constant_fields, x)
     return x
 
 

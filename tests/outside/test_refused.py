@@ -269,7 +269,7 @@ BELOW = "the first must be below the second"
             "travel gives 'top', which is not a number of this effect; it has a, b",
         ),
         # fields and forces
-        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* parameters alone"),
+        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* and states of its effect"),
         (
             effect_of(Force(0, nothing, {"phid_1": "phid2"})),
             "bind has 'phid_1', which no function here takes; they take phi1",
