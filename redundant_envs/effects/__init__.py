@@ -10,6 +10,7 @@ from redundant_envs.effects.hooks import (
     Force,
     Gap,
     Impact,
+    Impulse,
     Inertia,
     Link,
     Point,
@@ -22,6 +23,7 @@ from redundant_envs.effects.limit_spring import LimitSpring
 from redundant_envs.effects.link_inertia import LinkInertia
 from redundant_envs.effects.moving_base import MovingBase
 from redundant_envs.effects.payload import Payload
+from redundant_envs.effects.pick_up import PickUp
 from redundant_envs.effects.prismatic_stop import PrismaticStop
 from redundant_envs.effects.tendon import Tendon
 from redundant_envs.effects.tether import Tether
@@ -30,8 +32,9 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "CentringSpring", "Effect", "EffortLimits", "Field", "Force", "Gap", "Gravity", "Impact",
-    "Inertia", "LimitSpring", "Link", "LinkInertia", "MovingBase", "Payload", "Point", "PointMass",
-    "PrismaticStop", "Reading", "Sensing", "State", "Tendon", "Tether", "TwoStageSpring", "ViscousFriction",
+    "Impulse", "Inertia", "LimitSpring", "Link", "LinkInertia", "MovingBase", "Payload", "PickUp", "Point",
+    "PointMass", "PrismaticStop", "Reading", "Sensing", "State", "Tendon", "Tether", "TwoStageSpring",
+    "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -44,6 +47,7 @@ REGISTRY: dict[str, type[Effect]] = {
         LinkInertia,
         MovingBase,
         Payload,
+        PickUp,
         PrismaticStop,
         Tendon,
         Tether,

@@ -176,11 +176,22 @@ class Attachments(tuple[Attached[Hook], ...]):
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
-        """Masses of the arm to which effects add others: the parameters of those."""
+        """Masses of the arm to which effects add others: the parameters and states of those."""
         loads: dict[str, list[str]] = {}
         for a in self.of(hooks.PointMass):
             loads.setdefault(f"m{a.hook.point.number + 1}", []).append(a.parameter(a.hook.mass))
         return loads
+
+    @cached_property
+    def changing(self) -> dict[str, list[str]]:
+        """Masses of the arm that change between intervals: the states that are parts of them."""
+        parts = {m: [name for name in loads if name in self.states] for m, loads in self.carried.items()}
+        return {mass: states for mass, states in parts.items() if states}
+
+    def moving_masses(self, parameters: Mapping[str, Any], states: Mapping[str, Any]) -> dict[str, Any]:
+        """Masses of the arm to which effects add others, from the numbers of the scene and from states."""
+        known = {**parameters, **states}
+        return {m: total(known[n] for n in (m, *loads)) for m, loads in self.carried.items()}
 
     def check_inertias(self, arm: Arm, values: Mapping[str, Any]) -> None:
         """ValueError if one of the parameters, numbers or arrays of lanes, is a negative inertia, or one so
@@ -210,7 +221,8 @@ class Attachments(tuple[Attached[Hook], ...]):
         if a mass is not positive then, or an inertia negative."""
         if self.carried:
             own = {f"m{k + 1}": mass for k, mass in enumerate(arm.masses)}
-            masses = tuple(sum((values[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
+            known = {**values, **self.states.initial}
+            masses = tuple(sum((known[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
             checked = positive_numbers("masses with what effects add", masses, arm.num_masses, "kg")
             arm = dataclasses.replace(arm, masses=checked)
         self.check_inertias(arm, values)

@@ -24,6 +24,7 @@ from redundant_envs.effects.hooks import (
     Gap,
     Hook,
     Impact,
+    Impulse,
     Inertia,
     Link,
     Point,
@@ -70,6 +71,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
+    Impulse: {"function": Rule()},
     Actuation: {"function": Rule(), "kink": Rule()},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
                            "numbers")},
@@ -84,7 +86,9 @@ RULES: dict[type, dict[str, Rule]] = {
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
 AXES = "function", "conservative"
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
-"""Fields of hooks that name numbers of the effect, none of them a state."""
+"""Fields of hooks that name numbers of the effect, none of them but a mass a state."""
+INTERVAL = "interval"
+"""Argument of a state's update: the length of the interval that ends, s."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
@@ -107,6 +111,7 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
         raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
     called = f"{where} ({kind})"
     own = _own_numbers(called, effect, hooks)
+    _check_masses(called, hooks)
     for n, hook in enumerate(hooks):
         try:
             _check_hook(hook, own, arm)
@@ -151,6 +156,17 @@ def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
                 )
             own[name] = True
     return own
+
+
+def _check_masses(called: str, hooks: Iterable[Hook]) -> None:
+    """Refuse a mass that changes within an interval."""
+    moving = {s.name for hook in hooks for s in states_of(hook) if s.update is None}
+    for hook in hooks:
+        if isinstance(hook, PointMass) and str(hook.mass)[1:] in moving:
+            raise ValueError(
+                f"{called} has the mass {hook.mass!r}, a state with a derivative; give one with an update, "
+                "which changes between intervals"
+            )
 
 
 def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
@@ -215,7 +231,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        _check_own(field, name, [n for n, is_state in own.items() if not is_state])
+        _check_own(field, name, [n for n, is_state in own.items() if not is_state or field == "mass"])
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -237,7 +253,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
 def _check_place(hook: Hook, arm: Arm) -> None:
     """Refuse joints and points that the arm does not have, or where no such hook can be."""
     place: Any = getattr(hook, "joint", getattr(hook, "point", None))
-    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force) and isinstance(place, Point))
+    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force | Impulse) and isinstance(place, Point))
     joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
     if at_point:
         k = getattr(place, "number", place)
@@ -277,7 +293,7 @@ def _check_function(field: str, rule: Rule, part: Any, own: Own, arm: Arm) -> No
     function = getattr(part, field)
     values, name = dialect.check(function), name_of(function)
     roots = dict(_roots(field, function, part, own, arm))
-    at_point = isinstance(part, Force) and isinstance(part.joint, Point)
+    at_point = isinstance(part, Force | Impulse) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted:
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
@@ -324,6 +340,9 @@ def _roots(
         if source.startswith("."):
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
+            continue
+        if isinstance(part, State) and field == "update" and source == INTERVAL:
+            yield source, {source}
             continue
         chosen = source == SIDE and getattr(part, "switch", None) is not None
         try:

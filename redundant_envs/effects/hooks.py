@@ -24,7 +24,8 @@ class State:
     Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``, and
     the value ``initial`` at the start of an episode or a motion. Either ``derivative`` is its rate of change,
     and it is integrated beside the arm's states, or ``update`` is its value after a control interval, from
-    the quantities at the interval's end, and it is constant within the interval. ``rate`` is the largest
+    the quantities at the interval's end and ``interval``, the length of that [s], and it is constant within
+    the interval. ``rate`` is the largest
     change of the derivative per change of the state [1/s], from the parameters alone: error control takes
     steps that are short enough for it. ``bind`` says what arguments stand for, see :class:`Effect`.
     """
@@ -57,6 +58,12 @@ class Point:
     """A point mass of the arm, counted from 0; the last one is the tip."""
 
     number: int
+
+
+def _rates_at(joint: int | Point) -> tuple[str, ...]:
+    if isinstance(joint, Point):
+        return f"vx{joint.number + 1}", f"vy{joint.number + 1}"
+    return (f"phid{joint + 1}",)
 
 
 SIDE = "side"
@@ -116,9 +123,7 @@ class Force:
     @property
     def rates(self) -> tuple[str, ...]:
         """Names of the velocities along which it acts: of the joint, or of the point."""
-        if isinstance(self.joint, Point):
-            return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
-        return (f"phid{self.joint + 1}",)
+        return _rates_at(self.joint)
 
     @property
     def motion(self) -> tuple[str, str]:
@@ -184,11 +189,39 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class Impulse:
+    """An impulse at the start of each control interval, on a joint [N m s or N s] or at a :class:`Point`.
+
+    The function returns it, at a point as (px, py) [N s], from quantities at the end of the interval before,
+    states of its effect and the new commands; 0 changes nothing. The velocities jump by M^-1 J^T p, and the
+    energy that it gives counts as work. A slider at rest that an impulse sends into its stop strikes it.
+    ``bind`` says what arguments stand for, see :class:`Effect`.
+    """
+
+    joint: int | Point
+    function: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
+
+    @property
+    def rates(self) -> tuple[str, ...]:
+        """Names of the velocities along which it acts: of the joint, or of the point."""
+        return _rates_at(self.joint)
+
+
+@dataclass(frozen=True)
 class PointMass:
-    """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg."""
+    """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg.
+
+    The number may be one of the ``states`` of the effect that have an ``update`` and are never negative.
+    Where it grows, an object at rest in the plane joins the point, and the velocities of the arm jump so that
+    M qd stays the same; where it becomes less, an object leaves with the velocity of the point, and the arm
+    moves on as before. The energy that comes and goes counts as work.
+    """
 
     point: Point
     mass: str
+    states: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -229,12 +262,12 @@ class Sensing:
     reading: Reading = Reading.POSITION
 
 
-Hook = Field | Force | Actuation | Impact | Gap | PointMass | Inertia | Sensing
+Hook = Field | Force | Impulse | Actuation | Impact | Gap | PointMass | Inertia | Sensing
 
 
 def states_of(hook: Any) -> tuple[State, ...]:
     """The states of a hook."""
-    return hook.states if isinstance(hook, Field | Force | Actuation) else ()
+    return hook.states if isinstance(hook, Field | Force | Impulse | PointMass | Actuation) else ()
 
 
 @dataclass(frozen=True)
@@ -340,7 +373,7 @@ class Effect:
         travel follow from the hooks; an effect gives its others."""
         found: dict[str, str] = {}
         for hook in self.hooks(arm):
-            if isinstance(hook, PointMass):
+            if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):
                 found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"

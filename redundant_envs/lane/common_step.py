@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary, side_beyond
-from redundant_envs.lane import boundaries, required_steps
+from redundant_envs.lane import boundaries, jumps, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
@@ -138,10 +138,13 @@ class CommonStep:
         self.dynamics, self.boundaries = dynamics, boundaries
 
     def clear(self, lane: Lane) -> None:
-        """Before an interval."""
+        """Before an interval; impulses act then."""
         lane.error = 0.0
-        if not self.dynamics.local:
-            return
+        if self.dynamics.local:
+            self._clear_counts(lane)
+        jumps.strike(self.dynamics, lane)
+
+    def _clear_counts(self, lane: Lane) -> None:
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False

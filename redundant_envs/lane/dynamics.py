@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, maximum, total, where
+from redundant_envs.algebra import arguments_of, gives_of, maximum, physics, total, where
 from redundant_envs.effects.attached import Attached, EffectStates, field_of
-from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Point
+from redundant_envs.effects.hooks import Field, Force, Gap, Impact, Impulse, Point
 from redundant_envs.events.boundary import Boundary, side_beyond
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks, required_steps
@@ -163,7 +165,9 @@ class Dynamics:
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and not self.controlled and self.scene.substeps > 1 else "{}_start"
+        several = not self.controlled and self.scene.substeps > 1
+        jumps = bool(self.scene.attached.of(Impulse))
+        return "{}_interval" if self.local and (several or jumps) else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -226,13 +230,17 @@ class Dynamics:
         """Quantities that follow from the parameters alone, to be computed when these are set."""
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
+        changing = self.scene.attached.changing
+        # Without the masses that may come: with these no joint is more mobile.
         made: dict[str, Any] = {
-            mass: total(parameters[name] for name in (self.field_of(mass), *loads))
+            mass: total(parameters[n] for n in (self.field_of(mass), *loads) if n in parameters)
             for mass, loads in self.scene.attached.carried.items()
         }
         x = Quantities({**parameters, **made}, functions, {})
-        made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
-        fields, known = self.scene.attached.constant_fields, {*parameters, *self.scene.attached.carried}
+        made = {mass: value for mass, value in made.items() if mass not in changing}
+        if not changing:
+            made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
+        fields, known = self.scene.attached.constant_fields, {*parameters, *made}
         if fields and all({*a.functions["function"].names} <= known for a in fields):
             made |= zip(self.steady_field, field_of(fields, x), strict=True)
         if not self.controlled:
@@ -254,9 +262,11 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Quantities that are constant in a step: parameters, and what is prepared from them; without the
-        numbers of error control, which no function takes."""
-        return tuple(n for n in (*self.parameters, *self.prepared) if not OF_ERROR_CONTROL.match(n))
+        """Quantities that are constant in a step: parameters, what is prepared from them, and masses that
+        change between intervals; without the numbers of error control, which no function takes."""
+        masses = itertools.chain.from_iterable(self.scene.attached.changing.values())
+        found = (*self.parameters, *self.prepared, *masses)
+        return tuple(n for n in found if not OF_ERROR_CONTROL.match(n))
 
     def efforts(self, x: Quantities, change: str) -> tuple[list[Any], dict[str, Any]]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states."""
@@ -281,8 +291,20 @@ class Dynamics:
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
-        added = self.scene.attached.inertias
-        return functions_with(self.arm.__class__, added) if added else tuple(self.arm.functions)
+        added, (*own,) = self.scene.attached.inertias, self.arm_functions
+        if not added:
+            return tuple(own)
+        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :])
+
+    @property
+    def arm_functions(self) -> tuple[Callable[..., Any], ...]:
+        """Equations of the arm, and sums of its masses that change."""
+        carried, changing = self.scene.attached.carried, self.scene.attached.changing
+        if not changing:
+            return tuple(self.arm.functions)
+        sums = [total_mass(mass, (self.field_of(mass), *carried[mass])) for mass in changing]
+        prepared = [f for f in self.arm.prepared if f not in self.arm.functions]
+        return (*self.arm.functions, *prepared, *sums)
 
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
@@ -369,6 +391,17 @@ class Dynamics:
                     slope = x[f"{axis}{at.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
                         forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
+
+
+@functools.lru_cache(maxsize=64)
+def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
+    """A mass of the arm with all that it carries."""
+
+    @physics(gives=mass, takes=parts)
+    def total_mass(*masses: Any) -> Any:
+        return total(masses)
+
+    return total_mass  # type: ignore[no-any-return]
 
 
 def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:

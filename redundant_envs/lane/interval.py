@@ -11,6 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import Actuation
+from redundant_envs.lane import jumps
 from redundant_envs.lane.boundaries import Boundaries, known_numbers
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import Dynamics
@@ -113,13 +114,15 @@ class Interval:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
-            x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            known = {**known_numbers(dynamics, lane), "interval": lane.interval}
+            x = dynamics.quantities(lane.get(dynamics.states), known)
             dynamics.set_field(x)
             _, changes = dynamics.efforts(x, "update")
             for a in dynamics.scene.attached:
                 if not isinstance(a.hook, Actuation):
                     changes |= a.changes("update", x)
             lane.set(changes, changes.values())
+            jumps.exchange(dynamics, lane, x)
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""

@@ -18,16 +18,34 @@ from redundant_envs.scene import Scene
 Array = NDArray[np.float64]
 
 
-def kinetic_energy(scene: Scene, q: Array, qd: Array) -> Array:
-    """Kinetic energy, (...), J."""
-    return scene.loaded_robot.kinetic_energy(q, qd)
+def kinetic_energy(scene: Scene, q: Array, qd: Array, z: Array | None = None) -> Array:
+    """Kinetic energy, (...), J; ``z`` are states of effects, (..., states), with which masses may change, by
+    default those at the start of a motion."""
+    if z is None or not scene.attached.changing:
+        return scene.loaded_robot.kinetic_energy(q, qd)
+    x = scene_quantities(scene, q, qd, _masses(scene, z))
+    return np.broadcast_to(x["T"], q.shape[:-1]).astype(np.float64)
 
 
-def potential_energy(scene: Scene, q: Array) -> Array:
-    """Potential energy of the fields that follow from parameters alone and of all springs, (...), J."""
-    x = scene_quantities(scene, q)
+def weight_energy(scene: Scene, q: Array, z: Array | None = None) -> Array:
+    """Potential energy of the fields that follow from parameters alone, (...), J."""
+    x = scene_quantities(scene, q, parameters=_masses(scene, z))
+    return np.broadcast_to(x["U"], q.shape[:-1]).astype(np.float64)
+
+
+def potential_energy(scene: Scene, q: Array, z: Array | None = None) -> Array:
+    """The same, and the potential energy of all springs, (...), J."""
+    x = scene_quantities(scene, q, parameters=_masses(scene, z))
     springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
     return np.broadcast_to(x["U"] + sum(springs), q.shape[:-1]).astype(np.float64)
+
+
+def _masses(scene: Scene, z: Array | None) -> dict[str, Array]:
+    """Masses of the arm that effects change, from states of effects, (..., states)."""
+    if z is None or not scene.attached.changing:
+        return {}
+    states = {name: z[..., k] for k, name in enumerate(scene.attached.states)}
+    return scene.attached.moving_masses(scene.parameters(), states)
 
 
 def scene_quantities(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from redundant_envs.backends.torch import number, torch
+from redundant_envs.lane import jumps
 from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.direct import cross_interval, fields_of
 from redundant_envs.lane.dynamics import Dynamics
@@ -76,12 +77,15 @@ def torch_step(scene: Scene) -> Step:
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.effect_states.updated},
         }
+        start = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
+        jumps.strike(dynamics, start)
         steps = number(float(scene.substeps))
         if scene.tolerance is not None:
             with torch.no_grad():
                 now = dict(zip(dynamics.states, states, strict=True))
                 crossed = cross_interval(interval, {**fields, **now})
                 steps = number(crossed["divisions"]).clamp(min=1.0)
+        states = start.get(dynamics.states)
         h = fields["interval"] / steps
         for k in range(int(steps.max())):
             now = dict(zip(dynamics.states, states, strict=True))
@@ -90,7 +94,7 @@ def torch_step(scene: Scene) -> Step:
             states = [torch.where(k < steps, x, y) for x, y in zip(new, states, strict=True)]
         lane = Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
         interval.update_effect_states(lane)
-        states += [number(lane[n]) for n in of_effects]
+        states = [number(lane[n]) for n in (*dynamics.states[: 2 * count], *of_effects)]
         wide = torch.broadcast_tensors(*states)
         moved = torch.stack(wide[:count], -1), torch.stack(wide[count : 2 * count], -1)
         return (*moved, torch.stack(wide[-len(of_effects) :], -1)) if of_effects else moved
