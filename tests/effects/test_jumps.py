@@ -55,6 +55,20 @@ class Blow(e.Effect):
         return (e.Impulse(self.place, knock, {n: bind[n] for n in ("ready", "y")}, (state,)),)
 
 
+in_turn = physics(lambda ready: 1.0 - ready)
+
+
+class LaterBlow(Blow):
+    """The same at the start of the second interval."""
+
+    key = "blow"
+
+    def hooks(self, arm):
+        (hook,) = super().hooks(arm)
+        (state,) = hook.states
+        return (dataclasses.replace(hook, states=(dataclasses.replace(state, update=in_turn, initial=0.0),)),)
+
+
 # ---- impulses ------------------------------------------------------------------------------------------
 
 
@@ -97,10 +111,15 @@ def test_an_impulse_of_zero_changes_no_bit(steps):
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restitution):
-    """Gravity presses 2 kg onto the lower stop; the motor would hold them 1 m above it."""
-    effects = e.Gravity(2.0, (-1.0, 0.0)), e.PrismaticStop((0.0,), (1.0,), restitution), Blow(0, 0.0, 0.0)
+    """Gravity presses 2 kg onto the lower stop, where they have come to rest in the interval before."""
+    effects = (
+        e.Gravity(2.0, (-1.0, 0.0)),
+        e.PrismaticStop((0.0,), (1.0,), restitution),
+        LaterBlow(0, 0.0, 0.0),
+    )
     scene = rde.Scene(rde.Chain("P", (2.0,)), effects, control_dt=0.1, **steps)
-    found, status = advanced(scene, np.zeros((3, 1)), np.zeros((3, 1)), None, {"blow.y": [0.0, 0.6, -0.6]})
+    change = {"blow.y": [0.0, 0.6, -0.6]}
+    found, status = advanced(scene, np.zeros((3, 1)), np.zeros((3, 1)), None, change, intervals=2)
     assert not status.numerics.any()
     assert found.q[0, 0] == found.qd[0, 0] == 0.0
     expected = [0.3 * 0.1 - 0.5 * 2.0 * 0.01, max(restitution * 0.3 * 0.1 - 0.01, 0.0)]
