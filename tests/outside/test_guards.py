@@ -54,9 +54,10 @@ def test_an_interval_in_which_a_law_changes_keeps_its_tolerance(arm, effect, tol
     assert error.max() < tolerance
 
 
-def test_locating_a_change_of_law_takes_few_evaluations():
+@pytest.mark.parametrize("curve", [SpeedCurve(), e.TorqueSpeed(10.0, 8.0)], ids=lambda x: type(x).__name__)
+def test_locating_a_change_of_law_takes_few_evaluations(curve):
     """With watched kinks a curve of torque and speed takes 813 evaluations in such intervals."""
-    made, rng = scene(FOUR_R, SpeedCurve()), np.random.default_rng(3)
+    made, rng = scene(FOUR_R, curve), np.random.default_rng(3)
     batch, _ = advanced(made, *start(FOUR_R, 512, 5)[:2], intervals=0)
     batch.set_state(batch.q, 0.0 * batch.qd)
     counts = []
