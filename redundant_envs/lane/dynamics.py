@@ -269,7 +269,7 @@ class Dynamics:
     @property
     def controlled(self) -> bool:
         """Whether error control chooses the steps."""
-        return self.control is not Control.FIXED
+        return self.scene.controlled
 
     @property
     def local(self) -> bool:

@@ -31,7 +31,7 @@ SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
 LATE_ERROR = 0.02
 """Fraction of the tolerance that the tip may be off since a change of a law was found late."""
 MOST_LATE_SHARE = 1e-3
-"""Fraction of a planned step by which it may be late at most: laws may agree by chance where the step ends."""
+"""Fraction of a planned step by which it may be late at most: laws may agree by chance where a step ends."""
 
 
 class Request(enum.Enum):

@@ -130,6 +130,12 @@ REFUSED = {
     "a second side of a guard with one value": (
         Actuation(0, physics(lambda x, side2: x * side2), {"x": "phi1"}, guard=physics(lambda x: x)), "side2",
     ),
+    "laws by side without a guard": (
+        Actuation(0, physics(lambda x: x), {"x": "command1"}, by_side=uses_side), "by_side is given without",
+    ),
+    "a side where others are by side": (
+        Actuation(0, uses_side, {"x": "command1"}, guard=physics(lambda x: x), by_side=uses_side), "side",
+    ),
     "switch and guard": (
         Force(0, uses_side, {"x": "phi1"}, switch=(".low", ".high"), guard=physics(lambda x: x)),
         "switch and guard",
