@@ -177,7 +177,18 @@ def dry_friction(arm):
     return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
 
 
-GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction, "disturbed": disturbed}
+def gears(arm):
+    """Motors behind gears with backlash."""
+    return (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
+
+
+GROUPS = {
+    "motors": motors,
+    "gears": gears,
+    "delays": delays,
+    "stiction": dry_friction,
+    "disturbed": disturbed,
+}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

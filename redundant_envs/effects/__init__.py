@@ -8,6 +8,7 @@ from redundant_envs.effects.dc_motor import DCMotor
 from redundant_envs.effects.dead_zone import DeadZone
 from redundant_envs.effects.dropped_samples import DroppedSamples
 from redundant_envs.effects.effort_limits import EffortLimits
+from redundant_envs.effects.gear_backlash import GearBacklash
 from redundant_envs.effects.gravity import Gravity
 from redundant_envs.effects.hooks import (
     Actuation,
@@ -44,10 +45,11 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
-    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "Gravity", "Impact",
-    "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link", "LuGre", "Play", "Point", "PointMass",
-    "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias", "SensorDelay",
-    "SensorNoise", "SmoothCoulombFriction", "State", "TipForce", "TorqueSpeed", "ViscousFriction",
+    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "GearBacklash",
+    "Gravity", "Impact", "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link", "LuGre",
+    "Play", "Point", "PointMass", "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading",
+    "Sensing", "SensorBias", "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "TipForce",
+    "TorqueSpeed", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -61,6 +63,7 @@ REGISTRY: dict[str, type[Effect]] = {
         DeadZone,
         DroppedSamples,
         EffortLimits,
+        GearBacklash,
         Gravity,
         JointTorque,
         Lag,

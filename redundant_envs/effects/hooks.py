@@ -198,6 +198,7 @@ class Link(enum.IntEnum):
     LAG = 3
     TORQUE_SPEED = 4
     LIMITS = 5
+    GEAR = 6
 
 
 @dataclass(frozen=True)
