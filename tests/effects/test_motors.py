@@ -242,35 +242,3 @@ def test_wrong_numbers_are_refused(said):
     with pytest.raises(ValueError) as error:
         REFUSED[said]()
     assert said in str(error.value)
-
-
-def test_closed_forms_are_solutions_of_their_derivatives():
-    """Their slope in time is the derivative, at the values that they give; at time 0 they keep the value."""
-    numbers = {
-        "rate": 3.0,
-        "command": 0.7,
-        "effort": 0.2,
-        "current": 0.2,
-        "bristle": 1e-3,
-        "time_constant": 0.1,
-    }
-    numbers |= {"resistance": R, "inductance": L, "constant": K, "gear": N, "voltage": 24.0}
-    numbers |= {"stiffness": 50.0, "coulomb": 0.5, "stiction": 0.8, "stribeck_speed": 1.0}
-    for effect, own in (
-        (e.Lag(0.1), "effort"),
-        (MOTOR, "current"),
-        (e.LuGre(50.0, 0.0, 0.0, 0.5, 0.8), "bristle"),
-    ):
-        state = next(iter(effect.fitted(ONE).states(ONE).values()))
-
-        def value(function, own=own, **changed):
-            code = function.__code__
-            known = {**numbers, **changed}
-            return function(*(known[name] for name in code.co_varnames[: code.co_argcount]))
-
-        assert value(state.closed, elapsed=0.0) == pytest.approx(numbers[own], rel=1e-15)
-        for t in (1e-5, 1e-3, 0.05):
-            d = 1e-4 * t
-            slope = (value(state.closed, elapsed=t + d) - value(state.closed, elapsed=t - d)) / (2.0 * d)
-            now = value(state.closed, elapsed=t)
-            assert slope == pytest.approx(value(state.derivative, **{own: now}), rel=1e-5, abs=1e-9)
