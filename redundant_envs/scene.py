@@ -216,7 +216,12 @@ class Scene:
     @functools.cached_property
     def attached(self) -> Attachments:
         """The hooks of the effects, bound to names of quantities."""
-        return Attachments.to(self.robot, self.effects)
+        return Attachments.to(self.robot, self.effects, self.controlled)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether error control chooses the steps."""
+        return self.tolerance is not None or self.integrator == "dop853"
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "attached"}

@@ -187,8 +187,14 @@ def bodies(arm):
     )  # fmt: skip
 
 
+def gears(arm):
+    """Motors behind gears with backlash."""
+    return (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
+
+
 GROUPS = {
     "motors": motors,
+    "gears": gears,
     "delays": delays,
     "stiction": dry_friction,
     "disturbed": disturbed,

@@ -20,6 +20,7 @@ from redundant_envs import dialect
 from redundant_envs.algebra import ABSENT, arguments_of, numbered, total, where
 from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.effects import REGISTRY, hooks
+from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import (
     Actuation,
     Effect,
@@ -184,13 +185,42 @@ class Attachments(tuple[Attached[Hook], ...]):
     """Fields of the commanded efforts."""
 
     @classmethod
-    def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
-        """The hooks of effects on an arm."""
+    def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> Attachments:
+        """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
         switches, guards = itertools.count(1), itertools.count(1)
-        every = ((effect, hook) for effect in effects for hook in effect.hooks(arm))
-        made = cls(_attached(effect, hook, switches, guards) for effect, hook in every)
+        every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
+        made = cls._of([_attached(effect, hook, switches, guards) for effect, hook in every], arm)
+        located = made._locating(arm) if controlled else ()
+        if not located:
+            return made
+        return cls._of([_locating(a, guards) if a in located else a for a in made], arm)
+
+    @classmethod
+    def _of(cls, every: Iterable[Attached[Any]], arm: Arm) -> Attachments:
+        made = cls(every)
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
+
+    def _locating(self, arm: Arm) -> set[Attached[Any]]:
+        """Links with another law for each side of a guard whose commands change within an interval."""
+        found: set[Attached[Any]] = set()
+        for command, chain in self.chains.items():
+            moves = False
+            for link in chain:
+                if moves and link.hook.by_side is not None:
+                    found.add(link)
+                names = link.functions["function"].names
+                moves = any(moves if n == command else self._moves(n, arm) for n in names)
+        return found
+
+    def _moves(self, name: str, arm: Arm) -> bool:
+        """Whether a quantity that a link takes changes within an interval: no number, instant or state that
+        is updated at the end of an interval does."""
+        if name in self.states:
+            return name in self.states.integrated
+        if "." in name or name == hooks.CONTROL_DT or name.startswith(("passed_", "side_")):
+            return False
+        return not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
 
     def of(self, *kinds: type[Kind]) -> tuple[Attached[Kind], ...]:
         """Hooks of some kinds."""
@@ -410,9 +440,18 @@ def _check_streams(states: Iterable[tuple[str, str]]) -> None:
             )
 
 
+def _locating(a: Attached[Any], numbers: Iterator[int]) -> Attached[Any]:
+    """A link with the law for each side of its guard in place of its function."""
+    hook = dataclasses.replace(a.hook, function=a.hook.by_side, by_side=None)
+    return _attached(a.effect, hook, iter(()), numbers)
+
+
 def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
-    guard = getattr(hook, "guard", None)
+    used = hook
+    if getattr(hook, "by_side", None) is not None:
+        used = dataclasses.replace(hook, guard=None, by_side=None)
+    guard = getattr(used, "guard", None)
     guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
     laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
 
@@ -441,7 +480,7 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
         }
 
     states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
-    return Attached(effect, hook, bound(hook), states, law, guards)
+    return Attached(effect, hook, bound(used), states, law, guards)
 
 
 def _called(field: str, part: Any) -> str:

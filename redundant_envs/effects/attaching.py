@@ -83,7 +83,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "damping": Rule(1, May.OWN_JOINT),
     },
     Impulse: {"function": Rule()},
-    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
+    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS), "by_side": Rule()},
     Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
                              "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
@@ -287,7 +287,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
     if isinstance(hook, Actuation):
-        _check_units(hook)
+        _check_link(hook)
     for part in (hook, *states_of(hook)):
         allowed = _Allowed(part, hook, own, arm)
         if isinstance(part, State):
@@ -325,14 +325,17 @@ def _check_closed(state: State) -> None:
             )
 
 
-def _check_units(hook: Actuation) -> None:
-    """Refuse units of a link that are no text, and one that it gives without one that it takes."""
+def _check_link(hook: Actuation) -> None:
+    """Refuse units of a link that are no text, one that it gives without one that it takes, and laws of a
+    guard that it does not have."""
     for field in ("takes", "gives"):
         unit = getattr(hook, field)
         if not isinstance(unit, str) or unit != unit.strip():
             raise ValueError(
                 f"{field} is {unit!r:.80}; give a unit such as 'V', or '' for that of the command"
             )
+    if hook.by_side is not None and hook.guard is None:
+        raise ValueError("by_side is given without a guard; give the guard whose sides it takes")
     if hook.gives and not hook.takes:
         raise ValueError(
             f"gives is {hook.gives!r} without takes; name the unit of the command, too, takes='rad/s'"
@@ -479,9 +482,19 @@ def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
     if source == SIDE and getattr(hook, "switch", None) is not None:
         return roots_of(hook.motion[0], arm)
     guard = getattr(hook, "guard", None)
-    if guard is None or field == "guard" or source not in sides(dialect.check(guard)):
+    if (
+        guard is None
+        or field == "guard"
+        or (field == "function" and _by_side(hook))
+        or source not in sides(dialect.check(guard))
+    ):
         return frozenset()
     return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
+
+
+def _by_side(hook: Any) -> bool:
+    """Whether another function than that of a link takes the sides of its guard."""
+    return getattr(hook, "by_side", None) is not None
 
 
 def _check_own(where: str, source: Any, own: Iterable[str]) -> None:

@@ -207,6 +207,7 @@ class Link(enum.IntEnum):
     LAG = 3
     TORQUE_SPEED = 4
     LIMITS = 5
+    GEAR = 6
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,9 @@ class Actuation:
     first of these links takes. A chain whose units do not meet is refused.
 
     Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
-    chain.
+    chain. With ``by_side`` the guard counts only under error control, and only where the command of the link
+    changes within an interval: then ``by_side``, which may take ``side``, stands for ``function``, which
+    takes none, so that other scenes do not pay for the guard.
     """
 
     joint: int
@@ -233,6 +236,7 @@ class Actuation:
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
     guard: Callable[..., Any] | None = None
+    by_side: Callable[..., Any] | None = None
     takes: str = ""
     gives: str = ""
 

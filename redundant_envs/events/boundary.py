@@ -67,6 +67,11 @@ class Boundary:
         return f"pull_{self.name}"
 
     @property
+    def left(self) -> str:
+        """The field that says whether a guard has passed 0 where the trial step starts."""
+        return f"left_{self.name}"
+
+    @property
     def rest(self) -> str:
         """The field with the position at which a joint with dry friction sticks."""
         return f"rest_{self.name}"

@@ -208,6 +208,11 @@ class Dynamics:
         return [(k, float(-s / row[b.joint])) for k, s in enumerate(row) if s != 0.0 and k != b.joint]
 
     @property
+    def weighs_laws(self) -> bool:
+        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
+        return bool(self.guarded) and self.scene.tolerance is not None
+
+    @property
     def impulses_change_laws(self) -> bool:
         """Whether an impulse may change the sign of a guard."""
         return bool(self.guarded and self.stops)
@@ -273,7 +278,7 @@ class Dynamics:
     @property
     def controlled(self) -> bool:
         """Whether error control chooses the steps."""
-        return self.control is not Control.FIXED
+        return self.scene.controlled
 
     @property
     def local(self) -> bool:

@@ -232,6 +232,11 @@ def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield from copies((b.side, b.pull), "{}_start", "before the common step")
         yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
         yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+    if dynamics.weighs_laws:
+        yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
+        yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)
+        for b in dynamics.guards:
+            yield Field(b.left, "", "has passed 0 where the trial step starts", SCRATCH, truth=True)
     if dynamics.impulses_change_laws:
         yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
 
