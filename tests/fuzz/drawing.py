@@ -13,6 +13,8 @@ ARMS = ((RPRP, 2), (FourR, 4))
 """Arms and their numbers of lengths."""
 TRIES = 50
 """Most draws of numbers until a scene accepts them."""
+SHARES = 0.05, 0.2, 0.5
+"""Parts of the effects that a scene has: one or two of them, a handful, a dozen."""
 MOTORS = "EffortLimits"
 """Environments need it."""
 
@@ -94,7 +96,7 @@ def drawn_effect(rng, kind, arm):
 def drawn_effects(rng, arm, needed=(), dt=0.02):
     """Any subset of the registered effects that fit an arm, a control interval and each other; limit springs
     at a random number of joints."""
-    share = rng.choice([0.3, 0.6, 1.0])
+    share = rng.choice(SHARES)
     chosen = []
     for name, kind in own_effects().items():
         if name not in needed and not rng.random() < share:
