@@ -9,7 +9,7 @@ import dataclasses
 import enum
 import functools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
@@ -282,7 +282,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        _check_own(field, name, [n for n, is_state in own.items() if not is_state])
+        _check_own(field, name, {n: False for n, is_state in own.items() if not is_state})
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -486,10 +486,10 @@ def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
     return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
 
 
-def _check_own(where: str, source: Any, own: Iterable[str]) -> None:
+def _check_own(where: str, source: Any, own: Collection[str]) -> None:
     """Refuse the name of a number that the effect does not have."""
-    valid = [f".{name}" for name in own]
-    if not isinstance(source, str) or source not in valid:
+    if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
+        valid = [f".{name}" for name in own]
         raise ValueError(
             f"{where}: {source!r} is not a number of this effect; it has {', '.join(valid) or 'none'}"
         )
