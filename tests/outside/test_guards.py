@@ -44,9 +44,16 @@ def errors(made, state):
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 @pytest.mark.parametrize(
-    "effect", [SpeedCurve(), HalfBrake(3.0), LooseGear()], ids=lambda x: type(x).__name__
+    ("arm", "effect"),
+    [
+        pytest.param(FOUR_R, SpeedCurve(), id="4R-SpeedCurve"),
+        pytest.param(FOUR_R, HalfBrake(3.0), id="4R-HalfBrake"),
+        pytest.param(FOUR_R, LooseGear(), id="4R-LooseGear"),
+        pytest.param(RPRP, SpeedCurve(), id="RPRP-SpeedCurve"),
+        pytest.param(RPRP, HalfBrake(3.0), id="RPRP-HalfBrake", marks=pytest.mark.long),
+        pytest.param(RPRP, LooseGear(), id="RPRP-LooseGear"),
+    ],
 )
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 def test_an_interval_in_which_a_law_changes_keeps_its_tolerance(arm, effect, tolerance):
     made = scene(arm, effect, tolerance=tolerance)
     error, _, flagged = errors(made, start(arm, 64 if isinstance(effect, LooseGear) else 512, seed=11))
@@ -93,7 +100,7 @@ def test_at_fixed_steps_the_sign_at_each_stage_selects_the_law():
 
 
 def test_a_lane_with_guards_does_not_depend_on_its_neighbours_and_can_be_saved():
-    made, (q, qd, efforts) = scene(RPRP, SpeedCurve(), LooseGear()), start(RPRP, 24, seed=6)
+    made, (q, qd, efforts) = scene(FOUR_R, SpeedCurve(), LooseGear()), start(FOUR_R, 24, seed=6)
     whole, _ = advanced(made, q, qd, efforts, intervals=2)
     alone, _ = advanced(made, q[7:8], qd[7:8], efforts[7:8])
     kept = rde.BatchSimulator(made, 1)
