@@ -17,7 +17,6 @@ from redundant_envs.effects.hooks import (
     COMMAND,
     MOST_INSTANTS,
     Effect,
-    Field,
     Friction,
     Gap,
     Impact,
@@ -120,8 +119,6 @@ class Scene:
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        if len(self.attached.of(Field)) > 1:
-            raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if len(instants := self.attached.instants) > MOST_INSTANTS:
             owners = ", ".join(a.key for a in instants)
             raise ValueError(

@@ -177,7 +177,23 @@ def dry_friction(arm):
     return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
 
 
-GROUPS = {"motors": motors, "delays": delays, "stiction": dry_friction, "disturbed": disturbed}
+def bodies(arm):
+    """Loads, links with inertia, springs between parts of the arm, a base that shakes, an object to grasp."""
+    first, second, *_, last = arm.joints
+    return (
+        e.Payload(0.4), e.LinkInertia(0.03), e.Tether(2, (0.2, 0.1), 40.0, 0.5),
+        e.Tendon((first, second), (0.04, -0.05), 3e3, 4.0), e.TwoStageSpring(last, -0.2, 0.3, 5.0, 60.0),
+        e.MovingBase((0.01, -0.02), 9.0), e.PickUp(0.3, 0.05),
+    )  # fmt: skip
+
+
+GROUPS = {
+    "motors": motors,
+    "delays": delays,
+    "stiction": dry_friction,
+    "disturbed": disturbed,
+    "bodies": bodies,
+}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

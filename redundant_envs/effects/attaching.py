@@ -32,6 +32,7 @@ from redundant_envs.effects.hooks import (
     Gap,
     Hook,
     Impact,
+    Impulse,
     Inertia,
     Instant,
     Link,
@@ -57,6 +58,7 @@ class May(enum.Enum):
     MOTION = "the motion"
     POSITION = "the position"
     OWN_JOINT = "parameters and the position and rate of its own joint"
+    STATES = "parameters and states of its effect"
     PARAMETERS = "parameters"
 
 
@@ -69,8 +71,8 @@ class Rule(NamedTuple):
 
 
 RULES: dict[type, dict[str, Rule]] = {
-    Field: {"function": Rule(2, May.PARAMETERS, "{name} depends on {more}; a uniform field may depend on "
-                             "parameters alone: give a Force at each point for another")},
+    Field: {"function": Rule(2, May.STATES, "{name} depends on {more}; a uniform field may depend on "
+                             "parameters and states of its effect: give a Force at each point for another")},
     Force: {
         "function": Rule(),
         "kink": Rule(),
@@ -80,6 +82,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
+    Impulse: {"function": Rule()},
     Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
     Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
                              "parameters and on speed, the size of the rate of its joint")},
@@ -103,7 +106,7 @@ AXES = "function", "conservative"
 TAKING_DRAWS = "update", "initial"
 """Functions of states that may take draws."""
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
-"""Fields of hooks that name numbers of the effect, none of them a state."""
+"""Fields of hooks that name numbers of the effect, none of them but a mass a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
@@ -146,6 +149,7 @@ def _check_attached(where: str, effect: Effect, arm: Arm) -> None:
         raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
     called = f"{where} ({kind})"
     own = _own_numbers(called, effect, hooks)
+    _check_masses(called, hooks)
     for n, hook in enumerate(hooks):
         try:
             _check_hook(hook, own, arm)
@@ -220,6 +224,17 @@ def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
             )
 
 
+def _check_masses(called: str, hooks: Iterable[Hook]) -> None:
+    """Refuse a mass that changes within an interval."""
+    moving = {s.name for hook in hooks for s in states_of(hook) if s.update is None}
+    for hook in hooks:
+        if isinstance(hook, PointMass) and str(hook.mass)[1:] in moving:
+            raise ValueError(
+                f"{called} has the mass {hook.mass!r}, a state with a derivative; give one with an update, "
+                "which changes between intervals"
+            )
+
+
 def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
     """ValueError if ends of a travel, or positions at which a force changes its law, are in the wrong order,
     or if an impact would create energy; in a scene, and in each lane."""
@@ -282,7 +297,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        _check_own(field, name, {n: False for n, is_state in own.items() if not is_state})
+        own_numbers = {n: False for n, is_state in own.items() if not is_state or field == "mass"}
+        _check_own(field, name, own_numbers)
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -347,7 +363,7 @@ def _check_units(hook: Actuation) -> None:
 def _check_place(hook: Hook, arm: Arm) -> None:
     """Refuse joints and points that the arm does not have, or where no such hook can be."""
     place: Any = getattr(hook, "joint", getattr(hook, "point", None))
-    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force) and isinstance(place, Point))
+    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force | Impulse) and isinstance(place, Point))
     joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
     if at_point:
         k = getattr(place, "number", place)
@@ -401,7 +417,7 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     if field == "guard" and values > MOST_GUARDS:
         raise ValueError(f"guard {name} returns {values} values; it may return {MOST_GUARDS} at most")
     roots = dict(_roots(field, function, known))
-    at_point = isinstance(part, Force) and isinstance(part.joint, Point)
+    at_point = isinstance(part, Force | Impulse) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted and field != "guard":
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
@@ -412,6 +428,9 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     allowed = {*arm.parameter_values()}
     allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
     allowed |= {*arm.rates} if may is May.MOTION else set()
+    allowed |= (
+        {f".{name}" for name, is_state in known.own.items() if is_state} if may is May.STATES else set()
+    )
     free = {*part.motion} if may is May.OWN_JOINT else set()
     if isinstance(part, Sensing):
         free |= {source for source in roots if source.startswith(".")}  # states of its effect

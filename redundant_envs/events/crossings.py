@@ -14,9 +14,9 @@ from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
 
 NEARLY_0 = 1e-4
-"""Value of a guard at an end of a step, in units of its range in the step, that is nearly 0, as after a passage
-that was found late, or before one in the next step: one to and fro between this end and the stage beside it has
-at most a thousandth of that range."""
+"""Value of a guard at an end of a step, in units of its range in the step, that is nearly 0, as after a
+passage that was found late, or before one in the next step: one to and fro between this end and the stage
+beside it has at most a thousandth of that range."""
 
 
 class Crossing(enum.IntEnum):
@@ -92,8 +92,8 @@ def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
 def may_pass(w: Watched, overshoot: Overshoot) -> Any:
     """Whether a guard may be positive at a stage of a step, or between two of them, by more than rounding.
 
-    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage; nor is the
-    last value of one that only gets to 0.
+    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage; nor is
+    the last value of one that only gets to 0.
     """
     size = w.most - w.least
     at_end = (w.most == w.first) | (w.most == w.last)

@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
-from redundant_envs.lane import coordinates, pieces, required_steps
+from redundant_envs.lane import coordinates, jumps, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
@@ -163,14 +163,17 @@ class CommonStep:
         self.dynamics, self.boundaries = dynamics, boundaries
 
     def clear(self, lane: Lane) -> None:
-        """Before an interval."""
+        """Before an interval; impulses act then."""
         lane.error = 0.0
         if self.dynamics.instants:
             pieces.clear(self.dynamics, lane)
-        if not self.dynamics.local:
-            if self.dynamics.instants:
-                lane.evaluations = 0.0
-            return
+        if self.dynamics.local:
+            self._clear_counts(lane)
+        elif self.dynamics.instants:
+            lane.evaluations = 0.0
+        jumps.strike(self.dynamics, lane)
+
+    def _clear_counts(self, lane: Lane) -> None:
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False

@@ -21,7 +21,7 @@ def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: A
     """Quantities of the arm from the fields of a form, by its functions and ``more``."""
     arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
     known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
+    return Quantities(known, (*dynamics.arm_functions, *more), arm.sincos, numbers_of(dynamics, lane))
 
 
 def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
     arm = dynamics.arm
     assert b.gap is not None
     known = dict(zip(arm.coordinates, coordinates, strict=True))
-    return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
+    return dual(b.gap(Quantities(known, dynamics.arm_functions, arm.sincos, numbers)))
 
 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import CONTROL_DT
+from redundant_envs.lane import jumps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
@@ -100,8 +101,10 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            dynamics.set_field(x)
             changes = dynamics.changes(x, "update", lane)
             lane.set(changes, changes.values())
+            jumps.exchange(dynamics, lane, x)
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 
