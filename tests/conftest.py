@@ -8,7 +8,7 @@ FOLDER = Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(FOLDER))
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
-COLLECTION_THRESHOLDS = 1_000_000, 20, 100
+COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again was 14 % of all tests."""
