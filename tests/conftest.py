@@ -11,7 +11,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
-again and again was 14 % of all tests."""
+again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
 
 
 def pytest_collection_finish():
