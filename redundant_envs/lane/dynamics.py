@@ -482,11 +482,15 @@ class Dynamics:
     def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
         """Values of effects' states at a start, by their fields, of those that are computed then."""
         x.update(self._drawn("initial", lane))
+        return self.begun(x) | sensing.renewed(self.scene.attached, "initial", x)
+
+    def begun(self, x: Quantities) -> dict[str, Any]:
+        """Those of them that no sensor has, from quantities that have the draws."""
         changes: dict[str, Any] = {}
         for a in self.scene.attached:
             if not isinstance(a.hook, Sensing):
                 changes |= a.changes("initial", x)
-        return changes | sensing.renewed(self.scene.attached, "initial", x)
+        return changes
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
         """The draws that functions of states take, by the names of quantities: of the start, or of the next

@@ -229,8 +229,15 @@ def test_an_armature_adds_to_the_inertia_of_its_joint():
 # ---- all of them on all arms -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
-@pytest.mark.parametrize("kind", ["4R", "RPRP", "PPR"])
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [
+        ("4R", {"integrator": "rk8", "substeps": 4}),
+        ("RPRP", {"tolerance": 1e-6}),
+        ("PPR", {"tolerance": 1e-6}),
+    ],
+    ids=str,
+)
 def test_a_scene_with_all_motors_moves_is_plain_data_and_closes_its_energy_book(kind, how):
     arm = ARMS[kind]
     n = len(arm.joints)

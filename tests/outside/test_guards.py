@@ -44,8 +44,17 @@ def errors(made, state):
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
-@pytest.mark.parametrize("effect", [SpeedCurve(), HalfBrake(3.0), GEAR], ids=lambda x: type(x).__name__)
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
+@pytest.mark.parametrize(
+    ("arm", "effect"),
+    [
+        pytest.param(FOUR_R, SpeedCurve(), id="4R-SpeedCurve"),
+        pytest.param(FOUR_R, HalfBrake(3.0), id="4R-HalfBrake"),
+        pytest.param(FOUR_R, GEAR, id="4R-GearBacklash"),
+        pytest.param(RPRP, SpeedCurve(), id="RPRP-SpeedCurve"),
+        pytest.param(RPRP, HalfBrake(3.0), id="RPRP-HalfBrake", marks=pytest.mark.long),
+        pytest.param(RPRP, GEAR, id="RPRP-GearBacklash"),
+    ],
+)
 def test_an_interval_in_which_a_law_changes_keeps_its_tolerance(arm, effect, tolerance):
     made = scene(arm, effect, tolerance=tolerance)
     error, _, flagged = errors(made, start(arm, 64 if effect is GEAR else 512, seed=11))
