@@ -27,6 +27,8 @@ MOST_SEARCHED = 500
 SEARCH = Search._fields
 SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
 """Fraction of a planned step by which a change of a law may be found late."""
+SHARE_OF_BOUNCES = 1 / 64
+"""Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
 
 class Request(enum.Enum):
@@ -162,8 +164,7 @@ class LaneProgram:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.guards.stick_or_slip
-            if resolve(lane):
+            if self.boundaries.resolve(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
@@ -203,7 +204,10 @@ class LaneProgram:
         moves the tip by a metre at most by what the laws differ."""
         if self.dynamics.scene.tolerance is None:
             return SMALLEST_LATE_SHARE
-        return maximum(minimum(lane.tip_tolerance, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
+        share = lane.tip_tolerance
+        if self.dynamics.gripped:
+            share = share * SHARE_OF_BOUNCES
+        return maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last
@@ -257,7 +261,7 @@ class LaneProgram:
         met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
-        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
+        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b.holds}
         if self.dynamics.stops:
             self.move(lane, piece.time)
         lane.set(tuple(exact), list(exact.values()))
