@@ -17,8 +17,6 @@ from redundant_envs.effects.hooks import (
     COMMAND,
     MOST_INSTANTS,
     Effect,
-    Friction,
-    Gap,
     Impact,
     State,
     states_of,
@@ -96,13 +94,6 @@ class Scene:
             )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
-        dry, hard = self.attached.of(Friction), (*impacts, *self.attached.of(Gap))
-        if dry and hard:
-            raise ValueError(
-                f"effects has {type(dry[0].effect).__name__} and {type(hard[0].effect).__name__}: joints "
-                "that stick and hard stops do not go together yet; give one a smooth form, such as "
-                "SmoothCoulombFriction or LimitSpring"
-            )
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)

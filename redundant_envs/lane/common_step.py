@@ -89,6 +89,8 @@ def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
+    if b in dynamics.stops and dynamics.sticking:
+        return x[f"qdd{b.number}"]
     if b.bounces:
         return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)

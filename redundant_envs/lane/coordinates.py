@@ -11,7 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, where
 from redundant_envs.dual import Dual, dual
-from redundant_envs.events.boundary import Boundary
+from redundant_envs.events.boundary import Boundary, side_touched
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
@@ -79,7 +79,13 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)}
+    at = {b.at: side_of_stop(dynamics, stop, lane) for b, stop in dynamics.gripped}
+    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)} | at
+
+
+def side_of_stop(dynamics: Dynamics, stop: Boundary, lane: Lane, form: str = "{}") -> Any:
+    """Side of the stop that a joint touches, in the state in the fields of a form."""
+    return side_touched(*motion(dynamics, stop, lane, form), 0.0, lane[stop.lower], lane[stop.upper])
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:

@@ -141,8 +141,8 @@ class Dynamics:
 
     @cached_property
     def holding(self) -> tuple[Boundary, ...]:
-        """Stops that can hold their sliders."""
-        return tuple(b for b in self.stops if b.joint is not None)
+        """Stops that hold their sliders by themselves; with friction, that decides."""
+        return () if self.sticking else tuple(b for b in self.stops if b.joint is not None)
 
     @cached_property
     def active(self) -> tuple[str, ...]:
@@ -178,28 +178,43 @@ class Dynamics:
 
     @cached_property
     def frictions(self) -> dict[int, list[Attached[Friction]]]:
-        """Dry friction by the numbers of its joints, in their order."""
+        """Dry friction by the numbers of its joints."""
         found: dict[int, list[Attached[Friction]]] = {}
-        for a in sorted(self.scene.attached.of(Friction), key=lambda a: a.hook.joint):
+        for a in self.scene.attached.of(Friction):
             found.setdefault(a.hook.joint, []).append(a)
         return found
 
     @cached_property
     def sticking(self) -> tuple[Boundary, ...]:
-        """Joints that stick and slip, in their order."""
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any, those
+        with stops, which hold a joint in one direction."""
+        if not self.frictions:
+            return ()
+        owners = {k: b.owner for k, b in self.stop_of.items()}
+        owners |= {k: some[0].key for k, some in self.frictions.items()}
         return tuple(
-            Boundary(f"friction{k + 1}", "", "", some[0].key, k, bounces=False, guards=True)
-            for k, some in self.frictions.items()
+            Boundary(f"friction{k + 1}", "", "", owners[k], k, bounces=False, guards=True)
+            for k in sorted(owners)
         )
+
+    @cached_property
+    def stop_of(self) -> dict[int, Boundary]:
+        """Stops by the numbers of their joints."""
+        return {b.joint: b for b in self.stops if b.joint is not None}
+
+    @property
+    def gripped(self) -> tuple[tuple[Boundary, Boundary], ...]:
+        """Joints that stick and slip, and their stops, of those that have some."""
+        return tuple((b, self.stop_of[b.joint]) for b in self.sticking if b.joint in self.stop_of)
 
     def friction_limit(self, b: Boundary, x: Quantities, speed: Any) -> Any:
         """Largest force of the friction of a joint at a speed, N m or N."""
         assert b.joint is not None
         limits = []
-        for a in self.frictions[b.joint]:
+        for a in self.frictions.get(b.joint, ()):
             function = a.functions["limit"]
             limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
-        return total(limits)
+        return total(limits or [0.0])
 
     def others_of_joint(self, b: Boundary) -> list[tuple[int, float]]:
         """The other coordinates from which that of a joint follows while it sticks, and their shares."""
@@ -253,7 +268,11 @@ class Dynamics:
             if held is None:
                 loads = total(abs(x[f"t{k + 1}"]) for k in range(self.count))
                 most = TORN_LOOSE * self.friction_limit(b, x, 0.0) + LOST_IN_LOADS * loads
-                stuck = abs(x[f"hold{b.number}"]) - most
+                hold = x[f"hold{b.number}"]
+                load = abs(hold)
+                if b.joint in self.stop_of:  # which holds it in one direction, whatever that takes
+                    load = where(x[b.at] == 0.0, load, x[b.at] * hold)
+                stuck = load - most
             else:
                 stuck = held[b.name]
             found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
@@ -597,7 +616,7 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
-        for b in self.sticking:
+        for b in (b for b in self.sticking if b.joint in self.frictions):
             rate = f"phid{b.number}"
             friction = -(x[b.side] * self.friction_limit(b, x, x[b.side] * x[rate]))
             acting[rate] = _plus(acting[rate], friction)

@@ -203,7 +203,7 @@ def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
         if b in dynamics.holding:
             yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
             yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
-        else:
+        elif b.joint is None:
             yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
             yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
             for v in rates:
@@ -226,6 +226,8 @@ def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
         yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
         yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
+    for b, _ in dynamics.gripped:
+        yield Field(f"limit_{b.name}", "N m or N", "of the friction at rest", SCRATCH)
     for b in dynamics.guards:
         yield Field(b.side, "", "which law holds: 1 or -1; 0 of a joint that sticks", SCRATCH)
         yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)

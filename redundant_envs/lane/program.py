@@ -32,6 +32,8 @@ LATE_ERROR = 0.02
 """Fraction of the tolerance that the tip may be off since a change of a law was found late."""
 MOST_LATE_SHARE = 1e-3
 """Fraction of a planned step by which it may be late at most: laws may agree by chance where a step ends."""
+SHARE_OF_BOUNCES = 1 / 64
+"""Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
 
 class Request(enum.Enum):
@@ -167,8 +169,7 @@ class LaneProgram:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.guards.stick_or_slip
-            if resolve(lane):
+            if self.boundaries.resolve(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
@@ -210,7 +211,10 @@ class LaneProgram:
         moves the tip by a metre at most by what the laws differ; more where they differ little."""
         if self.dynamics.scene.tolerance is None:
             return SMALLEST_LATE_SHARE
-        least = maximum(minimum(lane.tip_tolerance, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
+        share = lane.tip_tolerance
+        if self.dynamics.gripped:
+            share = share * SHARE_OF_BOUNCES
+        least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
         if b.sticks:
             return least
         allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
@@ -269,7 +273,7 @@ class LaneProgram:
         met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
-        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
+        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b.holds}
         if self.dynamics.stops:
             self.move(lane, piece.time)
         lane.set(tuple(exact), list(exact.values()))
