@@ -27,6 +27,9 @@ MOST_SEARCHED = 500
 SEARCH = Search._fields
 SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
 """Fraction of a planned step by which a change of a law may be found late."""
+PASSES_OF_FRICTION = 8
+"""Times as many resolutions with stops and dry friction: of the contacts and of the modes, each twice at an
+impact and twice where a slider turns."""
 SHARE_OF_BOUNCES = 1 / 64
 """Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
@@ -160,7 +163,7 @@ class LaneProgram:
             lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= contacts.MOST_CHANGES:
+            if lane.changes >= self.most_changes:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
@@ -169,6 +172,11 @@ class LaneProgram:
                     lane.resolving = False
                 self.start_here(lane)
                 return True
+
+    @property
+    def most_changes(self) -> int:
+        """Most resolutions of an interval; with more it is given up."""
+        return contacts.MOST_CHANGES * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
