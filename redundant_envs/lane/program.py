@@ -167,7 +167,7 @@ class LaneProgram:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            if self.boundaries.resolve(lane):
+            if self.boundaries.decide(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
