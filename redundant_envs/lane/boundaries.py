@@ -212,15 +212,15 @@ class Boundaries:
             return lane[f"mobility_{rates[of.joint]}_{by.name}"]
         return total(lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates)
 
-    def resolve(self, lane: Lane) -> Any:
+    def decide(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, and then which joints stick; whether the motion goes on."""
         dynamics = self.dynamics
         if not dynamics.stops:
             return self.guards.stick_or_slip(lane)
-        settled = self._resolve_contacts(lane)
+        settled = self.resolve(lane)
         return self.guards.stick_or_slip(lane, settled) if dynamics.sticking else settled
 
-    def _resolve_contacts(self, lane: Lane) -> Any:
+    def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
         dynamics, stops = self.dynamics, self.dynamics.stops
         touching = [

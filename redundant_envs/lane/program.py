@@ -32,6 +32,9 @@ LATE_ERROR = 0.02
 """Fraction of the tolerance that the tip may be off since a change of a law was found late."""
 MOST_LATE_SHARE = 1e-3
 """Fraction of a planned step by which it may be late at most: laws may agree by chance where a step ends."""
+PASSES_OF_FRICTION = 8
+"""Times as many resolutions with stops and dry friction: of the contacts and of the modes, each twice at an
+impact and twice where a slider turns."""
 SHARE_OF_BOUNCES = 1 / 64
 """Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
@@ -165,15 +168,20 @@ class LaneProgram:
             lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= contacts.MOST_CHANGES:
+            if lane.changes >= self.most_changes:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            if self.boundaries.resolve(lane):
+            if self.boundaries.decide(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
                 return True
+
+    @property
+    def most_changes(self) -> int:
+        """Most resolutions of an interval; with more it is given up."""
+        return contacts.MOST_CHANGES * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
