@@ -43,18 +43,17 @@ def errors(made, state):
     return np.linalg.norm(apart, axis=1), status.evaluations, status.numerics != 0
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 @pytest.mark.parametrize(
-    ("arm", "effect"),
+    ("arm", "effect", "tolerance"),
     [
-        pytest.param(FOUR_R, SpeedCurve(), id="4R-SpeedCurve"),
-        pytest.param(FOUR_R, HalfBrake(3.0), id="4R-HalfBrake"),
-        pytest.param(FOUR_R, GEAR, id="4R-GearBacklash"),
-        pytest.param(RPRP, SpeedCurve(), id="RPRP-SpeedCurve"),
-        pytest.param(RPRP, HalfBrake(3.0), id="RPRP-HalfBrake", marks=pytest.mark.long),
-        pytest.param(RPRP, GEAR, id="RPRP-GearBacklash"),
+        pytest.param(
+            arm, effect, tolerance, id=f"{arm.kind}-{type(effect).__name__}-{tolerance}",
+            marks=[pytest.mark.long] * (arm is RPRP and (tolerance != 1e-6 or type(effect) is HalfBrake)),
+        )
+        for arm in (FOUR_R, RPRP) for effect in (SpeedCurve(), HalfBrake(3.0), GEAR)
+        for tolerance in (1e-4, 1e-6, 1e-9)
     ],
-)
+)  # fmt: skip
 def test_an_interval_in_which_a_law_changes_keeps_its_tolerance(arm, effect, tolerance):
     made = scene(arm, effect, tolerance=tolerance)
     error, _, flagged = errors(made, start(arm, 64 if effect is GEAR else 512, seed=11))

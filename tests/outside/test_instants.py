@@ -28,6 +28,8 @@ STEPS = {
     "1e-6": {"tolerance": 1e-6},
     "dop853": {"integrator": "dop853"},
 }
+LATER = "dop853", "rk4, 3 substeps"
+"""Of an arm with stops these take long; one without has them."""
 ON = pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 LATE_AND_SAMPLED = LateCommand(0.007), SampledBrake(0.5, 0.6), e.Lag(0.03)
 """Two instants of an interval, and a state that steps integrate: one scene, compiled once, for all tests."""
@@ -269,8 +271,15 @@ def test_lanes_that_are_not_finite_end_alone():
 # ---- everywhere alike ----------------------------------------------------------------------------------
 
 
-@BOTH
-@ON
+@pytest.mark.parametrize(
+    ("arm", "steps"),
+    [
+        pytest.param(
+            arm, steps, id=f"{arm.kind}, {how}", marks=[pytest.mark.long] * (arm is RPRP and how in LATER)
+        )
+        for arm in (FOUR_R, RPRP) for how, steps in STEPS.items()
+    ],
+)  # fmt: skip
 def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
     scene = with_effects(bare(arm, **steps), *LATE_AND_SAMPLED)
     batch, commands = simulators(scene, lanes=4)
