@@ -17,9 +17,6 @@ from redundant_envs.effects.hooks import (
     COMMAND,
     MOST_INSTANTS,
     Effect,
-    Field,
-    Friction,
-    Gap,
     Impact,
     State,
     states_of,
@@ -97,13 +94,6 @@ class Scene:
             )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one slider; combine them into one")
-        dry, hard = self.attached.of(Friction), (*impacts, *self.attached.of(Gap))
-        if dry and hard:
-            raise ValueError(
-                f"effects has {type(dry[0].effect).__name__} and {type(hard[0].effect).__name__}: joints "
-                "that stick and hard stops do not go together yet; give one a smooth form, such as "
-                "SmoothCoulombFriction or LimitSpring"
-            )
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)
@@ -120,8 +110,6 @@ class Scene:
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        if len(self.attached.of(Field)) > 1:
-            raise ValueError("effects has two uniform fields; combine them into one Gravity")
         if len(instants := self.attached.instants) > MOST_INSTANTS:
             owners = ", ".join(a.key for a in instants)
             raise ValueError(
@@ -219,7 +207,12 @@ class Scene:
     @functools.cached_property
     def attached(self) -> Attachments:
         """The hooks of the effects, bound to names of quantities."""
-        return Attachments.to(self.robot, self.effects)
+        return Attachments.to(self.robot, self.effects, self.controlled)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether error control chooses the steps."""
+        return self.tolerance is not None or self.integrator == "dop853"
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "attached"}

@@ -49,8 +49,9 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
     for effect in scene.effects:
         if any(p.startswith(f"{effect.key}.") for p in changed):
             _check_effect(scene, effect, values)
+    known: dict[str, Any] = {**values, **scene.attached.states.initial}
     for mass, loads in scene.attached.carried.items():
-        total = sum((values[name] for name in loads), values[mass])
+        total = sum((known[name] for name in loads), values[mass])
         _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
     scene.attached.check_inertias(scene.robot, values)
     if task is not None and task.parameters().keys() & changed:

@@ -187,10 +187,30 @@ def obstacles(arm):
     )
 
 
+def bodies(arm):
+    """Loads, links with inertia, springs between parts of the arm, a base that shakes, an object to grasp."""
+    first, second, *_, last = arm.joints
+    return (
+        e.Payload(0.4), e.LinkInertia(0.03), e.Tether(2, (0.2, 0.1), 40.0, 0.5),
+        e.Tendon((first, second), (0.04, -0.05), 3e3, 4.0), e.TwoStageSpring(last, -0.2, 0.3, 5.0, 60.0),
+        e.MovingBase((0.01, -0.02), 9.0), e.PickUp(0.3, 0.05),
+    )  # fmt: skip
+
+
+def gears(arm):
+    """Motors behind gears with backlash."""
+    return (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
+
+
 GROUPS = {
-    "motors": motors, "delays": delays, "stiction": dry_friction, "disturbed": disturbed,
+    "motors": motors,
+    "gears": gears,
+    "delays": delays,
+    "stiction": dry_friction,
+    "disturbed": disturbed,
+    "bodies": bodies,
     "obstacles": obstacles,
-}  # fmt: skip
+}
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 
 

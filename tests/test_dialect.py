@@ -18,7 +18,9 @@ from redundant_envs.algebra import PRIMITIVES, gives_of, is_physics, physics
 from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 
-PLACES = ("algebra", "ranges", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed")
+PLACES = (
+    "algebra", "draws", "ranges", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed",
+)  # fmt: skip
 PACKAGE = Path(redundant_envs.__file__).parent
 
 

@@ -14,10 +14,12 @@ STATES, SEED = 64, 11
 CHECKS = [c for c in checks_in(Mode.STANDARD) if c.family != "environments"]
 OF_ENVIRONMENTS = [c for c in checks_in(Mode.STANDARD) if c.family == "environments"]
 LONG = names(
-    "PPR every *", "RPPP every *", "PRPRP every *", "RRR every * rk8", "RP every * rk8",
-    "RPRP every * rk8", "PRPRP stops *", "RPPP stops 1e-9", "RP stops *", "stops 1e-6, *elastic",
+    "PPR every *", "RPPP every *", "PRPRP every *", "RRR every *", "RP every *",
+    "RPRP every * rk8", "4R every * rk8", "4R disturbed rk8", "4R stiction rk8", "PRPRP stops *",
+    "RPPP stops *",
+    "stops euler", "stops rk4, *", "RP stops *", "stops 1e-6, *elastic",
     "stops rk8, half elastic", "stops on one side *", "RPRP users' [!a]* 1e-6", "RPRP users' all rk4",
-    "4R users' all 1e-6", "4R users' [dlp]* 1e-6",
+    "4R users' all 1e-6", "4R users' [dlp]* 1e-6", "RPRP motors 1e-6",
 )  # fmt: skip
 """Scenes that take long to compile or to judge: others hold each of their checks on each of their arms,
 methods and effects."""

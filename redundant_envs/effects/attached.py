@@ -17,10 +17,21 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, numbered, where
+from redundant_envs.algebra import ABSENT, arguments_of, numbered, total, where
 from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.effects import REGISTRY, hooks
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Inertia, Instant, State, states_of
+from redundant_envs.effects.attaching import roots_of
+from redundant_envs.effects.hooks import (
+    Actuation,
+    Effect,
+    Field,
+    Force,
+    Hook,
+    Inertia,
+    Instant,
+    State,
+    states_of,
+)
 from redundant_envs.events.boundary import side_beyond
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
@@ -174,13 +185,42 @@ class Attachments(tuple[Attached[Hook], ...]):
     """Fields of the commanded efforts."""
 
     @classmethod
-    def to(cls, arm: Arm, effects: Sequence[Effect]) -> Attachments:
-        """The hooks of effects on an arm."""
+    def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> Attachments:
+        """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
         switches, guards = itertools.count(1), itertools.count(1)
-        every = ((effect, hook) for effect in effects for hook in effect.hooks(arm))
-        made = cls(_attached(effect, hook, switches, guards) for effect, hook in every)
+        every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
+        made = cls._of([_attached(effect, hook, switches, guards) for effect, hook in every], arm)
+        located = made._locating(arm) if controlled else ()
+        if not located:
+            return made
+        return cls._of([_locating(a, guards) if a in located else a for a in made], arm)
+
+    @classmethod
+    def _of(cls, every: Iterable[Attached[Any]], arm: Arm) -> Attachments:
+        made = cls(every)
         made.commands = tuple(numbered("command{}", len(arm.joints)))
         return made
+
+    def _locating(self, arm: Arm) -> set[Attached[Any]]:
+        """Links with another law for each side of a guard whose commands change within an interval."""
+        found: set[Attached[Any]] = set()
+        for command, chain in self.chains.items():
+            moves = False
+            for link in chain:
+                if moves and link.hook.by_side is not None:
+                    found.add(link)
+                names = link.functions["function"].names
+                moves = any(moves if n == command else self._moves(n, arm) for n in names)
+        return found
+
+    def _moves(self, name: str, arm: Arm) -> bool:
+        """Whether a quantity that a link takes changes within an interval: no number, instant or state that
+        is updated at the end of an interval does."""
+        if name in self.states:
+            return name in self.states.integrated
+        if "." in name or name == hooks.CONTROL_DT or name.startswith(("passed_", "side_")):
+            return False
+        return not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
 
     def of(self, *kinds: type[Kind]) -> tuple[Attached[Kind], ...]:
         """Hooks of some kinds."""
@@ -259,9 +299,21 @@ class Attachments(tuple[Attached[Hook], ...]):
         parts = (part for a in self for part in (a.functions, *a.states.values()))
         return any(name in bound.names for part in parts for bound in part.values())
 
+    @cached_property
+    def constant_fields(self) -> tuple[Attached[Field], ...]:
+        """Fields that follow from parameters alone: these have a potential."""
+        states = self.states.keys()
+        return tuple(a for a in self.of(Field) if states.isdisjoint(a.functions["function"].names))
+
+    @cached_property
+    def moving_fields(self) -> tuple[Attached[Field], ...]:
+        """Fields that change with states of their effects."""
+        return tuple(a for a in self.of(Field) if a not in self.constant_fields)
+
     def along(self, x: Quantities, only: Iterable[Any] | None = None) -> Iterator[Attached[Any]]:
-        """Forces, then the links of motors; while a link is evaluated, its command in ``x`` is the input of
-        the link. With ``only``, motors without one of these links are left out."""
+        """Moving fields, forces, then the links of motors; while a link is evaluated, its command in ``x`` is
+        the input of the link. With ``only``, motors without one of these links are left out."""
+        yield from self.moving_fields
         yield from self.of(Force)
         for command, chain in self.chains.items():
             if only is not None and not any(link in only for link in chain):
@@ -276,11 +328,22 @@ class Attachments(tuple[Attached[Hook], ...]):
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
-        """Masses of the arm to which effects add others: the parameters of those."""
+        """Masses of the arm to which effects add others: the parameters and states of those."""
         loads: dict[str, list[str]] = {}
         for a in self.of(hooks.PointMass):
             loads.setdefault(f"m{a.hook.point.number + 1}", []).append(a.parameter(a.hook.mass))
         return loads
+
+    @cached_property
+    def changing(self) -> dict[str, list[str]]:
+        """Masses of the arm that change between intervals: the states that are parts of them."""
+        parts = {m: [name for name in loads if name in self.states] for m, loads in self.carried.items()}
+        return {mass: states for mass, states in parts.items() if states}
+
+    def moving_masses(self, parameters: Mapping[str, Any], states: Mapping[str, Any]) -> dict[str, Any]:
+        """Masses of the arm to which effects add others, from the numbers of the scene and from states."""
+        known = {**parameters, **states}
+        return {m: total(known[n] for n in (m, *loads)) for m, loads in self.carried.items()}
 
     def check_inertias(self, arm: Arm, values: Mapping[str, Any]) -> None:
         """ValueError if one of the parameters, numbers or arrays of lanes, is a negative inertia, or one so
@@ -310,12 +373,19 @@ class Attachments(tuple[Attached[Hook], ...]):
         if a mass is not positive then, or an inertia negative."""
         if self.carried:
             own = {f"m{k + 1}": mass for k, mass in enumerate(arm.masses)}
-            masses = tuple(sum((values[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
+            known = {**values, **self.states.initial}
+            masses = tuple(sum((known[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
             checked = positive_numbers("masses with what effects add", masses, arm.num_masses, "kg")
             arm = dataclasses.replace(arm, masses=checked)
         self.check_inertias(arm, values)
         found = {name: values[name] for _, name in self.inertias}
         return with_inertias(arm, self.inertias, found) if found else arm
+
+
+def field_of(fields: Iterable[Attached[Field]], x: Quantities) -> tuple[Any, Any]:
+    """The sum (ax, ay) of some fields; absent without any."""
+    found = [field.functions["function"](x) for field in fields]
+    return (total(ax for ax, _ in found), total(ay for _, ay in found)) if found else (ABSENT, ABSENT)
 
 
 def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) -> str:
@@ -370,9 +440,18 @@ def _check_streams(states: Iterable[tuple[str, str]]) -> None:
             )
 
 
+def _locating(a: Attached[Any], numbers: Iterator[int]) -> Attached[Any]:
+    """A link with the law for each side of its guard in place of its function."""
+    hook = dataclasses.replace(a.hook, function=a.hook.by_side, by_side=None)
+    return _attached(a.effect, hook, iter(()), numbers)
+
+
 def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
-    guard = getattr(hook, "guard", None)
+    used = hook
+    if getattr(hook, "by_side", None) is not None:
+        used = dataclasses.replace(hook, guard=None, by_side=None)
+    guard = getattr(used, "guard", None)
     guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
     laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
 
@@ -401,7 +480,7 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
         }
 
     states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
-    return Attached(effect, hook, bound(hook), states, law, guards)
+    return Attached(effect, hook, bound(used), states, law, guards)
 
 
 def _called(field: str, part: Any) -> str:

@@ -9,7 +9,7 @@ import dataclasses
 import enum
 import functools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
 from redundant_envs import dialect
@@ -32,6 +32,7 @@ from redundant_envs.effects.hooks import (
     Gap,
     Hook,
     Impact,
+    Impulse,
     Inertia,
     Instant,
     Link,
@@ -57,6 +58,7 @@ class May(enum.Enum):
     MOTION = "the motion"
     POSITION = "the position"
     OWN_JOINT = "parameters and the position and rate of its own joint"
+    STATES = "parameters and states of its effect"
     PARAMETERS = "parameters"
 
 
@@ -69,8 +71,8 @@ class Rule(NamedTuple):
 
 
 RULES: dict[type, dict[str, Rule]] = {
-    Field: {"function": Rule(2, May.PARAMETERS, "{name} depends on {more}; a uniform field may depend on "
-                             "parameters alone: give a Force at each point for another")},
+    Field: {"function": Rule(2, May.STATES, "{name} depends on {more}; a uniform field may depend on "
+                             "parameters and states of its effect: give a Force at each point for another")},
     Force: {
         "function": Rule(),
         "kink": Rule(),
@@ -80,7 +82,8 @@ RULES: dict[type, dict[str, Rule]] = {
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
-    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS)},
+    Impulse: {"function": Rule()},
+    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS), "by_side": Rule()},
     Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
                              "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
@@ -103,7 +106,7 @@ AXES = "function", "conservative"
 TAKING_DRAWS = "update", "initial"
 """Functions of states that may take draws."""
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
-"""Fields of hooks that name numbers of the effect, none of them a state."""
+"""Fields of hooks that name numbers of the effect, none of them but a mass a state."""
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
@@ -115,8 +118,28 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
     """Check the hooks of an effect on an arm.
 
     ValueError if the effect, called ``where``, does not fit the arm, a function is outside the physics
-    dialect, a name is unknown, or a potential and a force cannot belong together.
+    dialect, a name is unknown, or a potential and a force cannot belong together. One of this package that
+    fitted such an arm before is not checked again.
     """
+    if not dialect.is_own(type(effect)):
+        _check_attached(where, effect, arm)
+        return
+    known = type(effect), type(effect).hooks, repr(effect), type(arm), repr(arm)
+    if known not in _fitting:
+        _check_attached(where, effect, arm)
+        if len(_fitting) >= KEPT_CHECKS:
+            _fitting.clear()
+        _fitting.add(known)
+
+
+KEPT_CHECKS = 4096
+"""Effects on arms that are known to fit, at most."""
+_fitting: set[tuple[Any, ...]] = set()
+"""Of this package's effects on arms those that fit, as texts, which tell all their numbers: whoever changes a
+number of a scene makes the scene again, and checking nine effects took 8 ms (Zen 5)."""
+
+
+def _check_attached(where: str, effect: Effect, arm: Arm) -> None:
     kind = type(effect).__name__
     check_declared(where, effect, Effect)
     hooks = effect.hooks(arm)
@@ -126,6 +149,7 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
         raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
     called = f"{where} ({kind})"
     own = _own_numbers(called, effect, hooks)
+    _check_masses(called, hooks)
     for n, hook in enumerate(hooks):
         try:
             _check_hook(hook, own, arm)
@@ -200,6 +224,17 @@ def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
             )
 
 
+def _check_masses(called: str, hooks: Iterable[Hook]) -> None:
+    """Refuse a mass that changes within an interval."""
+    moving = {s.name for hook in hooks for s in states_of(hook) if s.update is None}
+    for hook in hooks:
+        if isinstance(hook, PointMass) and str(hook.mass)[1:] in moving:
+            raise ValueError(
+                f"{called} has the mass {hook.mass!r}, a state with a derivative; give one with an update, "
+                "which changes between intervals"
+            )
+
+
 def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
     """ValueError if ends of a travel, or positions at which a force changes its law, are in the wrong order,
     or if an impact would create energy; in a scene, and in each lane."""
@@ -262,7 +297,8 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        _check_own(field, name, [n for n, is_state in own.items() if not is_state])
+        own_numbers = {n: False for n, is_state in own.items() if not is_state or field == "mass"}
+        _check_own(field, name, own_numbers)
     if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
         raise ValueError(
             f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
@@ -272,7 +308,7 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
             raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
     if isinstance(hook, Actuation):
-        _check_units(hook)
+        _check_link(hook)
     for part in (hook, *states_of(hook)):
         allowed = _Allowed(part, hook, own, arm)
         if isinstance(part, State):
@@ -310,14 +346,17 @@ def _check_closed(state: State) -> None:
             )
 
 
-def _check_units(hook: Actuation) -> None:
-    """Refuse units of a link that are no text, and one that it gives without one that it takes."""
+def _check_link(hook: Actuation) -> None:
+    """Refuse units of a link that are no text, one that it gives without one that it takes, and laws of a
+    guard that it does not have."""
     for field in ("takes", "gives"):
         unit = getattr(hook, field)
         if not isinstance(unit, str) or unit != unit.strip():
             raise ValueError(
                 f"{field} is {unit!r:.80}; give a unit such as 'V', or '' for that of the command"
             )
+    if hook.by_side is not None and hook.guard is None:
+        raise ValueError("by_side is given without a guard; give the guard whose sides it takes")
     if hook.gives and not hook.takes:
         raise ValueError(
             f"gives is {hook.gives!r} without takes; name the unit of the command, too, takes='rad/s'"
@@ -327,7 +366,7 @@ def _check_units(hook: Actuation) -> None:
 def _check_place(hook: Hook, arm: Arm) -> None:
     """Refuse joints and points that the arm does not have, or where no such hook can be."""
     place: Any = getattr(hook, "joint", getattr(hook, "point", None))
-    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force) and isinstance(place, Point))
+    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force | Impulse) and isinstance(place, Point))
     joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
     if at_point:
         k = getattr(place, "number", place)
@@ -381,7 +420,7 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     if field == "guard" and values > MOST_GUARDS:
         raise ValueError(f"guard {name} returns {values} values; it may return {MOST_GUARDS} at most")
     roots = dict(_roots(field, function, known))
-    at_point = isinstance(part, Force) and isinstance(part.joint, Point)
+    at_point = isinstance(part, Force | Impulse) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted and field != "guard":
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
@@ -392,6 +431,9 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     allowed = {*arm.parameter_values()}
     allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
     allowed |= {*arm.rates} if may is May.MOTION else set()
+    allowed |= (
+        {f".{name}" for name, is_state in known.own.items() if is_state} if may is May.STATES else set()
+    )
     free = {*part.motion} if may is May.OWN_JOINT else set()
     if isinstance(part, Sensing):
         free |= {source for source in roots if source.startswith(".")}  # states of its effect
@@ -461,15 +503,25 @@ def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
     if source == SIDE and getattr(hook, "switch", None) is not None:
         return roots_of(hook.motion[0], arm)
     guard = getattr(hook, "guard", None)
-    if guard is None or field == "guard" or source not in sides(dialect.check(guard)):
+    if (
+        guard is None
+        or field == "guard"
+        or (field == "function" and _by_side(hook))
+        or source not in sides(dialect.check(guard))
+    ):
         return frozenset()
     return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
 
 
-def _check_own(where: str, source: Any, own: Iterable[str]) -> None:
+def _by_side(hook: Any) -> bool:
+    """Whether another function than that of a link takes the sides of its guard."""
+    return getattr(hook, "by_side", None) is not None
+
+
+def _check_own(where: str, source: Any, own: Collection[str]) -> None:
     """Refuse the name of a number that the effect does not have."""
-    valid = [f".{name}" for name in own]
-    if not isinstance(source, str) or source not in valid:
+    if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
+        valid = [f".{name}" for name in own]
         raise ValueError(
             f"{where}: {source!r} is not a number of this effect; it has {', '.join(valid) or 'none'}"
         )

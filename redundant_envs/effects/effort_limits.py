@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, physics
+from redundant_envs.algebra import clamp, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
@@ -13,6 +13,17 @@ from redundant_envs.robots.parameters import not_negative
 @physics
 def saturate(command, limit):
     return clamp(command, -limit, limit)
+
+
+@physics
+def beyond(command, limit):
+    """By how much a command is above the limits."""
+    return command - limit, command + limit
+
+
+@physics
+def clipped(command, limit, side1, side2):
+    return where(side1 > 0.0, limit, where(side2 < 0.0, -limit, command))
 
 
 @dataclass(frozen=True)
@@ -37,8 +48,10 @@ class EffortLimits(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]
+        laws = {"guard": beyond, "by_side": clipped}
         return tuple(
-            Actuation(k, saturate, own, Link.LIMITS, takes=effort_unit(arm, k)) for k, own in enumerate(bind)
+            Actuation(k, saturate, own, Link.LIMITS, takes=effort_unit(arm, k), **laws)
+            for k, own in enumerate(bind)
         )
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:

@@ -93,11 +93,16 @@ class Instant:
 
 @dataclass(frozen=True)
 class Field:
-    """A uniform field: the function of parameters returns (ax, ay), minus the gravity vector [m/s^2];
-    ``bind`` says what its arguments stand for, see :class:`Effect`."""
+    """A uniform field: the function returns (ax, ay), minus the gravity vector [m/s^2]; those of a scene add.
+
+    A function of parameters alone is a field with a potential. One that takes ``states`` of the effect, such
+    as the acceleration of a moving base, changes with time, and its power counts as work. ``bind`` says what
+    its arguments stand for, see :class:`Effect`.
+    """
 
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,12 @@ class Point:
     """A point mass of the arm, counted from 0; the last one is the tip."""
 
     number: int
+
+
+def _rates_at(joint: int | Point) -> tuple[str, ...]:
+    if isinstance(joint, Point):
+        return f"vx{joint.number + 1}", f"vy{joint.number + 1}"
+    return (f"phid{joint + 1}",)
 
 
 SIDE = "side"
@@ -178,9 +189,7 @@ class Force:
     @property
     def rates(self) -> tuple[str, ...]:
         """Names of the velocities along which it acts: of the joint, or of the point."""
-        if isinstance(self.joint, Point):
-            return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
-        return (f"phid{self.joint + 1}",)
+        return _rates_at(self.joint)
 
     @property
     def motion(self) -> tuple[str, str]:
@@ -198,6 +207,7 @@ class Link(enum.IntEnum):
     LAG = 3
     TORQUE_SPEED = 4
     LIMITS = 5
+    GEAR = 6
 
 
 @dataclass(frozen=True)
@@ -214,7 +224,9 @@ class Actuation:
     first of these links takes. A chain whose units do not meet is refused.
 
     Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
-    chain.
+    chain. With ``by_side`` the guard counts only under error control, and only where the command of the link
+    changes within an interval: then ``by_side``, which may take ``side``, stands for ``function``, which
+    takes none, so that other scenes do not pay for the guard.
     """
 
     joint: int
@@ -224,6 +236,7 @@ class Actuation:
     states: tuple[State, ...] = ()
     kink: Callable[..., Any] | None = None
     guard: Callable[..., Any] | None = None
+    by_side: Callable[..., Any] | None = None
     takes: str = ""
     gives: str = ""
 
@@ -277,11 +290,39 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class Impulse:
+    """An impulse at the start of each control interval, on a joint [N m s or N s] or at a :class:`Point`.
+
+    The function returns it, at a point as (px, py) [N s], from quantities at the end of the interval before,
+    states of its effect and the new commands; 0 changes nothing. The velocities jump by M^-1 J^T p, and the
+    energy that it gives counts as work. A slider at rest that an impulse sends into its stop strikes it.
+    ``bind`` says what arguments stand for, see :class:`Effect`.
+    """
+
+    joint: int | Point
+    function: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
+    states: tuple[State, ...] = ()
+
+    @property
+    def rates(self) -> tuple[str, ...]:
+        """Names of the velocities along which it acts: of the joint, or of the point."""
+        return _rates_at(self.joint)
+
+
+@dataclass(frozen=True)
 class PointMass:
-    """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg."""
+    """A mass that moves with a point mass of the arm: its number is a field of the effect (".mass"), kg.
+
+    The number may be one of the ``states`` of the effect that have an ``update`` and are never negative.
+    Where it grows, an object at rest in the plane joins the point, and the velocities of the arm jump so that
+    M qd stays the same; where it becomes less, an object leaves with the velocity of the point, and the arm
+    moves on as before. The energy that comes and goes counts as work.
+    """
 
     point: Point
     mass: str
+    states: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -328,12 +369,13 @@ class Sensing:
     states: tuple[State, ...] = ()
 
 
-Hook = Field | Force | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
+Hook = Field | Force | Impulse | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
 
 
 def states_of(hook: Any) -> tuple[State, ...]:
     """The states of a hook."""
-    return hook.states if isinstance(hook, Force | Actuation | Sensing) else ()
+    having = Field | Force | Impulse | PointMass | Actuation | Sensing
+    return hook.states if isinstance(hook, having) else ()
 
 
 @dataclass(frozen=True)
@@ -454,7 +496,7 @@ class Effect:
         travel follow from the hooks; an effect gives its others."""
         found: dict[str, str] = {}
         for hook in self.hooks(arm):
-            if isinstance(hook, PointMass):
+            if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):
                 found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"

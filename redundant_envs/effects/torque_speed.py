@@ -11,31 +11,31 @@ from redundant_envs.robots.parameters import not_negative, positive
 
 
 @physics
-def largest(rate, stall, free):
-    """Largest effort along a rate: that at rest if the motor brakes, and less the faster it drives."""
-    return stall * clamp(1.0 - rate / free, 0.0, 1.0)
+def line(rate, stall, free):
+    """The largest effort of a motor that drives: that at rest, and less the faster it turns."""
+    return stall * (1.0 - rate / free)
 
 
 @physics
 def corners(command, rate, stall, free):
-    """By how much a command is above the largest and the least effort; whether the motor brakes under a
-    command beyond its stall effort, if negative; and the distance from the free speed."""
-    braking = where(command > stall, rate, where(command < -stall, -rate, 1.0))
-    beyond = command - largest(rate, stall, free), command + largest(-rate, stall, free)
-    return *beyond, braking, free * free - rate * rate
+    """By how much a command is above the line of a motor that drives upwards, and above that of one that
+    drives downwards; by how much the rate is below the free speed; and the command below the stall effort.
 
-
-@physics
-def on_line(rate, stall, free, side3, side4):
-    """The largest effort on its present piece, which continues smoothly beyond its ends."""
-    line = stall * (1.0 - rate / free)
-    return where(side3 < 0.0, stall, where(side4 < 0.0, where(rate > 0.0, 0.0, stall), line))
+    A command against the line's direction is far from it, and one beyond the stall effort counts as that, so
+    that the line is left where the motor begins to brake.
+    """
+    most = clamp(command, -stall, stall)
+    upper = most - where(command > 0.0, line(rate, stall, free), stall)
+    lower = most + where(command < 0.0, line(-rate, stall, free), stall)
+    return upper, lower, free - where(command > 0.0, rate, -rate), stall - abs(command)
 
 
 @physics
 def available(command, rate, stall, free, side1, side2, side3, side4):
-    lower = -on_line(-rate, stall, free, side3, side4)
-    return where(side1 > 0.0, on_line(rate, stall, free, side3, side4), where(side2 < 0.0, lower, command))
+    upper = where(side3 < 0.0, 0.0, line(rate, stall, free))
+    lower = where(side3 < 0.0, 0.0, -line(-rate, stall, free))
+    braking = where(side4 < 0.0, where(command > 0.0, stall, -stall), command)
+    return where(side1 > 0.0, upper, where(side2 < 0.0, lower, braking))
 
 
 @dataclass(frozen=True)

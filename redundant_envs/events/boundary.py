@@ -51,6 +51,11 @@ class Boundary:
         return self.guards and self.joint is not None
 
     @property
+    def holds(self) -> bool:
+        """Whether it is a stop of a joint, which can hold it."""
+        return self.bounces and self.joint is not None
+
+    @property
     def number(self) -> int:
         """Number of its joint, from 1 on, as quantities have it."""
         assert self.joint is not None
@@ -67,9 +72,19 @@ class Boundary:
         return f"pull_{self.name}"
 
     @property
+    def left(self) -> str:
+        """The field that says whether a guard has passed 0 where the trial step starts."""
+        return f"left_{self.name}"
+
+    @property
     def rest(self) -> str:
         """The field with the position at which a joint with dry friction sticks."""
         return f"rest_{self.name}"
+
+    @property
+    def at(self) -> str:
+        """The quantity of a joint with dry friction that says at which side's stop it is."""
+        return f"at_{self.name}"
 
     @property
     def active(self) -> str:

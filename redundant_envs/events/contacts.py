@@ -51,6 +51,12 @@ class Contact(NamedTuple):
     restitution: Any = 0.0
     holds: bool = True  # whether its stop can hold it
     owner: str = ""  # of the boundary
+    grip: Any = None  # limit of its friction at rest, N; given if friction decides which coordinates rest
+
+    @property
+    def gripped(self) -> bool:
+        """Whether friction decides which coordinates stay at rest."""
+        return self.grip is not None
 
     @property
     def free(self) -> Any:
@@ -147,13 +153,18 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
 def would_rest(c: Contact, press: Any) -> Any:
     """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than 1e-9 m.
 
-    With an elastic stop it rests only if its bounce is lost in rounding.
+    With an elastic stop, and without friction, it rests only if its bounce is lost in rounding.
     """
     if not c.holds:
         return False
     limit = where(c.side > 0.0, c.upper, c.lower)
-    height = where(c.restitution < 1.0, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
+    fades = c.restitution < 1.0
+    if c.gripped:
+        fades = fades | (c.grip > 0.0)
+    height = where(fades, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
     low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
+    if c.gripped:  # then there is a bounce to remove: without a speed friction decides
+        low = low & (c.speed < 0.0)
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
 
@@ -171,7 +182,7 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     strikes = any_of(c.speed > 0.0 for c in contacts)
     now = [logical_not(strikes) | (c.speed >= -NEGLIGIBLE_SPEED) for c in contacts]
     rests = [calm & s & would_rest(c, a) for c, a, s in zip(contacts, pressing, now, strict=True)]
-    if len(contacts) == 1:
+    if len(contacts) == 1 or contacts[0].gripped:
         return [rests, released]
     each = list(enumerate(contacts))
     may_rest = [c.resting | (now[k] & would_rest(c, maximum(unheld[k], pressing[k]))) for k, c in each]

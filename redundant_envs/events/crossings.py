@@ -13,9 +13,10 @@ from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, directio
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.tracing.ways import branches
 
-JUST_LEFT = 1e-4
-"""Value of a guard at the start of a step, in units of its range in the step, that is nearly 0, as after a
-passage that was found late: one to and fro before the second stage has at most a thousandth of that range."""
+NEARLY_0 = 1e-4
+"""Value of a guard at an end of a step, in units of its range in the step, that is nearly 0, as after a
+passage that was found late, or before one in the next step: one to and fro between this end and the stage
+beside it has at most a thousandth of that range."""
 
 
 class Crossing(enum.IntEnum):
@@ -91,12 +92,14 @@ def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
 def may_pass(w: Watched, overshoot: Overshoot) -> Any:
     """Whether a guard may be positive at a stage of a step, or between two of them, by more than rounding.
 
-    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage.
+    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage; nor is
+    the last value of one that only gets to 0.
     """
     size = w.most - w.least
-    left = w.most == w.first and -w.first <= JUST_LEFT * size
+    at_end = (w.most == w.first) | (w.most == w.last)
+    nearly = at_end & (-w.most <= NEARLY_0 * size)
     _, up = margins(w, overshoot)
-    return w.most > ROUNDING * size if left else w.most + up > ROUNDING * size
+    return w.most > ROUNDING * size if nearly else w.most + up > ROUNDING * size
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:

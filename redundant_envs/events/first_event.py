@@ -39,6 +39,7 @@ class Encounter(NamedTuple):
     mobility: Any  # of the coordinate, 1/kg
     late: Any = LATE_SHARE  # fraction of the step by which a release or a passage may be found late
     steepness: Any = 0.0  # rate at which the pull grows at the end of the step; 0 if it is not known
+    left: Any = False  # whether a guard has passed 0 just before the step
 
     @property
     def pull(self) -> Any:

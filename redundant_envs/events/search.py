@@ -25,6 +25,9 @@ MOST_LONG_PIECES = 8.0
 """After so many impacts pieces are straight, too: no comparison would show what they neglect (0022)."""
 MOST_GUESSES = 10
 """Number of trial steps towards an event before its bracket is halved, so that every search ends."""
+LATER = 0.1
+"""Where laws are weighed, the part of a correction by which a guess is later, so that it is after the event:
+a chord is off by less, and what may be late depends on how late it is."""
 MOST_TURN_GUESSES = 60
 """Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
 TOGETHER_SHARE = 1e-13
@@ -51,6 +54,7 @@ class Trial(NamedTuple):
     impacts: Any  # so far, since the start of the common step
     encounters: list[Encounter]  # coordinates at their boundaries in it
     events: list[Event]  # the first of each
+    weighed: bool = False  # whether it is known by how much the laws of guards differ at its end
 
     def of(self, chosen: Sequence[Any]) -> tuple[Encounter, Event]:
         """The encounter and the event of a coordinate."""
@@ -120,7 +124,9 @@ def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
     step of half the length follows.
     """
     if e.motion.guards:
-        return logical_not(e.pull > 0.0) & may_pass(e.motion.watched, overshoot)
+        watched = e.motion.watched
+        leaves = e.left & (watched.most == watched.first)  # a guard does not turn before the second stage
+        return logical_not(e.pull > 0.0) & logical_not(leaves) & may_pass(watched, overshoot)
     if e.motion.free:
         return e.crossing == Crossing.UNCLEAR
     moves = most_pull(e.motion, overshoot) * e.mobility * (h * h)
@@ -258,7 +264,10 @@ def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
             if sought.steepness > 0.0:
                 guess = trial.h - sought.gap / sought.steepness
             # A little later, so that it is after the event in most cases.
-            guess = guess + 0.5 * sought.late * trial.left
+            later = 0.5 * sought.late * trial.left
+            if trial.weighed:
+                later = minimum(later, LATER * abs(guess - trial.h))
+            guess = guess + later
         elif sought.speed > 0.0:
             guess = trial.h + step
     return inside(guess, low, high, middle)

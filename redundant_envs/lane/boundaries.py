@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import any_of, cases, maximum, minimum, total, where
+from redundant_envs.algebra import any_of, cases, logical_not, maximum, minimum, total, where
 from redundant_envs.events import boundary, contacts, crossings
 from redundant_envs.events.boundary import Boundary, BoundedCoordinate
 from redundant_envs.events.contacts import Resolved
@@ -19,6 +19,7 @@ from redundant_envs.lane.coordinates import (
     normal,
     pull,
     response,
+    side_of_stop,
 )
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Reason
@@ -44,7 +45,13 @@ class Boundaries:
 
     def active(self, lane: Lane, b: Boundary, form: str = "{}") -> Any:
         """Side of the stop at which a coordinate rests."""
-        return lane[form.format(b.active)] if b in self.dynamics.holding else 0.0
+        if b in self.dynamics.holding:
+            return lane[form.format(b.active)]
+        for friction, stop in self.dynamics.gripped:
+            if stop is b:
+                sticks = lane[form.format(friction.side)] == 0.0
+                return where(sticks, side_of_stop(self.dynamics, stop, lane, form), 0.0)
+        return 0.0
 
     def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
         """The coordinates in a step, whose initial values are in fields of this form."""
@@ -151,8 +158,16 @@ class Boundaries:
             position = where(lane[f"arrived_{b.name}"], 0.0, position)
         return contacts.Contact(
             position, velocity, self.active(lane, b), *self.limits(lane, b),
-            acceleration, force, released, lane[b.restitution], b in self.dynamics.holding, b.owner,
+            acceleration, force, released, lane[b.restitution], b.joint is not None, b.owner,
+            self._grip(lane, b),
         )  # fmt: skip
+
+    def _grip(self, lane: Lane, b: Boundary) -> Any:
+        """Limit of the friction at rest of a joint with a stop; None in a scene without dry friction."""
+        if not self.dynamics.sticking:
+            return None
+        limits = (lane[f"limit_{joint.name}"] for joint, stop in self.dynamics.gripped if stop is b)
+        return next(limits, 0.0)
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
@@ -165,7 +180,8 @@ class Boundaries:
             lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
             if b.joint is not None:
-                lane[f"force_{b.name}"] = x[f"hold{b.number}"]
+                if b in dynamics.holding:
+                    lane[f"force_{b.name}"] = x[f"hold{b.number}"]
                 pushed = x.each(f"W{k + 1}{b.number}" for k in range(dynamics.count))
             else:
                 lane[f"acceleration_{b.name}"] = acceleration(dynamics, b, x)
@@ -180,6 +196,15 @@ class Boundaries:
             return lane[f"acceleration_{b.name}"]
         return lane[f"{self.dynamics.arm.rates[b.joint]}_slope"]
 
+    def _pressing_acceleration(self, lane: Lane, b: Boundary) -> Any:
+        """The same, with the friction of a joint that slips reversed: so it acts on its way back."""
+        a = self.present_acceleration(lane, b)
+        for friction, stop in self.dynamics.gripped:
+            if stop is b and friction.joint in self.dynamics.frictions:
+                reversed_force = 2.0 * (lane[friction.side] * lane[f"limit_{friction.name}"])
+                a = a + reversed_force * self.mobility(lane, b, b)
+        return a
+
     def mobility(self, lane: Lane, of: Boundary, by: Boundary) -> Any:
         """Change of the rate of a coordinate per impulse along another one."""
         rates = self.dynamics.arm.rates
@@ -187,13 +212,21 @@ class Boundaries:
             return lane[f"mobility_{rates[of.joint]}_{by.name}"]
         return total(lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates)
 
+    def decide(self, lane: Lane) -> Any:
+        """Resolve the contacts of a lane once, and then which joints stick; whether the motion goes on."""
+        dynamics = self.dynamics
+        if not dynamics.stops:
+            return self.guards.stick_or_slip(lane)
+        settled = self.resolve(lane)
+        return self.guards.stick_or_slip(lane, settled) if dynamics.sticking else settled
+
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
         dynamics, stops = self.dynamics, self.dynamics.stops
         touching = [
             self._contact(
                 lane, b, lane[f"force_{b.name}"] if b in dynamics.holding else 0.0,
-                self.present_acceleration(lane, b), lane[f"released_{b.name}"],
+                self._pressing_acceleration(lane, b), lane[f"released_{b.name}"],
             )
             for b in stops
         ]  # fmt: skip
@@ -210,6 +243,9 @@ class Boundaries:
             if dynamics.logs:
                 lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
         lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
+        if dynamics.sticking:
+            self.guards.strike(lane, r.strikes)
+            return r.going_on & logical_not(r.strikes)  # the forces are those of the modes before
         return r.going_on
 
     def _struck(self, lane: Lane, touching: Sequence[contacts.Contact], r: Resolved) -> dict[str, Any]:

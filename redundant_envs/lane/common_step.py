@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
-from redundant_envs.lane import coordinates, pieces, required_steps
+from redundant_envs.lane import coordinates, jumps, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
@@ -89,6 +89,8 @@ def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
+    if b in dynamics.stops and dynamics.sticking:
+        return x[f"qdd{b.number}"]
     if b.bounces:
         return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
     shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
@@ -125,16 +127,50 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
     """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
     not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
     of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
-    rates = zip(tip_norms(dynamics, lane), step.velocities, lane.get(dynamics.arm.rates), strict=True)
-    gained = total(norm * abs(after - before) for norm, after, before in rates)
+    gained = gained_speed(dynamics, lane, lane.get(dynamics.arm.rates), step.velocities)
     shares = []
     for k, name in enumerate(dynamics.effect_states.integrated):
-        before, after = lane[name], step.others[k]
         sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in step.errors]
-        pace = abs(after - before) * (lane.interval / h)
-        size = maximum(maximum(abs(before), pace), SMALLEST_STATE)
+        size = size_of_state(lane[name], step.others[k], lane.interval, h)
         shares.append(error_control.tip_error(*sizes, sharpness=dynamics.sharpness) / size)
     return lane.interval * gained * total(shares)
+
+
+def gained_speed(dynamics: Dynamics, lane: Lane, before: Sequence[Any], after: Sequence[Any]) -> Any:
+    """Change of the tip's speed between two sets of rates, m/s: the sum of what each joint contributes."""
+    rates = zip(tip_norms(dynamics, lane), after, before, strict=True)
+    return total(norm * abs(after - before) for norm, after, before in rates)
+
+
+def size_of_state(before: Any, after: Any, interval: Any, h: Any) -> Any:
+    """Size of an effect's state to which an error in a step of ``h`` is related."""
+    pace = abs(after - before) * (interval / h)
+    return maximum(maximum(abs(before), pace), SMALLEST_STATE)
+
+
+def departure(dynamics: Dynamics, lane: Lane) -> Any:
+    """Speed at which the end of the interval departs from the motion, m/s at the tip, as long as the law goes
+    on to hold whose guard has passed 0, or is sought: by what the laws differ in the present state."""
+    states, numbers = lane.get(dynamics.states), coordinates.known_numbers(dynamics, lane)
+    others = dict(numbers)
+    for k, b in enumerate(dynamics.guards, start=len(dynamics.bounded)):
+        if not b.sticks:
+            passed = (lane[b.pull] > 0.0) | (lane.target == float(k))
+            others[b.side] = where(passed, -lane[b.side], lane[b.side])
+    slopes = (
+        dynamics.accelerations(coordinates.contact_quantities(dynamics, states, known))
+        for known in (numbers, others)
+    )
+    apart = [abs(one - other) for one, other in zip(*slopes, strict=True)]
+    speed = total(w * a for w, a in zip(tip_weights(dynamics, lane), apart, strict=False))
+    shares = []
+    for k, name in enumerate(dynamics.effect_states.integrated):
+        size = size_of_state(lane[f"{name}_trial"], lane[name], lane.interval, lane.step)
+        shares.append(apart[dynamics.count + k] / size)
+    if shares:
+        rates = (lane.get(dynamics.arm.rates, of=form) for form in ("{}_trial", "{}"))
+        speed = speed + gained_speed(dynamics, lane, *rates) * total(shares)
+    return lane.interval * speed
 
 
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
@@ -163,14 +199,17 @@ class CommonStep:
         self.dynamics, self.boundaries = dynamics, boundaries
 
     def clear(self, lane: Lane) -> None:
-        """Before an interval."""
+        """Before an interval; impulses act then."""
         lane.error = 0.0
         if self.dynamics.instants:
             pieces.clear(self.dynamics, lane)
-        if not self.dynamics.local:
-            if self.dynamics.instants:
-                lane.evaluations = 0.0
-            return
+        if self.dynamics.local:
+            self._clear_counts(lane)
+        elif self.dynamics.instants:
+            lane.evaluations = 0.0
+        jumps.strike(self.dynamics, lane)
+
+    def _clear_counts(self, lane: Lane) -> None:
         lane.evaluations = lane.fault = 0.0
         for name in self.dynamics.doubts:
             lane[name] = False
@@ -237,6 +276,8 @@ class CommonStep:
         """After a trial step: count it, and determine how it meets the boundaries."""
         self.boundaries.record_crossings(lane, "{}_trial", lane.step)
         self.boundaries.guards.record_pulls(lane)
+        if self.dynamics.weighs_laws:
+            lane.departure = departure(self.dynamics, lane)
         lane.due = lane.moving
         stages = float(self.dynamics.method.stages)
         lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)

@@ -11,7 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import ABSENT, where
 from redundant_envs.dual import Dual, dual
-from redundant_envs.events.boundary import Boundary
+from redundant_envs.events.boundary import Boundary, side_touched
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
@@ -21,7 +21,7 @@ def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: A
     """Quantities of the arm from the fields of a form, by its functions and ``more``."""
     arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
     known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*arm.functions, *more), arm.sincos, numbers_of(dynamics, lane))
+    return Quantities(known, (*dynamics.arm_functions, *more), arm.sincos, numbers_of(dynamics, lane))
 
 
 def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
@@ -73,13 +73,19 @@ def _gap(dynamics: Dynamics, b: Boundary, coordinates: Sequence[Dual], numbers: 
     arm = dynamics.arm
     assert b.gap is not None
     known = dict(zip(arm.coordinates, coordinates, strict=True))
-    return dual(b.gap(Quantities(known, tuple(arm.functions), arm.sincos, numbers)))
+    return dual(b.gap(Quantities(known, dynamics.arm_functions, arm.sincos, numbers)))
 
 
 def known_numbers(dynamics: Dynamics, lane: Lane) -> dict[str, Any]:
     """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders rest."""
     names = (*dynamics.commands, *dynamics.numbers, *dynamics.effect_states.updated, *dynamics.active)
-    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)}
+    at = {b.at: side_of_stop(dynamics, stop, lane) for b, stop in dynamics.gripped}
+    return {name: lane[name] for name in (*names, *dynamics.sides, *dynamics.passed)} | at
+
+
+def side_of_stop(dynamics: Dynamics, stop: Boundary, lane: Lane, form: str = "{}") -> Any:
+    """Side of the stop that a joint touches, in the state in the fields of a form."""
+    return side_touched(*motion(dynamics, stop, lane, form), 0.0, lane[stop.lower], lane[stop.upper])
 
 
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:

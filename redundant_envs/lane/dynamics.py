@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, arguments_of, gives_of, maximum, numbered, total, where
+from redundant_envs.algebra import arguments_of, gives_of, maximum, numbered, physics, total, where
 from redundant_envs.draws import KEY_WORDS, Draw, drawn
-from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates
+from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates, field_of
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
     SPEED,
+    Actuation,
     Field,
     Force,
     Friction,
     Gap,
     Impact,
+    Impulse,
     Instant,
     Point,
     Sensing,
@@ -57,6 +62,10 @@ class Dynamics:
     located: bool = True
     """Whether changes of a force's law are located in time under error control; otherwise the law follows
     from the position at each evaluation."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what follows from these: it has functions of effects, which need not be picklable."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
 
     @property
     def arm(self) -> Any:
@@ -132,8 +141,8 @@ class Dynamics:
 
     @cached_property
     def holding(self) -> tuple[Boundary, ...]:
-        """Stops that can hold their sliders."""
-        return tuple(b for b in self.stops if b.joint is not None)
+        """Stops that hold their sliders by themselves; with friction, that decides."""
+        return () if self.sticking else tuple(b for b in self.stops if b.joint is not None)
 
     @cached_property
     def active(self) -> tuple[str, ...]:
@@ -169,34 +178,54 @@ class Dynamics:
 
     @cached_property
     def frictions(self) -> dict[int, list[Attached[Friction]]]:
-        """Dry friction by the numbers of its joints, in their order."""
+        """Dry friction by the numbers of its joints."""
         found: dict[int, list[Attached[Friction]]] = {}
-        for a in sorted(self.scene.attached.of(Friction), key=lambda a: a.hook.joint):
+        for a in self.scene.attached.of(Friction):
             found.setdefault(a.hook.joint, []).append(a)
         return found
 
     @cached_property
     def sticking(self) -> tuple[Boundary, ...]:
-        """Joints that stick and slip, in their order."""
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any, those
+        with stops, which hold a joint in one direction."""
+        if not self.frictions:
+            return ()
+        owners = {k: b.owner for k, b in self.stop_of.items()}
+        owners |= {k: some[0].key for k, some in self.frictions.items()}
         return tuple(
-            Boundary(f"friction{k + 1}", "", "", some[0].key, k, bounces=False, guards=True)
-            for k, some in self.frictions.items()
+            Boundary(f"friction{k + 1}", "", "", owners[k], k, bounces=False, guards=True)
+            for k in sorted(owners)
         )
+
+    @cached_property
+    def stop_of(self) -> dict[int, Boundary]:
+        """Stops by the numbers of their joints."""
+        return {b.joint: b for b in self.stops if b.joint is not None}
+
+    @property
+    def gripped(self) -> tuple[tuple[Boundary, Boundary], ...]:
+        """Joints that stick and slip, and their stops, of those that have some."""
+        return tuple((b, self.stop_of[b.joint]) for b in self.sticking if b.joint in self.stop_of)
 
     def friction_limit(self, b: Boundary, x: Quantities, speed: Any) -> Any:
         """Largest force of the friction of a joint at a speed, N m or N."""
         assert b.joint is not None
         limits = []
-        for a in self.frictions[b.joint]:
+        for a in self.frictions.get(b.joint, ()):
             function = a.functions["limit"]
             limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
-        return total(limits)
+        return total(limits or [0.0])
 
     def others_of_joint(self, b: Boundary) -> list[tuple[int, float]]:
         """The other coordinates from which that of a joint follows while it sticks, and their shares."""
         assert b.joint is not None
         row = joint_rates(self.arm.__class__)[b.joint]
         return [(k, float(-s / row[b.joint])) for k, s in enumerate(row) if s != 0.0 and k != b.joint]
+
+    @property
+    def weighs_laws(self) -> bool:
+        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
+        return bool(self.guarded) and self.scene.tolerance is not None
 
     @property
     def impulses_change_laws(self) -> bool:
@@ -239,7 +268,11 @@ class Dynamics:
             if held is None:
                 loads = total(abs(x[f"t{k + 1}"]) for k in range(self.count))
                 most = TORN_LOOSE * self.friction_limit(b, x, 0.0) + LOST_IN_LOADS * loads
-                stuck = abs(x[f"hold{b.number}"]) - most
+                hold = x[f"hold{b.number}"]
+                load = abs(hold)
+                if b.joint in self.stop_of:  # which holds it in one direction, whatever that takes
+                    load = where(x[b.at] == 0.0, load, x[b.at] * hold)
+                stuck = load - most
             else:
                 stuck = held[b.name]
             found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
@@ -264,7 +297,7 @@ class Dynamics:
     @property
     def controlled(self) -> bool:
         """Whether error control chooses the steps."""
-        return self.control is not Control.FIXED
+        return self.scene.controlled
 
     @property
     def local(self) -> bool:
@@ -315,7 +348,8 @@ class Dynamics:
     @property
     def origin(self) -> str:
         """Form of the fields that hold a lane's values at the start of the interval."""
-        return "{}_interval" if self.local and self.repeats_common_step else "{}_start"
+        repeats = self.repeats_common_step or bool(self.scene.attached.of(Impulse))
+        return "{}_interval" if self.local and repeats else "{}_start"
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -396,15 +430,19 @@ class Dynamics:
         """Quantities that follow from the parameters alone, to be computed when these are set."""
         bounds = self.arm.mobility_bounds
         functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
+        changing = self.scene.attached.changing
+        # Without the masses that may come: with these no joint is more mobile.
         made: dict[str, Any] = {
-            mass: total(parameters[name] for name in (self.field_of(mass), *loads))
+            mass: total(parameters[n] for n in (self.field_of(mass), *loads) if n in parameters)
             for mass, loads in self.scene.attached.carried.items()
         }
         x = Quantities({**parameters, **made}, functions, {})
-        made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
-        for a in self.scene.attached.of(Field):
-            if {*a.functions["function"].names} <= {*parameters, *self.scene.attached.carried}:
-                made["ax"], made["ay"] = a.functions["function"](x)
+        made = {mass: value for mass, value in made.items() if mass not in changing}
+        if not changing:
+            made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
+        fields, known = self.scene.attached.constant_fields, {*parameters, *made}
+        if fields and all({*a.functions["function"].names} <= known for a in fields):
+            made |= zip(self.steady_field, field_of(fields, x), strict=True)
         made |= {a.instant: a.functions["after"](x) for a in self.instants}
         if not self.controlled:
             return made
@@ -413,6 +451,11 @@ class Dynamics:
         dampers = required_steps.dampers(self.scene)
         return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
 
+    @property
+    def steady_field(self) -> tuple[str, str]:
+        """Fields of the lane with the uniform field that follows from parameters alone."""
+        return ("steady_ax", "steady_ay") if self.scene.attached.moving_fields else ("ax", "ay")
+
     @cached_property
     def prepared(self) -> tuple[str, ...]:
         """Names of :meth:`prepare`."""
@@ -420,9 +463,11 @@ class Dynamics:
 
     @cached_property
     def numbers(self) -> tuple[str, ...]:
-        """Quantities that are constant in a step: parameters, and what is prepared from them; without
-        :data:`NO_QUANTITIES`."""
-        return tuple(n for n in (*self.parameters, *self.prepared) if not NO_QUANTITIES.match(n))
+        """Quantities that are constant in a step: parameters, what is prepared from them, and masses that
+        change between intervals; without :data:`NO_QUANTITIES`."""
+        masses = itertools.chain.from_iterable(self.scene.attached.changing.values())
+        found = (*self.parameters, *self.prepared, *masses)
+        return tuple(n for n in found if not NO_QUANTITIES.match(n))
 
     def efforts(
         self, x: Quantities, change: str, time: InStep | StepStart | None = None
@@ -448,18 +493,23 @@ class Dynamics:
         :data:`RENEWAL`."""
         x.update(self._drawn(what, lane))
         _, changes = self.efforts(x, what)
-        for a in self.scene.attached.of(Force):
-            changes |= a.changes(what, x)
+        for a in self.scene.attached:
+            if not isinstance(a.hook, Actuation | Sensing):
+                changes |= a.changes(what, x)
         return changes | sensing.renewed(self.scene.attached, what, x)
 
     def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
         """Values of effects' states at a start, by their fields, of those that are computed then."""
         x.update(self._drawn("initial", lane))
+        return self.begun(x) | sensing.renewed(self.scene.attached, "initial", x)
+
+    def begun(self, x: Quantities) -> dict[str, Any]:
+        """Those of them that no sensor has, from quantities that have the draws."""
         changes: dict[str, Any] = {}
         for a in self.scene.attached:
             if not isinstance(a.hook, Sensing):
                 changes |= a.changes("initial", x)
-        return changes | sensing.renewed(self.scene.attached, "initial", x)
+        return changes
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
         """The draws that functions of states take, by the names of quantities: of the start, or of the next
@@ -483,8 +533,20 @@ class Dynamics:
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
-        added = self.scene.attached.inertias
-        return functions_with(self.arm.__class__, added) if added else tuple(self.arm.functions)
+        added, (*own,) = self.scene.attached.inertias, self.arm_functions
+        if not added:
+            return tuple(own)
+        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :])
+
+    @property
+    def arm_functions(self) -> tuple[Callable[..., Any], ...]:
+        """Equations of the arm, and sums of its masses that change."""
+        carried, changing = self.scene.attached.carried, self.scene.attached.changing
+        if not changing:
+            return tuple(self.arm.functions)
+        sums = [total_mass(mass, (self.field_of(mass), *carried[mass])) for mass in changing]
+        prepared = [f for f in self.arm.prepared if f not in self.arm.functions]
+        return (*self.arm.functions, *prepared, *sums)
 
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
@@ -513,23 +575,31 @@ class Dynamics:
                 a.settle_law(x)
             time.close(a, x)
 
+    def set_field(self, x: Quantities) -> None:
+        """The field of the scene, where it does not follow from parameters alone."""
+        if "ax" in self.prepared:
+            return
+        attached, steady = self.scene.attached, self.steady_field
+        known = steady[0] in self.prepared
+        constant = x.each(steady) if known else field_of(attached.constant_fields, x)
+        moving = field_of(attached.moving_fields, x)
+        x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
+
     def accelerations(self, x: Quantities, time: InStep | None = None) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
 
         At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.
         """
         joints = range(self.count)
-        if "ax" not in self.prepared:
-            x["ax"] = x["ay"] = ABSENT
-            for field in self.scene.attached.of(Field):
-                del x["ax"], x["ay"]
-                x["ax"], x["ay"] = field.functions["function"](x)
+        self.set_field(x)
         effort, changes = self.efforts(x, "derivative", time)
         if time is not None:
             self._close_forces(x, time)
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
+        for moving in self.scene.attached.of(Field):
+            changes |= moving.changes("derivative", x)
         for a in self.scene.attached.of(Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
@@ -546,7 +616,7 @@ class Dynamics:
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
-        for b in self.sticking:
+        for b in (b for b in self.sticking if b.joint in self.frictions):
             rate = f"phid{b.number}"
             friction = -(x[b.side] * self.friction_limit(b, x, x[b.side] * x[rate]))
             acting[rate] = _plus(acting[rate], friction)
@@ -564,10 +634,22 @@ class Dynamics:
         results += [changes[name] for name in self.effect_states.integrated if name not in self.closed]
         if self.track_work:
             power = [force * x[rate] for rate, force in working.items() if force is not None]
+            power += self._power_of_fields(x)
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(total(power or [0.0]))
         return results if time is not None else results + [changes[name] for name in self.closed]
+
+    def _power_of_fields(self, x: Quantities) -> list[Any]:
+        """The power of moving fields, -G qd with the weight G in these fields alone."""
+        fields = self.scene.attached.moving_fields
+        if not fields:
+            return []
+        known = {name: x[name] for name in (*self.arm.coordinates, *self.arm.rates)}
+        known |= {name: x[name] for name in self.numbers if name not in ("ax", "ay")}
+        known["ax"], known["ay"] = field_of(fields, x)
+        alone = Quantities(known, self.functions, self.arm.sincos)
+        return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]
 
     def _add_at_coordinates(
         self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]
@@ -579,6 +661,17 @@ class Dynamics:
                     slope = x[f"{axis}{at.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
                         forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
+
+
+@functools.lru_cache(maxsize=64)
+def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
+    """A mass of the arm with all that it carries."""
+
+    @physics(gives=mass, takes=parts)
+    def total_mass(*masses: Any) -> Any:
+        return total(masses)
+
+    return total_mass  # type: ignore[no-any-return]
 
 
 def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:

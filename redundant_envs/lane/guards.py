@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.algebra import all_of, cases, logical_not, total, where
 from redundant_envs.events.boundary import ROUNDING, Boundary, side_beyond
-from redundant_envs.lane.coordinates import known_numbers, motion
+from redundant_envs.lane.coordinates import known_numbers, motion, side_of_stop
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
@@ -95,22 +95,37 @@ class Guards:
         """The forces that hold joints, and the accelerations of others, in the present state."""
         for b in self.dynamics.sticking:
             lane[f"force_{b.name}"], lane[f"alpha_{b.name}"] = x[f"hold{b.number}"], x[f"alpha{b.number}"]
+        for b, _ in self.dynamics.gripped:
+            lane[f"limit_{b.name}"] = self.dynamics.friction_limit(b, x, 0.0)
         for name, value in self.dynamics.pulls(x).items():
             lane[f"pull_{name}"] = value
 
-    def stick_or_slip(self, lane: Lane) -> Any:
-        """One pass of pivoting: of the joints without a rate the first whose mode contradicts the forces gets
-        another one; whether none does.
+    def strike(self, lane: Lane, strikes: Any) -> None:
+        """After impulses: joints with a rate slip that way, and those without one are decided anew. Friction
+        is bounded, so it has no impulse: joints that stuck get rates like all others."""
+        for b in self.dynamics.sticking:
+            position, rate = motion(self.dynamics, b, lane)
+            mode = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
+            lane[b.side] = where(strikes, mode, lane[b.side])
+            self._come_to_rest(lane, b, position, strikes & (mode == 0.0))
+
+    def stick_or_slip(self, lane: Lane, here: Any = True) -> Any:
+        """One pass of pivoting in lanes that are ``here``: of the joints without a rate the first whose mode
+        contradicts the forces gets another one; whether none does.
 
         Joints stick where their limits hold them, or else slip the way in which they accelerate: a linear
         complementarity problem with bounds, whose matrix, a block of B^T M^-1 B, is positive definite. So
-        there is one solution, and pivoting by the least index finds it (Murty 1974).
+        there is one solution, and pivoting by the least index finds it (Murty 1974). A joint at its stop has
+        one bound only, since the stop holds it in the other direction.
         """
-        settled: Any = True
+        settled: Any = here
+        stops = dict(self.dynamics.gripped)
         for b in self.dynamics.sticking:
             position, rate = motion(self.dynamics, b, lane)
             mode, force = lane[b.side], lane[f"force_{b.name}"]
             wrong = where(mode == 0.0, lane[b.pull] > 0.0, mode * lane[f"alpha_{b.name}"] < 0.0)
+            if b in stops:
+                wrong = wrong | (mode * side_of_stop(self.dynamics, stops[b], lane) > 0.0)
             wrong = wrong & (rate == 0.0) & settled
             other = where(mode == 0.0, where(force > 0.0, -1.0, 1.0), 0.0)
             lane[b.side] = where(wrong, other, mode)

@@ -11,6 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import CONTROL_DT
+from redundant_envs.lane import jumps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
@@ -100,8 +101,10 @@ class Interval:
         dynamics = self.dynamics
         if dynamics.effect_states.updated:
             x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+            dynamics.set_field(x)
             changes = dynamics.changes(x, "update", lane)
             lane.set(changes, changes.values())
+            jumps.exchange(dynamics, lane, x)
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 
@@ -200,7 +203,7 @@ def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
         if b in dynamics.holding:
             yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
             yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
-        else:
+        elif b.joint is None:
             yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
             yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
             for v in rates:
@@ -223,12 +226,19 @@ def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
         yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
         yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
+    for b, _ in dynamics.gripped:
+        yield Field(f"limit_{b.name}", "N m or N", "of the friction at rest", SCRATCH)
     for b in dynamics.guards:
         yield Field(b.side, "", "which law holds: 1 or -1; 0 of a joint that sticks", SCRATCH)
         yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
         yield from copies((b.side, b.pull), "{}_start", "before the common step")
         yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
         yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+    if dynamics.weighs_laws:
+        yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
+        yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)
+        for b in dynamics.guards:
+            yield Field(b.left, "", "has passed 0 where the trial step starts", SCRATCH, truth=True)
     if dynamics.impulses_change_laws:
         yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
 

@@ -8,12 +8,13 @@ waits. A trial step never changes the trial start, so that shorter ones can foll
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Generator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import guarded, law_behind, leaves_stop, starts_at_stop
+from redundant_envs.events.boundary import Boundary, guarded, law_behind, leaves_stop, starts_at_stop
 from redundant_envs.events.first_event import Encounter, first_event, first_passage
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
@@ -27,6 +28,15 @@ MOST_SEARCHED = 500
 SEARCH = Search._fields
 SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
 """Fraction of a planned step by which a change of a law may be found late."""
+LATE_ERROR = 0.02
+"""Fraction of the tolerance that the tip may be off since a change of a law was found late."""
+MOST_LATE_SHARE = 1e-3
+"""Fraction of a planned step by which it may be late at most: laws may agree by chance where a step ends."""
+PASSES_OF_FRICTION = 8
+"""Times as many resolutions with stops and dry friction: of the contacts and of the modes, each twice at an
+impact and twice where a slider turns."""
+SHARE_OF_BOUNCES = 1 / 64
+"""Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
 
 class Request(enum.Enum):
@@ -158,16 +168,20 @@ class LaneProgram:
             lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= contacts.MOST_CHANGES:
+            if lane.changes >= self.most_changes:
                 return False
             if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
                 return False
-            resolve = self.boundaries.resolve if self.dynamics.stops else self.boundaries.guards.stick_or_slip
-            if resolve(lane):
+            if self.boundaries.decide(lane):
                 if self.dynamics.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
                 return True
+
+    @property
+    def most_changes(self) -> int:
+        """Most resolutions of an interval; with more it is given up."""
+        return contacts.MOST_CHANGES * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
@@ -186,8 +200,9 @@ class LaneProgram:
             pulls = lane.get((b.pull, f"{b.pull}_trial"))
             motion = guarded(self.boundaries.watched(lane, b))
             slows = -(lane[b.side] * lane[f"alpha_{b.name}"]) if b.sticks else 0.0
-            still = 0.0, h, False, 0.0, self.late_share(lane), slows
-            encounters.append(Encounter(float(k), motion, *pulls, *still))  # type: ignore[call-arg]
+            still = 0.0, h, False, 0.0, self.late_share(lane, b), slows
+            left = lane[b.left] if self.dynamics.weighs_laws and not b.sticks else False
+            encounters.append(Encounter(float(k), motion, *pulls, *still, left))  # type: ignore[call-arg]
         method = self.dynamics.method
         events = [
             first_passage(e, h, method.c[method.middle])
@@ -196,14 +211,22 @@ class LaneProgram:
             for e in encounters
         ]
         impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
-        return Trial(h, lane.left, lane.interval, impacts, encounters, events)
+        weighed = self.dynamics.weighs_laws
+        return Trial(h, lane.left, lane.interval, impacts, encounters, events, weighed)
 
-    def late_share(self, lane: Lane) -> Any:
+    def late_share(self, lane: Lane, b: Boundary) -> Any:
         """Fraction of a step by which a change of law may be late: metres of the tolerance, of a step that
-        moves the tip by a metre at most by what the laws differ."""
+        moves the tip by a metre at most by what the laws differ; more where they differ little."""
         if self.dynamics.scene.tolerance is None:
             return SMALLEST_LATE_SHARE
-        return maximum(minimum(lane.tip_tolerance, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
+        share = lane.tip_tolerance
+        if self.dynamics.gripped:
+            share = share * SHARE_OF_BOUNCES
+        least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
+        if b.sticks:
+            return least
+        allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
+        return where(allowed > least, minimum(allowed, MOST_LATE_SHARE), least)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last
@@ -240,6 +263,7 @@ class LaneProgram:
         """End a trial step without an event."""
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
         self.note_released(lane)
+        self.note_left(lane)
         return Found.NOTHING
 
     def is_lost(self, lane: Lane) -> Any:
@@ -257,7 +281,7 @@ class LaneProgram:
         met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
-        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b in self.dynamics.holding}
+        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b.holds}
         if self.dynamics.stops:
             self.move(lane, piece.time)
         lane.set(tuple(exact), list(exact.values()))
@@ -281,6 +305,8 @@ class LaneProgram:
                 passed = is_sought | (lane[b.pull] > 0.0)
                 lane[b.side] = where(passed, -lane[b.side], lane[b.side])
                 lane[b.pull] = where(passed, -lane[b.pull], lane[b.pull])
+                if self.dynamics.weighs_laws:
+                    lane[b.left] = passed
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
         if self.dynamics.sticking:
@@ -306,6 +332,12 @@ class LaneProgram:
             if b.joint is None:
                 lane[f"arrived_{b.name}"] = False
 
+    def note_left(self, lane: Lane) -> None:
+        """Record that no guard has just passed 0."""
+        if self.dynamics.weighs_laws:
+            for b in self.dynamics.guards:
+                lane[b.left] = False
+
     # ---- the interval ------------------------------------------------------------------------------------
 
     def begin(self, lane: Lane) -> None:
@@ -314,6 +346,8 @@ class LaneProgram:
         released = any_of(lane[a] != lane[f"{a}_start"] for a in self.dynamics.active)
         self.at_start(lane)
         lane.due, lane.at_stop = False, False
+        if self.dynamics.weighs_laws:
+            lane.departure = math.inf
         pulled = self.forces_in_common_step(lane)
         if self.dynamics.boundaries:
             begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
@@ -353,6 +387,7 @@ class LaneProgram:
             lane[b.side] = lane[f"{b.side}_start"]
         for b in self.dynamics.guards:
             lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
+        self.note_left(lane)
         if self.dynamics.impulses_change_laws:
             lane.resolving = False
         if self.dynamics.resolves:

@@ -9,32 +9,50 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import CONTROL_DT, Field, Force, Point
+from redundant_envs.effects.attached import Attached, field_of
+from redundant_envs.effects.hooks import CONTROL_DT, Force, Point
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
 
 Array = NDArray[np.float64]
 
 
-def kinetic_energy(scene: Scene, q: Array, qd: Array) -> Array:
-    """Kinetic energy, (...), J."""
-    return scene.loaded_robot.kinetic_energy(q, qd)
+def kinetic_energy(scene: Scene, q: Array, qd: Array, z: Array | None = None) -> Array:
+    """Kinetic energy, (...), J; ``z`` are states of effects, (..., states), with which masses may change, by
+    default those at the start of a motion."""
+    if z is None or not scene.attached.changing:
+        return scene.loaded_robot.kinetic_energy(q, qd)
+    x = scene_quantities(scene, q, qd, _masses(scene, z))
+    return np.broadcast_to(x["T"], q.shape[:-1]).astype(np.float64)
 
 
-def potential_energy(scene: Scene, q: Array) -> Array:
-    """Potential energy of the field and of all springs, (...), J."""
-    x = scene_quantities(scene, q)
+def weight_energy(scene: Scene, q: Array, z: Array | None = None) -> Array:
+    """Potential energy of the fields that follow from parameters alone, (...), J."""
+    x = scene_quantities(scene, q, parameters=_masses(scene, z))
+    return np.broadcast_to(x["U"], q.shape[:-1]).astype(np.float64)
+
+
+def potential_energy(scene: Scene, q: Array, z: Array | None = None) -> Array:
+    """The same, and the potential energy of all springs, (...), J."""
+    x = scene_quantities(scene, q, parameters=_masses(scene, z))
     springs = [a.functions["potential"](x) for a in scene.attached if "potential" in a.functions]
     return np.broadcast_to(x["U"] + sum(springs), q.shape[:-1]).astype(np.float64)
+
+
+def _masses(scene: Scene, z: Array | None) -> dict[str, Array]:
+    """Masses of the arm that effects change, from states of effects, (..., states)."""
+    if z is None or not scene.attached.changing:
+        return {}
+    states = {name: z[..., k] for k, name in enumerate(scene.attached.states)}
+    return scene.attached.moving_masses(scene.parameters(), states)
 
 
 def scene_quantities(
     scene: Scene, q: Array, qd: Array | None = None, parameters: Mapping[str, Any] = MappingProxyType({})
 ) -> Quantities:
     """Quantities that the functions of a scene's hooks take, in motions or at rest, with other ``parameters``
-    if given. States of effects have their initial values, and no instant has passed; positions choose between
-    the laws of a force."""
+    if given, in the fields that have a potential. States of effects have their initial values, and no instant
+    has passed; positions choose between the laws of a force."""
     arm = scene.loaded_robot
     own = {name: value for name, value in scene.parameters().items() if "." in name}
     known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
@@ -47,8 +65,8 @@ def scene_quantities(
     for a in scene.attached.of(Force):
         if a.law or "conservative" in a.functions:
             a.settle_law(x)
-    for field in scene.attached.of(Field):
-        x["ax"], x["ay"] = field.functions["function"](x)
+    if scene.attached.constant_fields:
+        x["ax"], x["ay"] = field_of(scene.attached.constant_fields, x)
     return x
 
 

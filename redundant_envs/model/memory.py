@@ -52,7 +52,7 @@ class Memory:
         if dynamics.instants:  # each piece of an interval has steps of its own length
             del steps["h"]
         initial = dict(dynamics.effect_states.initial)
-        for stop in dynamics.holding:  # at 0, or at the stop that is nearest
+        for stop in dynamics.stop_of.values():  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
             initial[dynamics.arm.coordinates[stop.joint]] = min(max(0.0, low), high)
         for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():

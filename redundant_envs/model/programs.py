@@ -68,8 +68,9 @@ class Simulator:
     def _traced(self) -> Traced:
         with uncollected():
             program, blocks = self._trace()
-            known = self.__dict__.get("identity")
-            assert known in (None, cache.identity(program))  # else its code would be kept under a wrong name
+            known = self.__dict__.get("identity")  # none yet if this trace is to find it
+            # Otherwise its code would be kept under a wrong name.
+            assert known is None or known == cache.identity(program)
             return program, blocks
 
     @property

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from redundant_envs.backends.torch import number, torch
-from redundant_envs.lane import pieces
+from redundant_envs.lane import jumps, pieces
 from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.direct import fields_of, in_steps
 from redundant_envs.lane.dynamics import Dynamics
@@ -103,12 +104,17 @@ def torch_step(scene: Scene) -> Step:
             return Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
 
         def run(procedure: Callable[[Lane], None]) -> None:
+            nonlocal states
             procedure(lane := lane_now())
+            states = list(lane.get(dynamics.states))
             fields.update(lane.written())
 
+        counts = _step_counts(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))})
         if dynamics.instants:
             run(interval.step.clear)
-        for steps in _step_counts(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))}):
+        else:
+            run(functools.partial(jumps.strike, dynamics))
+        for steps in counts:
             if dynamics.instants:
                 run(interval.step.next_piece)
             h = pieces.span(dynamics, lane_now()) / steps
@@ -120,7 +126,7 @@ def torch_step(scene: Scene) -> Step:
         lane = lane_now()
         interval.update_effect_states(lane)
         ends = 2 * count, 2 * count + len(of_effects)
-        states = [*states[: ends[0]], *(number(lane[n]) for n in (*of_effects, *of_draws))]
+        states = [number(lane[n]) for n in (*dynamics.states[: ends[0]], *of_effects, *of_draws)]
         wide = torch.broadcast_tensors(*states)
         parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]], wide[ends[1] :]]
         return tuple(torch.stack(part, -1) for part in parts if part)

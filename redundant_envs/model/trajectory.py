@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects import Gravity
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
-from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.energy import kinetic_energy, potential_energy, weight_energy
 from redundant_envs.model.parameters import numbers
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tables import write_rows
@@ -41,6 +40,8 @@ class Trajectory:
     asked for a new interval, and its last command counts."""
     scene: Scene = field(repr=False)
     events: list[Event] = field(default_factory=list)  # at the stops of the sliders, in the order of time
+    z: Array | None = field(default=None, repr=False)
+    """States of effects, (T, ..., states), in the order of ``Scene.states()``."""
 
     @property
     def tip(self) -> Array:
@@ -60,9 +61,7 @@ class Trajectory:
     @property
     def without_springs(self) -> Array | None:
         """Kinetic energy plus that of gravity alone, (T, ...), J; None if that is the total."""
-        effects = tuple(e for e in self.scene.effects if isinstance(e, Gravity))
-        weighed = dataclasses.replace(self.scene, effects=effects, randomize=None)
-        gravity = potential_energy(weighed, self.q)
+        gravity = weight_energy(self.scene, self.q, self.z)
         return None if np.array_equal(gravity, self.potential_energy) else self.kinetic_energy + gravity
 
     @property
@@ -144,7 +143,7 @@ def simulate(
         return np.broadcast_to(table, (*shape, joints)).reshape(count, joints)
 
     q_all, qd_all, applied = np.empty((3, len(t), count, joints))
-    work = np.empty((len(t), count))
+    work, z_all = np.empty((len(t), count)), np.empty((len(t), count, len(scene.states())))
     for k, time in enumerate(t.tolist()):
         while step < _instant(time, dt):
             _check(batch.advance(command(step)), step * dt)
@@ -160,7 +159,7 @@ def simulate(
             here = batch.save()
             _check(batch.advance_partly(now, rest), step * dt)
             events += batch.events(step * dt) if time == t[-1] else []
-        q_all[k], qd_all[k], work[k] = batch.q, batch.qd, batch.work
+        q_all[k], qd_all[k], z_all[k], work[k] = batch.q, batch.qd, batch.z, batch.work
         applied[k] = motor_efforts(batch, now, rest, states)
         if here:
             batch.restore(here)
@@ -170,9 +169,12 @@ def simulate(
                 "substeps, or a softer scene"
             )
     q_all, qd_all, applied = (x.reshape(len(t), *shape, joints) for x in (q_all, qd_all, applied))
-    energies = kinetic_energy(scene, q_all, qd_all), potential_energy(scene, q_all)
+    z_all = z_all.reshape(len(t), *shape, -1) if z_all.size else z_all.reshape(len(t), *shape, 0)
+    energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
-    return Trajectory(t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events)
+    return Trajectory(
+        t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events, z_all
+    )
 
 
 def motor_efforts(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects import (
     CentringSpring,
+    CoulombFriction,
     Effect,
     EffortLimits,
     Gravity,
@@ -215,6 +216,13 @@ def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["prismatic_stop.restitution"] = elastic
 
 
+def dry(drawn: Draw, rng: np.random.Generator) -> None:
+    """Levels of dry friction over decades; half of the joints at rest."""
+    count, joints = drawn.joints.shape
+    drawn.rates[rng.random((count, joints)) < 0.5] = 0.0
+    drawn.parameters["coulomb_friction.level"] = decades(rng, 1e-2, 5.0, (count, joints))
+
+
 def friction(low: float, high: float) -> Change:
     """Coefficients of viscous friction over decades."""
 
@@ -307,6 +315,9 @@ FAMILIES = (
     Family(
         "RPRP, stops and springs", RPRP, (Gravity(), STOP, spring("joint2")),
         (near_stops, near_limits(RPRP, "joint2")), steps=512,
+    ),
+    Family(
+        "RPRP, stops and true stiction", RPRP, (Gravity(), CoulombFriction(0.5), STOP), (dry, near_stops)
     ),
     Family("4R, singular starts", FourR, changes=(singular,)),
     Family("RPRP, singular starts", RPRP, changes=(singular,)),

@@ -49,7 +49,7 @@ def own_energy(trial: Trial) -> Finding:
     """Change of kinetic + potential - work over a control interval at the scene's own step."""
     q, qd, _ = trial.states
     own = trial.shared(own_interval)
-    gap = np.abs(energy_changes(trial.scene, q, qd, *own[:3])[0])
+    gap = np.abs(energy_changes(trial.scene, q, qd, own)[0])
     gap = np.where(np.isnan(gap), np.inf, gap)
     return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
 

@@ -34,6 +34,7 @@ class Crossing(NamedTuple):
     q: Array
     qd: Array
     work: Array  # J
+    z: Array  # states of effects
     numerics: NDArray[np.int8]  # flags
 
     @property
@@ -54,7 +55,7 @@ def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> 
     numerics = np.zeros(len(q), np.int8)
     for _ in range(parts):
         numerics |= batch.advance_partly(efforts, scene.control_dt / parts).numerics
-    return Crossing(batch.q, batch.qd, batch.work, numerics)
+    return Crossing(batch.q, batch.qd, batch.work, batch.z, numerics)
 
 
 def own_interval(trial: Trial) -> Crossing:
@@ -77,16 +78,14 @@ def exact_in_parts(trial: Trial) -> Crossing:
     return moved(fine, *trial.states)
 
 
-def energy_changes(
-    scene: Scene, q: Array, qd: Array, new_q: Array, new_qd: Array, work: Array
-) -> tuple[Array, Array, Array]:
+def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Array, Array, Array]:
     """Change of kinetic + potential - work, exchanged energies, stored energies; (n,) each, J."""
-    kinetic = [kinetic_energy(scene, *state) for state in ((q, qd), (new_q, new_qd))]
-    potential = [potential_energy(scene, x) for x in (q, new_q)]
+    kinetic = kinetic_energy(scene, q, qd), kinetic_energy(scene, end.q, end.qd, end.z)
+    potential = potential_energy(scene, q), potential_energy(scene, end.q, end.z)
     gained = potential[1] - potential[0]
-    scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(work)
+    scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(end.work)
     stored = np.abs(potential[0]) + np.abs(potential[1])
-    return kinetic[1] - kinetic[0] + gained - work, scale, stored
+    return kinetic[1] - kinetic[0] + gained - end.work, scale, stored
 
 
 @check("energy book", at_most(OPEN))
@@ -95,8 +94,8 @@ def energy_book(trial: Trial) -> Finding:
     half of the states, in units of the energies involved."""
     q, qd, _ = trial.states
     whole, parts = (crossed(trial.calm_scene, *trial.states, n) for n in (1, PARTS))
-    change, scale, stored = energy_changes(trial.scene, q, qd, *whole[:3])
-    other = energy_changes(trial.scene, q, qd, *parts[:3])[0]
+    change, scale, stored = energy_changes(trial.scene, q, qd, whole)
+    other = energy_changes(trial.scene, q, qd, parts)[0]
     noise = ROUNDING * stored
     judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
     if np.mean(judged) < ENOUGH_SMOOTH:

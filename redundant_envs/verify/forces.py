@@ -20,7 +20,8 @@ STEP = 1e-5
 """Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
 far above the limit of rounding (1e-11)."""
 SHARE_OF_TRAVEL = 0.01
-"""Largest step of a difference as a fraction of the travel of a joint, so that few straddle its ends."""
+"""Largest step of a difference as a fraction of the travel of a joint, or of the width between two changes of
+a law, so that few straddle these."""
 AGREEMENT = 1e-5
 """Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
 error of differences of a smooth potential."""
@@ -47,8 +48,15 @@ def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
     step = np.full(len(arm.joints), STEP)
-    for k, (lower, upper) in alone.travel().items():
-        step[k] = min(STEP, SHARE_OF_TRAVEL * (alone.parameters()[upper] - alone.parameters()[lower]))
+    ends = [*alone.travel().items()]
+    for a in alone.attached.of(Force):
+        if a.hook.switch is not None:
+            ends.append(
+                (cast(int, a.hook.joint), (a.parameter(a.hook.switch[0]), a.parameter(a.hook.switch[1])))
+            )
+    for k, (lower, upper) in ends:
+        width = alone.parameters()[upper] - alone.parameters()[lower]
+        step[k] = min(step[k], SHARE_OF_TRAVEL * width)
 
     def difference(joint: int, steps: int) -> Array:
         move = steps * step[joint] * inverse[joint]

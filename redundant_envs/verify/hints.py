@@ -54,6 +54,8 @@ class Motion:
             along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
             known |= dict(zip(names, along, strict=True))
         x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        begun = {n: value for n, value in d.begun(x).items() if n not in (more or {})}
+        x.update(begun)
         for a in d.scene.attached.along(x):
             a.settle_law(x)
         for b in d.sticking:
@@ -186,9 +188,11 @@ def rates_of_states(trial: Trial) -> Finding:
         if not any("rate" in own for own in states.values()):
             continue
         names = [dynamics.effect_states[field].name for field in states]
+        plain = motion.values()
         own, declared = np.zeros((len(q), len(states), len(states))), np.full((len(states), len(q)), np.nan)
         for j, (field, functions) in enumerate(states.items()):
-            x = motion.values({field: Dual(np.full(len(q), dynamics.effect_states.initial[field]), 1.0)})
+            begun = np.broadcast_to(plain[field], len(q))
+            x = motion.values({field: Dual(begun, 1.0)})
             for i, other in enumerate(states.values()):
                 own[:, i, j] = dual(other["derivative"](x)).slope
             if "rate" in functions:

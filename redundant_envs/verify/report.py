@@ -18,6 +18,7 @@ from redundant_envs.scene import load_scene, scene_names
 from redundant_envs.verify import (
     accuracy,
     bits,
+    closed_forms,
     conservation,
     engines,
     environments,
@@ -36,8 +37,8 @@ from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries, bits, evaluators,
-    engines, environments,
+    equations, kinematics, forces, hints, closed_forms, rest, conservation, accuracy, impacts, symmetries,
+    bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
 OF_THE_MACHINE = (bits.record,)

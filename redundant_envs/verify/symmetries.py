@@ -27,7 +27,7 @@ def time_reversal(trial: Trial) -> Finding:
 
     def conserves(h: Hook) -> bool:
         of_force = isinstance(h, Force) and h.conservative is h.function and not h.states
-        return of_force or isinstance(h, Field | PointMass | Inertia)
+        return of_force or isinstance(h, PointMass | Inertia) or (isinstance(h, Field) and not h.states)
 
     others = {a.key for a in trial.scene.attached if not conserves(a.hook)}
     kept = tuple(x for x in trial.scene.effects if x.key not in others)

@@ -10,6 +10,8 @@ ROOT = Path(__file__).parents[2]
 README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results"
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
 """Pages for users: without tutorials, decisions and results."""
+EFFECTS = sorted((ROOT / "docs" / "effects").glob("*.md"))
+"""A page for each effect."""
 PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += sorted((ROOT / "policies").glob("*/README.md"))
 

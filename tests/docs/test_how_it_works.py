@@ -23,6 +23,7 @@ EXCUSED = {
     "other effects": "effects/captured effects/effort_limits effects/gravity",
     "the scene has no boundary": "lane/boundaries lane/guards",
     "the scene has no instant": "lane/pieces",
+    "the scene has no impulse, and its masses stay": "lane/jumps",
     "the scene has no range": "ranges scene_numbers",
     "what the scene has": "lane/features",
     "puts the parts of an interval together": "lane/interval",

@@ -64,7 +64,11 @@ SAID = {
 """What the blocks before the training print."""
 
 
-@pytest.mark.parametrize("page", SAID)
+LONG = "moving_target.md"
+"""The other one has the commands of both."""
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, marks=[pytest.mark.long] * (p == LONG)) for p in SAID])
 def test_a_tutorial_without_its_training(page, tmp_path):
     outputs = run_tutorial(FOLDER / page, tmp_path, without=TRAINING)
     for words, output in zip(SAID[page], outputs, strict=False):

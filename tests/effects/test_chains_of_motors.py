@@ -94,7 +94,8 @@ def test_a_chain_whose_units_do_not_meet_is_refused(effects, said):
 
 
 def test_links_act_in_the_order_of_their_kinds():
-    assert [link.name for link in Link] == ["DELAY", "CONTROL", "DEAD_ZONE", "LAG", "TORQUE_SPEED", "LIMITS"]
+    kinds = "DELAY CONTROL DEAD_ZONE LAG TORQUE_SPEED LIMITS GEAR"
+    assert [link.name for link in Link] == kinds.split()
     start, commands = (np.zeros((1, 4)), np.zeros((1, 4))), np.full((1, 4), 30.0)
     limited, same = (
         advanced(rde.Scene(FOUR_R, effects, "rk4"), *start, efforts)[0].qd

@@ -12,6 +12,7 @@ from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
 from redundant_envs.effects.attaching import RULES, roots_of
 from redundant_envs.events.boundary import side_beyond
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
@@ -33,6 +34,18 @@ def test_hooks_are_bound_once_and_not_pickled():
     assert scene.attached is scene.attached
     assert "attached" not in scene.__getstate__()
     assert (again, [a.key for a in again.attached]) == (scene, [a.key for a in scene.attached])
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_what_a_simulator_knows_of_its_equations_is_pickled_though_functions_of_hooks_are_not(group):
+    known = Dynamics(rde.Scene(FOUR_R, GROUPS[group](FOUR_R), tolerance=1e-6))
+    assert known.numbers
+    assert known.kinks is not None
+    assert vars(pickle.loads(pickle.dumps(known))) == {
+        "scene": known.scene,
+        "track_work": False,
+        "located": True,
+    }
 
 
 def test_every_function_of_a_hook_has_a_rule():

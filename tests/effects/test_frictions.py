@@ -122,37 +122,44 @@ def test_bristles_hold_a_load_below_the_stiction_as_a_spring():
 
 
 def stored_and_taken(effect, rates, h=1e-4):
-    """Energy that the bristles give back at most, and the work that friction takes, along given rates."""
+    """Energy that the bristles give back at most, and the work that friction takes, along given rates: a row
+    for each time, a column for each motion."""
     numbers = {name: getattr(effect, name) for name in lu_gre.NUMBERS}
     own = [numbers[name] for name in lu_gre.OF_BRISTLES]
-    z, taken, least = 0.0, 0.0, 0.0
+    z, taken, least = np.zeros((3, rates.shape[1]))
     for rate in rates:
         middle = lu_gre.bent(rate, z, *own, 0.5 * h)
-        taken -= h * rate * lu_gre.force(rate, middle, *numbers.values())
+        taken = taken - h * rate * lu_gre.force(rate, middle, *numbers.values())
         z = lu_gre.bent(rate, z, *own, h)
-        least = min(least, taken - 0.5 * effect.stiffness * z**2)
+        least = np.minimum(least, taken - 0.5 * effect.stiffness * z**2)
     return least, taken
 
 
 def test_lu_gre_friction_is_passive_with_enough_viscous_friction():
     """sigma2 >= sigma1 (F_S - F_C) / F_C (Barabanov and Ortega 2000)."""
-    times = np.arange(0.0, 2.0, 1e-4)
+    times = np.arange(0.0, 1.0, 1e-4)
     rng = np.random.default_rng(0)
-    for _ in range(5):
-        rates = sum(
-            rng.normal() * np.sin(rng.uniform(1.0, 60.0) * times + rng.uniform(0, 6)) for _ in range(5)
-        )
-        least, taken = stored_and_taken(e.LuGre(500.0, 2.0, 1.0, 1.0, 1.5, 0.1), 0.3 * rates)
-        assert least > -1e-6
-        assert taken > 0.0
+    waves = [
+        [rng.normal() * np.sin(rng.uniform(1.0, 60.0) * times + rng.uniform(0, 6)) for _ in range(5)]
+        for _ in range(5)
+    ]
+    rates = 0.3 * np.sum(waves, axis=1).T
+    least, taken = stored_and_taken(e.LuGre(500.0, 2.0, 1.0, 1.0, 1.5, 0.1), rates)
+    assert least.min() > -1e-6
+    assert taken.min() > 0.0
 
 
-@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 8}, {"tolerance": 1e-6}], ids=str)
-@pytest.mark.parametrize("kind", ["4R", "RPRP", "PPR"])
+EACH = e.QuadraticFriction(0.3), e.SmoothCoulombFriction(0.3, 0.3), e.LuGre(30.0, 0.2, 0.2, 0.1, 0.15, 0.5)
+STEPS = {"rk8": {"integrator": "rk8", "substeps": 8}, "1e-6": {"tolerance": 1e-6}}
+
+
 @pytest.mark.parametrize(
-    "effect",
-    [e.QuadraticFriction(0.3), e.SmoothCoulombFriction(0.3, 0.3), e.LuGre(30.0, 0.2, 0.2, 0.1, 0.15, 0.5)],
-    ids=lambda effect: effect.key,
+    ("effect", "kind", "how"),
+    [
+        pytest.param(effect, kind, STEPS[("rk8", "1e-6")[(i + k) % 2]], id=f"{effect.key}-{kind}")
+        for i, effect in enumerate(EACH)
+        for k, kind in enumerate(("4R", "RPRP", "PPR"))
+    ],
 )
 def test_frictions_close_the_energy_book_on_every_arm(effect, kind, how):
     arm = ARMS[kind]

@@ -1,6 +1,7 @@
 """Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
 
 import dataclasses
+import itertools
 import json
 
 import numpy as np
@@ -9,6 +10,7 @@ from catalogue import ARMS, FOUR_R, RPRP, advanced, motors
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.lane.dynamics import Dynamics
 
 INERTIA = 2.0
 ONE = rde.Chain("R", (INERTIA,), (1.0,))
@@ -117,6 +119,37 @@ def test_actions_are_shares_of_the_supply_whatever_limits_follow():
         rde.Scene(FOUR_R, (MOTOR, type("Second", (e.DCMotor,), {"key": "second"})(R, L, K)))
 
 
+def test_limits_are_located_where_a_link_before_them_moves_and_cost_nothing_where_none_does():
+    limits = e.EffortLimits(3.0)
+    for effects, guards in (
+        ((e.Play(0.1), e.DeadZone(0.1), e.CommandDelay(0.01, 0.1), e.Gravity(), e.Lag(0.1)), 0),
+        ((limits, e.Play(0.1), e.DeadZone(0.1), e.CommandDelay(0.01, 0.1)), 0),
+        ((limits, e.Lag(0.1)), 8),
+        ((MOTOR, limits), 8),
+    ):
+        assert len(Dynamics(rde.Scene(FOUR_R, effects, tolerance=1e-6)).guards) == guards
+        assert not Dynamics(rde.Scene(FOUR_R, effects)).guards
+
+
+def test_limits_behind_a_motor_keep_the_tolerance_with_few_evaluations():
+    """As kinks that are watched they take 3400 evaluations of such intervals."""
+    rng = np.random.default_rng(1)
+    scene = rde.Scene(
+        FOUR_R, (e.Gravity(), MOTOR, e.EffortLimits((8.0, 6.0, 4.0, 2.0)), e.ViscousFriction(0.2)),
+        tolerance=1e-6,
+    )  # fmt: skip
+    state = rng.uniform(-1.5, 1.5, (256, 4)), rng.normal(size=(256, 4)), rng.uniform(-24.0, 24.0, (256, 4))
+    found, status = advanced(scene, *state, intervals=3)
+    exact, sure = advanced(
+        dataclasses.replace(scene, integrator="dop853", tolerance=None), *state, intervals=3
+    )
+    assert not status.numerics.any()
+    assert not sure.numerics.any()
+    apart = FOUR_R.forward_kinematics(found.q) - FOUR_R.forward_kinematics(exact.q)
+    assert np.linalg.norm(apart, axis=1).max() < 3e-6
+    assert status.evaluations.mean() < 300.0
+
+
 # ---- curves, zones, play ---------------------------------------------------------------------------------
 
 
@@ -134,6 +167,25 @@ def test_a_motor_brakes_with_its_stall_effort_and_passes_what_is_below_its_line(
     ):  # fmt: skip
         batch = moved(effects, command, rate, integrator="euler", control_dt=1e-3)
         assert (batch.qd[0, 0] - rate) / 1e-3 * INERTIA == pytest.approx(effort, abs=1e-9)
+
+
+def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and_the_stall_effort():
+    """A force turns it, so that it drives, brakes, and is faster than its free speed."""
+    cases = itertools.product((0.0, 4.0, 8.0, 8.0 + 1e-9, 20.0), (-14.0, -2.0, 0.0, 2.0, 9.0), (-80.0, 80.0))
+    commands, rates, torques = np.array(list(cases)).T
+    for command in (commands, -commands):
+        ends = []
+        for how in ({"tolerance": 1e-8}, {"substeps": 400}):
+            scene = rde.Scene(ONE, (e.JointTorque(step=1.0), e.TorqueSpeed(8.0, 10.0)), **how)
+            batch = rde.BatchSimulator(scene, len(rates))
+            batch.set_parameters({"joint_torque.step[0]": torques})
+            batch.set_state(np.zeros((len(rates), 1)), rates[:, None])
+            for _ in range(10):
+                status = batch.advance(command[:, None])
+                assert not status.numerics.any()
+                assert status.evaluations.max() < 400 or how != {"tolerance": 1e-8}
+            ends.append(batch.qd)
+        assert np.allclose(*ends, rtol=0.0, atol=1e-6)
 
 
 def test_a_dead_zone_takes_its_width_from_commands():
@@ -177,8 +229,15 @@ def test_an_armature_adds_to_the_inertia_of_its_joint():
 # ---- all of them on all arms -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
-@pytest.mark.parametrize("kind", ["4R", "RPRP", "PPR"])
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [
+        ("4R", {"integrator": "rk8", "substeps": 4}),
+        ("RPRP", {"tolerance": 1e-6}),
+        ("PPR", {"tolerance": 1e-6}),
+    ],
+    ids=str,
+)
 def test_a_scene_with_all_motors_moves_is_plain_data_and_closes_its_energy_book(kind, how):
     arm = ARMS[kind]
     n = len(arm.joints)
@@ -210,35 +269,3 @@ def test_wrong_numbers_are_refused(said):
     with pytest.raises(ValueError) as error:
         REFUSED[said]()
     assert said in str(error.value)
-
-
-def test_closed_forms_are_solutions_of_their_derivatives():
-    """Their slope in time is the derivative, at the values that they give; at time 0 they keep the value."""
-    numbers = {
-        "rate": 3.0,
-        "command": 0.7,
-        "effort": 0.2,
-        "current": 0.2,
-        "bristle": 1e-3,
-        "time_constant": 0.1,
-    }
-    numbers |= {"resistance": R, "inductance": L, "constant": K, "gear": N, "voltage": 24.0}
-    numbers |= {"stiffness": 50.0, "coulomb": 0.5, "stiction": 0.8, "stribeck_speed": 1.0}
-    for effect, own in (
-        (e.Lag(0.1), "effort"),
-        (MOTOR, "current"),
-        (e.LuGre(50.0, 0.0, 0.0, 0.5, 0.8), "bristle"),
-    ):
-        state = next(iter(effect.fitted(ONE).states(ONE).values()))
-
-        def value(function, own=own, **changed):
-            code = function.__code__
-            known = {**numbers, **changed}
-            return function(*(known[name] for name in code.co_varnames[: code.co_argcount]))
-
-        assert value(state.closed, elapsed=0.0) == pytest.approx(numbers[own], rel=1e-15)
-        for t in (1e-5, 1e-3, 0.05):
-            d = 1e-4 * t
-            slope = (value(state.closed, elapsed=t + d) - value(state.closed, elapsed=t - d)) / (2.0 * d)
-            now = value(state.closed, elapsed=t)
-            assert slope == pytest.approx(value(state.derivative, **{own: now}), rel=1e-5, abs=1e-9)

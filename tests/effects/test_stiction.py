@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, advanced, stops
+from catalogue import FOUR_R, RPRP, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -300,8 +300,6 @@ def test_lanes_are_alike_alone_in_a_batch_after_a_snapshot_and_in_numpy():
 def test_what_friction_cannot_do_is_refused():
     with pytest.raises(ValueError, match="level"):
         e.CoulombFriction(-0.1)
-    with pytest.raises(ValueError, match=r"CoulombFriction.*PrismaticStop"):
-        rde.Scene(RPRP, (e.CoulombFriction(1.0), stops(RPRP)))
     with pytest.raises(ValueError, match="speed"):
         rde.Scene(FOUR_R, (type("Odd", (Effect,), {"hooks": odd_hooks})(),))
     pytest.importorskip("torch")

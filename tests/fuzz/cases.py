@@ -40,7 +40,8 @@ def taken(rows, lanes):
 
 
 def with_lanes(case, order):
-    """The case with some of its lanes, in any order; calls for none of them are left out."""
+    """The case with some of its lanes, in any order, each with the draws that it had; calls for none of them
+    are left out."""
     calls = []
     for call in case["calls"]:
         if chosen := [order.index(lane) for lane in lanes_of(case, call) if lane in order]:
@@ -48,7 +49,8 @@ def with_lanes(case, order):
                 chosen.sort()
             lanes = None if call.get("lanes") is None else chosen
             calls.append({**call, "lanes": lanes, "rows": taken(call.get("rows", {}), order)})
-    return {**case, "num_envs": len(order), "calls": calls}
+    draws = case.get("draws", range(case["num_envs"]))
+    return {**case, "num_envs": len(order), "calls": calls, "draws": [draws[lane] for lane in order]}
 
 
 def without_calls(case, left_out):

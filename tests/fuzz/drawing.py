@@ -15,6 +15,8 @@ TRIES = 50
 """Most draws of numbers until a scene accepts them."""
 MOTORS = "EffortLimits"
 """Environments need it."""
+OF_SLIDERS = "CentringSpring", "PrismaticStop"
+"""Effects with a number for each slider."""
 
 
 def decades(rng, low, high, count=None):
@@ -55,7 +57,8 @@ def weight_of(arm):
 def drawn_effect(rng, kind, arm):
     """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
     n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
-    count = {"LimitSpring": 1, "LuGre": n}.get(kind.__name__, len(arm.sliders()))
+    sliders = len(arm.sliders()) if kind.__name__ in OF_SLIDERS else 1
+    count = {"GearBacklash": n, "LuGre": n}.get(kind.__name__, sliders)
     if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
         low = size * rng.choice([0.0, 0.0, -0.1, 0.05], count)
         high = low + size * decades(rng, 0.01, 1.0, count)
@@ -74,6 +77,11 @@ def drawn_effect(rng, kind, arm):
         "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),
         "limits": weight * decades(rng, 0.05, 5.0) * unit * rng.uniform(0.2, 1.0, n),
         "coordinate": arm.joints[joint],
+        "joints": rng.choice(arm.joints, 2, replace=False),
+        "moment_arms": 0.05 * rng.choice([-1.0, 1.0], 2),
+        "name": "",
+        "point": rng.integers(arm.num_masses) + 1,
+        "post": size * rng.uniform(-1.0, 1.0, 2),
         "lower": low,
         "upper": high,
         "restitution": rng.choice([0.0, 0.0, 0.3, 0.5, 0.9, 1.0]),
@@ -94,8 +102,15 @@ def drawn_effect(rng, kind, arm):
 def drawn_effects(rng, arm, needed=(), dt=0.02):
     """Any subset of the registered effects that fit an arm, a control interval and each other; limit springs
     at a random number of joints."""
-    share = rng.choice([0.3, 0.6, 1.0])
+    share = rng.choice([0.03, 0.1, 0.3, 1.0], p=[0.3, 0.35, 0.3, 0.05])  # many take long to compile
     chosen = []
+
+    def fits(*effects):
+        try:
+            return Scene(arm, effects, control_dt=dt)
+        except ValueError:
+            return None
+
     for name, kind in own_effects().items():
         if name not in needed and not rng.random() < share:
             continue
@@ -103,11 +118,11 @@ def drawn_effects(rng, arm, needed=(), dt=0.02):
             for _ in range(TRIES):
                 try:
                     effect = drawn_effect(rng, kind, arm)
-                    Scene(arm, (*chosen, effect), control_dt=dt)
                 except ValueError:
                     continue
-                chosen.append(effect)
-                break
+                if fits(effect) and fits(*chosen, effect):
+                    chosen.append(effect)
+                    break
     rng.shuffle(chosen)
     return tuple(chosen)
 

@@ -137,6 +137,8 @@ def fine_interval(scene, step, lanes, steps):
     if batch.z.size:
         batch._memory.write(tuple(batch.simulator.dynamics.effect_states), before["z"])
     batch._memory.write(("work",), before["work"][:, None])
+    if batch.draws.size:
+        batch.set_draws(before["draws"])
     duration = () if kind == "advance" else (step.call["duration"],)
     status = getattr(batch, kind)(step.call["efforts"][lanes], *duration)
     return lanes_now(batch), status.numerics
@@ -162,7 +164,9 @@ def tolerance_of(scene):
 
 def quantities(scene, lanes):
     """Quantities of the scene, with each lane's own numbers."""
-    return scene_quantities(scene, lanes["q"], lanes["qd"], values_of(scene, lanes))
+    values, states = values_of(scene, lanes), dict(zip(scene.states(), lanes["z"].T, strict=True))
+    values |= scene.attached.moving_masses(values, states)
+    return scene_quantities(scene, lanes["q"], lanes["qd"], values)
 
 
 def tips(scene, lanes):

@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 import redundant_envs as rde
+from redundant_envs.model.batch import draws_of
 
 from .cases import ENVIRONMENTS, lanes_of, taken
 
@@ -72,7 +73,10 @@ class Player:
 
 class SimulatorPlayer(Player):
     def made(self):
-        return self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
+        batch = self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
+        if batch.draws.size and "draws" in self.case:
+            batch.set_draws(draws_of(0, np.array(self.case["draws"])))
+        return batch
 
     def now(self):
         return lanes_now(self.subject)
@@ -112,7 +116,8 @@ def told(status):
 def lanes_now(batch):
     names = tuple(batch.simulator.dynamics.field_of(p) for p in batch.scene.parameters())
     values = batch._memory.read(names)
-    return {"q": batch.q, "qd": batch.qd, "z": batch.z, "work": batch.work, "values": values}
+    found = {"q": batch.q, "qd": batch.qd, "z": batch.z, "work": batch.work, "values": values}
+    return found | {"draws": batch.draws}
 
 
 class EnvironmentPlayer(Player):

@@ -41,7 +41,7 @@ def fuzzed(seed, numbers, seconds):
 
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    assert fuzzed(0, (0, 1, 3, 4), 600.0)["intervals"] > 100
+    assert fuzzed(0, (1, 3, 4, 11), 600.0)["intervals"] > 100
 
 
 @pytest.mark.usefixtures("kernels_of_its_own")
@@ -58,8 +58,22 @@ def test_the_command_counts_what_it_did(tmp_path):
     assert found == {"seed": 1, "minutes": 0.0, "files": []}
 
 
+LONG = {
+    "an_impact_before_two_references_part", "fast_sliders_in_a_short_interval", "sliders_that_double_errors",
+    "a_spring_that_lets_go_in_a_microsecond", "dop853_after_182_impacts",
+    "friction_that_takes_energy_at_once",
+}  # fmt: skip
+"""Failures whose kernels take long to compile."""
+
+
 @pytest.mark.usefixtures("kernels_of_its_own")
-@pytest.mark.parametrize("path", sorted((HERE / "found").glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.long] if path.stem in LONG else [])
+        for path in sorted((HERE / "found").glob("*.json"))
+    ],
+)
 def test_mended_failures_stay_mended(path):
     assert judged(cases.read(path)) == []
 
@@ -98,7 +112,7 @@ def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
 
 def test_every_effect_and_every_way_to_step_is_drawn():
     rng = np.random.default_rng(0)
-    scenes = [drawn_scene(rng) for _ in range(200)]
+    scenes = [drawn_scene(rng) for _ in range(120)]
     assert {type(e).__name__ for s in scenes for e in s.effects} == set(own_effects())
     assert {s.integrator for s in scenes} == {"euler", "rk4", "rk8", "dop853"}
     assert {s.tolerance is None for s in scenes} == {True, False}

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from redundant_envs.algebra import physics, where
+from redundant_envs.algebra import maximum, minimum, physics, where
 from redundant_envs.effects import CoulombFriction, Lag, LuGre, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
@@ -372,6 +372,36 @@ class ChatteringFriction(OtherFriction):
 
     def other(self, effect):
         return SignOfRate(effect.level) if isinstance(effect, CoulombFriction) else effect
+
+
+@physics
+def against_load(rate, effort, level):
+    holding = minimum(maximum(-effort, -level), level)
+    return where(abs(rate) < 0.01, holding, where(rate > 0.0, -level, level))
+
+
+@dataclasses.dataclass(frozen=True)
+class DeadBand(CoulombFriction):
+    """Opposes the rate outside a band of 0.01 rad/s, and balances the effort of the motor in it."""
+
+    def hooks(self, arm):
+        return tuple(
+            Force(
+                k,
+                against_load,
+                {"rate": f"phid{k + 1}", "effort": f"command{k + 1}", "level": f".level[{k}]"},
+            )
+            for k in range(len(arm.joints))
+        )
+
+
+class KarnoppFriction(OtherFriction):
+    """Takes small rates for none (Karnopp 1985): a joint that should have come to rest drifts on."""
+
+    name = "dead band of rates"
+
+    def other(self, effect):
+        return DeadBand(effect.level) if isinstance(effect, CoulombFriction) else effect
 
 
 class IntegratedLuGre(LuGre):

@@ -34,6 +34,9 @@ def test_33_true_stiction(subject):
         motion = subject.motion(dry(ALONE, control_dt=0.02), np.zeros(4), 0.0, 50, effort)
         off = abs(motion.q[-1, 0, 3] - travelled)
         yield at_most(f"under {load:g} of the friction the angle after 1 s", off, 1e-13, "rad off")
+    flywheel = rde.Scene(rde.Chain("R", (1.0,), (0.5,)), (e.CoulombFriction(1.0),), control_dt=0.02)
+    off = abs(subject.motion(flywheel, [0.0], 0.5, 50).q[-1, 0, 0] - 0.5 * 0.25 * 0.5**2)
+    yield at_most("pushed to 0.5 rad/s, where a joint has stopped after 1 s", off, 1e-13, "rad off")
 
 
 @hard_case

@@ -6,7 +6,6 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 from held_command import HeldCommand
-from payload import Payload
 from refusals import refusal
 
 import redundant_envs as rde
@@ -123,7 +122,7 @@ def test_41_numbers_at_the_ends_of_their_ranges(subject):
 
 def picked_up(q, qd):
     """The energy balance of an arm that picks up 100 kg after half a second; it starts again there."""
-    scene = rde.Scene(m.LAB, (m.GRAVITY, e.ViscousFriction((0.5,) * 4), Payload(0.0)), tolerance=1e-12)
+    scene = rde.Scene(m.LAB, (m.GRAVITY, e.ViscousFriction((0.5,) * 4), e.Payload(0.0)), tolerance=1e-12)
     batch = rde.BatchSimulator(scene, 1, track_work=True)
     batch.set_state(q, qd)
     heavy = rde.FourR((1.0, 1.0, 1.0, 101.0), m.LAB.lengths)

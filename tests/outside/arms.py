@@ -6,11 +6,7 @@ import held_command
 import numpy as np
 import rrp
 import three_r
-from armature import LinkInertia
-from payload import Payload
 from sensors import EccentricEncoders, FilteredRates
-from tether import Tether
-from two_stage_spring import TwoStageSpring
 
 import redundant_envs as rde
 
@@ -41,7 +37,7 @@ def stops(arm, restitution=0.5):
 def inertias(arm):
     """Rotors at all joints, and links that are no points."""
     turning = arm.prismatic.count(False)
-    return e.Armature(ROTORS[: len(arm.joints)]), LinkInertia(LINKS[:turning])
+    return e.Armature(ROTORS[: len(arm.joints)]), e.LinkInertia(LINKS[:turning])
 
 
 def effects_from_outside(arm):
@@ -49,9 +45,9 @@ def effects_from_outside(arm):
     return {
         "states and links": (e.Lag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0)),
         "inertias": inertias(arm),
-        "a load": (Payload(0.7),),
-        "a force at a point": (Tether(2, 0.3, -0.2, 50.0, 2.0),),
-        "a law that changes": (TwoStageSpring(len(arm.joints) - 1, -0.1, 0.05, 20.0, 4e3),),
+        "a load": (e.Payload(0.7),),
+        "a force at a point": (e.Tether(2, (0.3, -0.2), 50.0, 2.0),),
+        "a law that changes": (e.TwoStageSpring(arm.joints[-1], -0.1, 0.05, 20.0, 4e3),),
         "sensors": (EccentricEncoders(0.01), FilteredRates(0.05)),
     }
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, where
-from redundant_envs.effects import Actuation, Effect, Force, Link, State
+from redundant_envs.effects import Actuation, Effect, Force, Link
 
 
 @physics
@@ -56,50 +56,3 @@ class HalfBrake(Effect):
     def hooks(self, arm):
         bind = {"rate": "phid1", "position": "phi1", "level": ".level"}
         return (Force(0, brake, bind, guard=itself),)
-
-
-@physics
-def same(x):
-    return x
-
-
-@physics
-def gear_ends(rotor, position, gap):
-    play = rotor - position
-    return play - gap, play + gap
-
-
-@physics
-def gear_effort(rotor, position, speed, rate, stiffness, gap, side1, side2):
-    """Springs at both ends of the play of a gear, damped in proportion to their depth."""
-    play, slip = rotor - position, 0.02 * (speed - rate)
-    upper = where(side1 > 0.0, stiffness * (play - gap) * (1.0 + slip), 0.0)
-    return upper + where(side2 < 0.0, stiffness * (play + gap) * (1.0 - slip), 0.0)
-
-
-@physics
-def rotor_acceleration(command, rotor, position, speed, rate, stiffness, gap, inertia, side1, side2):
-    effort = gear_effort(rotor, position, speed, rate, stiffness, gap, side1, side2)
-    return (command - effort) / inertia
-
-
-@dataclass(frozen=True)
-class LooseGear(Effect):
-    """A rotor behind a gear with play in each motor: states whose derivatives have the sides of the link."""
-
-    gap: float = 0.01
-    stiffness: float = 500.0
-    inertia: float = 0.02
-
-    def hooks(self, arm):
-        links = []
-        for k in range(len(arm.joints)):
-            motion = {"rotor": f".rotor[{k}]", "position": f"phi{k + 1}", "gap": ".gap"}
-            motion |= {"speed": f".speed[{k}]", "rate": f"phid{k + 1}", "stiffness": ".stiffness"}
-            driven = {**motion, "command": f"command{k + 1}", "inertia": ".inertia"}
-            states = (
-                State(f"rotor[{k}]", "rad", same, bind={"x": f".speed[{k}]"}),
-                State(f"speed[{k}]", "rad/s", rotor_acceleration, bind=driven),
-            )
-            links.append(Actuation(k, gear_effort, motion, Link.LIMITS, states, guard=gear_ends))
-        return tuple(links)

@@ -2,16 +2,15 @@
 
 from dataclasses import dataclass
 
-from two_stage_spring import beyond_knee
-
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Force, State
+from redundant_envs.effects.limit_spring import depth_beyond
 
 
 @physics
 def push_back(position, lower, upper, side, stiffness, hum):
-    return -stiffness * (1.0 + 0.5 * hum) * beyond_knee(position, lower, upper, side)
+    return -stiffness * (1.0 + 0.5 * hum) * depth_beyond(position, lower, upper, side)
 
 
 slope = physics(lambda change, frequency: frequency * change)

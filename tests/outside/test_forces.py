@@ -10,14 +10,12 @@ import pytest
 from arms import ARMS, Bumper, e, states
 from catalogue import advanced
 from held_command import HeldCommand
-from payload import Payload
-from tether import Tether
-from two_stage_spring import TwoStageSpring, energy
 
 import redundant_envs as rde
 from redundant_envs.algebra import ABSENT, exp, maximum, physics, sqrt, where
 from redundant_envs.backends.torch import torch
 from redundant_envs.control.holding import static_efforts
+from redundant_envs.effects.two_stage_spring import energy
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.verify import accuracy, forces, verify
@@ -31,7 +29,7 @@ AT_POINTS = [(name, k + 1) for name, arm in ARMS.items() for k in range(arm.num_
 @pytest.mark.parametrize(("name", "k"), AT_POINTS)
 def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     actuation = ("joint", "generalized")[k % 2]
-    arm, tether = ARMS[name], Tether(k, 0.3, -0.2, 50.0, 2.0)
+    arm, tether = ARMS[name], e.Tether(k, (0.3, -0.2), 50.0, 2.0)
     q, qd, efforts = states(arm, 30, 2.0)
     dynamics = Dynamics(rde.Scene(arm, (e.Gravity(9.81), tether), "rk4", actuation=actuation))
     numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, efforts.T, strict=True))}
@@ -49,7 +47,7 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
 
 
 def test_wrong_potentials_are_found():
-    tether, knees = Tether(2, 0.1, -0.4, 80.0), TwoStageSpring(3, -0.1, 0.05, 20.0, 4e3)
+    tether, knees = e.Tether(2, (0.1, -0.4), 80.0), e.TwoStageSpring("r2", -0.1, 0.05, 20.0, 4e3)
     backwards = physics(
         lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
     )
@@ -69,13 +67,13 @@ def test_wrong_potentials_are_found():
 
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
     arm = ARMS["4R"]
-    scene = rde.Scene(arm, (Tether(4, 0.5, 0.5, 4e4),), tolerance=1e-6)
+    scene = rde.Scene(arm, (e.Tether(4, (0.5, 0.5), 4e4),), tolerance=1e-6)
     assert Dynamics(scene).prepare(Dynamics(scene).parameters)["least_step_rate"] == 0.5 * np.sqrt(4e4 / 0.5)
     assert verify(scene, 64, checks=[accuracy.tolerance_kept, accuracy.flagged]).misses == ()
 
 
 def test_static_efforts_balance_forces_at_points():
-    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), Tether(2, 0.3, -0.2, 60.0)), "rk8", 1e-3)
+    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.Tether(2, (0.3, -0.2), 60.0)), "rk8", 1e-3)
     q = states(ARMS["RRP"], 30, 2.0)[0]
     assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
 
@@ -153,7 +151,7 @@ LAGS = (e.Lag(0.04), HeldCommand())
 GRADIENTS = {
     "z": (rde.Scene(ARMS["3R"], LAGS, tolerance=1e-7), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
     "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), e.Armature(0.2))), [0.2] * 4),
-    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), Payload(0.4))), 0.4),
+    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), e.Payload(0.4))), 0.4),
 }
 
 

@@ -28,7 +28,11 @@ STEPS = {
     "1e-6": {"tolerance": 1e-6},
     "dop853": {"integrator": "dop853"},
 }
+LATER = "dop853", "rk4, 3 substeps"
+"""Of an arm with stops these take long; one without has them."""
 ON = pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+LATE_AND_SAMPLED = LateCommand(0.007), SampledBrake(0.5, 0.6), e.Lag(0.03)
+"""Two instants of an interval, and a state that steps integrate: one scene, compiled once, for all tests."""
 BOTH = pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP with stops"])
 
 
@@ -267,14 +271,21 @@ def test_lanes_that_are_not_finite_end_alone():
 # ---- everywhere alike ----------------------------------------------------------------------------------
 
 
-@BOTH
-@ON
+@pytest.mark.parametrize(
+    ("arm", "steps"),
+    [
+        pytest.param(
+            arm, steps, id=f"{arm.kind}, {how}", marks=[pytest.mark.long] * (arm is RPRP and how in LATER)
+        )
+        for arm in (FOUR_R, RPRP) for how, steps in STEPS.items()
+    ],
+)  # fmt: skip
 def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
-    scene = with_effects(bare(arm, **steps), LateCommand(0.007), SampledBrake(0.5, 0.6))
+    scene = with_effects(bare(arm, **steps), *LATE_AND_SAMPLED)
     batch, commands = simulators(scene, lanes=4)
     batch.advance(commands[0])
     dynamics = Dynamics(scene)
-    names = (*dynamics.states, *dynamics.effect_states, *dynamics.commands)
+    names = (*arm.coordinates, *arm.rates, *dynamics.effect_states, *dynamics.commands)
     columns = np.concatenate([batch.q, batch.qd, batch.z, commands[1]], axis=1).T
     batch.advance(commands[1])
     found = (*batch.q.T, *batch.qd.T, *batch.z.T)
@@ -292,7 +303,7 @@ def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
 
 @pytest.mark.parametrize("steps", [STEPS["rk4, 3 substeps"], STEPS["1e-6"]], ids=["rk4", "1e-6"])
 def test_differentiable_steps_are_those_of_the_simulator_and_know_the_time_of_an_instant(steps):
-    scene = with_effects(bare(FOUR_R, **steps), LateCommand(0.007), SampledBrake(0.5, 0.6))
+    scene = with_effects(bare(FOUR_R, **steps), *LATE_AND_SAMPLED)
     batch, commands = simulators(scene, lanes=6)
     commands = 5.0 * commands
     batch.advance(commands[0])
@@ -315,7 +326,7 @@ def test_differentiable_steps_are_those_of_the_simulator_and_know_the_time_of_an
 
 @pytest.mark.parametrize("steps", [STEPS["rk8"], STEPS["1e-6"]], ids=["rk8", "1e-6"])
 def test_saved_and_copied_simulators_and_threads_continue_to_the_same_bits(steps):
-    scene = with_effects(bare(RPRP, **steps), LateCommand(0.007), SampledBrake(0.5, 0.6))
+    scene = with_effects(bare(RPRP, **steps), *LATE_AND_SAMPLED)
     batch, commands = simulators(scene)
     batch.advance(commands[0])
     snapshot, twin = batch.save(), copy.deepcopy(batch)
@@ -457,7 +468,7 @@ def test_any_chain_has_instants(arm):
 def test_lanes_of_one_block_have_their_own_pieces_or_none(arm, steps):
     """Sliders begin at rest at their stops, some pressed onto them and some pulled away."""
     times = np.array([0.0, 0.013, LENGTH, 0.007, 0.3, 1e-9, 0.0199, 0.0])
-    made = with_effects(bare(arm, **steps), LateCommand(0.0), e.Lag(0.03))
+    made = with_effects(bare(arm, **steps), *LATE_AND_SAMPLED)
     q, qd, commands = starts(arm, len(times), seed=3)
     if arm is RPRP:
         q[:4, [1, 3]], qd[:4] = (0.1, 0.15), 0.0

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from arms import ARMS, LINKS, ROTORS, e, inertias, states, stops
 from catalogue import COPIES, advanced
-from payload import Payload
-from tether import Tether
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -25,10 +23,10 @@ def heavier(arm, load=LOAD):
 
 def scenes(name, load=LOAD, **more):
     """The arm with the load, and the arm that is heavier by it."""
-    arm, effects = ARMS[name], [e.Gravity(), Tether(2, 0.3, 0.1, 200.0, 2.0), *stops(ARMS[name])]
+    arm, effects = ARMS[name], [e.Gravity(), e.Tether(2, (0.3, 0.1), 200.0, 2.0), *stops(ARMS[name])]
     if arm.sliders():
         effects.append(e.LimitSpring(arm.joints[arm.sliders()[0]], -0.05, 0.05, 500.0, 5.0))
-    loaded = rde.Scene(arm, (*effects, Payload(load)), **more)
+    loaded = rde.Scene(arm, (*effects, e.Payload(load)), **more)
     return loaded, rde.Scene(heavier(arm, load), tuple(effects), **more)
 
 
@@ -72,7 +70,7 @@ def test_energies_and_statics_know_the_load():
 def test_computed_torque_carries_a_load_and_turns_rotors():
     scene = rde.load_scene("four_r_reach")
     others = {
-        "loaded": dataclasses.replace(scene, effects=(*scene.effects, Payload(0.1))),
+        "loaded": dataclasses.replace(scene, effects=(*scene.effects, e.Payload(0.1))),
         "heavy": dataclasses.replace(scene, robot=heavier(scene.robot, 0.1)),
         "rotors": dataclasses.replace(scene, effects=(*scene.effects, e.Armature((0.05, 0.03, 0.01, 0.01)))),
         "bare": scene,
@@ -88,7 +86,7 @@ def test_computed_torque_carries_a_load_and_turns_rotors():
 
 def test_a_load_is_a_parameter_of_an_episode_and_zero_is_nothing():
     bare, action = rde.load_scene("four_r_reach"), np.full(4, 0.4, np.float32)
-    loaded = dataclasses.replace(bare, effects=(*bare.effects, Payload(0.0)))
+    loaded = dataclasses.replace(bare, effects=(*bare.effects, e.Payload(0.0)))
     envs = [gym.make("redundant_envs/FourRReach-v0", scene=s.to_dict()) for s in (bare, loaded)]
     seen = [(env.reset(seed=3)[0], env.step(action)[0]) for env in envs]
     np.testing.assert_array_equal(*seen)

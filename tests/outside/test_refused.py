@@ -13,7 +13,7 @@ import rrp
 import three_r
 from arms import ARMS, Bumper, e
 from catalogue import advanced
-from two_stage_spring import TwoStageSpring
+from humming_stop import HummingStop
 
 import redundant_envs as rde
 import redundant_envs.robots
@@ -269,7 +269,7 @@ BELOW = "the first must be below the second"
             "travel gives 'top', which is not a number of this effect; it has a, b",
         ),
         # fields and forces
-        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* parameters alone"),
+        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* and states of its effect"),
         (
             effect_of(Force(0, nothing, {"phid_1": "phid2"})),
             "bind has 'phid_1', which no function here takes; they take phi1",
@@ -285,7 +285,7 @@ BELOW = "the first must be below the second"
         (effect_of(Force(1, of_side, switch=".a")), r"switch is '\.a'; give the names of two numbers"),
         (effect_of(Force(Point(3), of_side, switch=(".a", ".b"))), "the force acts at a Point"),
         (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
-        (TwoStageSpring(1, 0.3, 0.1, 20.0, 2e3), BELOW),
+        (HummingStop(1, 0.3, 0.1, 2e3, 30.0), BELOW),
         # masses and inertias
         (added(e.Inertia(1, ".number")), "joints is 1; give a tuple"),
         (inertia_of(), r"joints is \(\); give a tuple"),
@@ -315,15 +315,15 @@ def test_an_effect_that_contradicts_itself(effects, said):
     refused(said, rde.Scene, RPRP, effects if isinstance(effects, tuple) else (effects,))
 
 
-SPRING = TwoStageSpring(1, 0.1, 0.2, 20.0, 2e3)
+SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
 
 
 @pytest.mark.parametrize(
     ("effect", "change", "said"),
     [
         (walled("a", "b"), {"mine.a": 3.0}, f"travel of 'r1' .* 3.0 and 1.0; {BELOW}"),
-        (SPRING, {"two_stage_spring.lower": [0.0, 0.3], "two_stage_spring.upper": 0.1}, BELOW),
-        (SPRING, {"two_stage_spring.lower": [0.0, 0.2]}, BELOW),
+        (SPRING, {"humming_stop.lower": [0.0, 0.3], "humming_stop.upper": 0.1}, BELOW),
+        (SPRING, {"humming_stop.lower": [0.0, 0.2]}, BELOW),
         (Bumper(), {"bumper1.restitution": -0.1}, "bumper1.restitution is -0.1; it must lie in 0 to 1"),
         (Bumper(), {"bumper1.lower": 0.3}, f"travel is .lower to .upper, which are 0.3 and 0.2; {BELOW}"),
         (added(TURNED), {"mine.number": [0.1, -0.1]}, r"mine.number is -0.1; give 0 to 45000 kg m\^2"),
@@ -351,7 +351,7 @@ def test_numbers_that_their_class_changes_may_be_set_where_it_keeps_them():
     batch_of(DERIVED).set_parameters({"mine.a": 2.0, "mine.b": 0.2})
     third = shares(1.0, 2.0)  # their sum is 1 but for rounding
     batch_of(third).set_parameters({"mine.a": third.a * (1 + 1e-15)})
-    batch_of(SPRING).set_parameters({"two_stage_spring.lower": 0.15}, [2])
+    batch_of(SPRING).set_parameters({"humming_stop.lower": 0.15}, [2])
 
 
 def test_a_torch_step_takes_constant_updates_and_refuses_what_is_no_real_number():

@@ -10,12 +10,22 @@ from catalogue import SCENES
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.algebra import maximum, minimum, physics, where
+from redundant_envs.algebra import exp, maximum, minimum, physics, where
 from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.studies.kinked_effects import SmoothFriction
-from redundant_envs.verify import Mode, conservation, evaluators, hints, impacts, rest, symmetries, verify
+from redundant_envs.verify import (
+    Mode,
+    closed_forms,
+    conservation,
+    evaluators,
+    hints,
+    impacts,
+    rest,
+    symmetries,
+    verify,
+)
 from redundant_envs.verify.accuracy import flagged, order
 from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.conservation import energy_book
@@ -308,6 +318,36 @@ def swinging(rate):
 @pytest.mark.parametrize(("share", "red"), [(1.0, False), (1.6, False), (1 / 1.6, True), (1e-9, True)])
 def test_rates_of_states_are_compared_with_how_they_change(hook, share, red):
     assert misses(scene_with(hook(times(share)))) == ({"declared rates of states"} if red else set())
+
+
+CLOSED = {
+    "right": (lambda command, z, k, elapsed: command + (z - command) * exp(-k * elapsed), False),
+    "half as fast": (lambda command, z, k, elapsed: command + (z - command) * exp(-0.5 * k * elapsed), True),
+    "to another value": (lambda command, z, k, elapsed: (z - command) * exp(-k * elapsed), True),
+    "a step of Euler's": (lambda command, z, k, elapsed: z + k * elapsed * (command - z), True),
+    "another start": (
+        lambda command, z, k, elapsed: command + (1.001 * z - command) * exp(-k * elapsed), True,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", CLOSED)
+def test_a_closed_form_that_does_not_solve_its_derivative_is_red(form):
+    function, red = CLOSED[form]
+    bind = {"command": "command2", "z": ".z", "k": ".k"}
+    state = State("z", "N m", FOLLOW, bind=bind, closed=physics(function))
+    scene = scene_with(Actuation(1, STATE, bind, states=(state,)))
+    assert misses(scene, checks_of(closed_forms)) == ({"closed forms of states"} if red else set())
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [e.Lag(0.001), e.Lag(2.0), e.DCMotor(2.0, 0.004, 0.05, 20.0), e.LuGre(100.0, 1.0, 0.1, 0.5, 0.7, 0.1)],
+    ids=repr,
+)
+def test_closed_forms_of_the_package_solve_their_derivatives(effect):
+    for arm in (FOUR_R, RPRP):
+        assert misses(rde.Scene(arm, (effect,)), checks_of(closed_forms)) == set()
 
 
 def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():

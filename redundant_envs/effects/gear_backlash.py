@@ -1,0 +1,123 @@
+"""Gears whose teeth have backlash: the motor turns freely in the gap, and pushes elastic teeth beyond it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import maximum, physics, sqrt, where
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit, units_of_joints
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, positive
+
+
+@physics
+def contacts(angle, position, gap):
+    """By how much the motor is beyond the teeth ahead of it, and before those behind it."""
+    lead = angle - position
+    return lead - 0.5 * gap, lead + 0.5 * gap
+
+
+@physics
+def teeth(angle, speed, position, rate, gap, stiffness, damping, side1, side2):
+    """The effort that the teeth carry: a spring whose damping grows with its depth, and that never pulls."""
+    ahead, behind = contacts(angle, position, gap)
+    closing = speed - rate
+    forward = where(side1 > 0.0, ahead * maximum(stiffness + damping * closing, 0.0), 0.0)
+    return forward + where(side2 < 0.0, behind * maximum(stiffness - damping * closing, 0.0), 0.0)
+
+
+@physics
+def motor_acceleration(command, angle, speed, position, rate, gap, stiffness, damping, inertia, side1, side2):
+    carried = teeth(angle, speed, position, rate, gap, stiffness, damping, side1, side2)
+    return (command - carried) / inertia
+
+
+@physics
+def motor_rate(speed):
+    return speed
+
+
+@physics
+def oscillation(stiffness, inertia):
+    """Rate of the motor's oscillation on its teeth."""
+    return sqrt(stiffness / inertia)
+
+
+@physics
+def of_joint(position):
+    return position
+
+
+@physics
+def rate_of_joint(rate):
+    return rate
+
+
+NUMBERS = ("gap", "stiffness", "damping", "inertia")
+
+
+@dataclass(frozen=True)
+class GearBacklash(Effect):
+    """A motor with an inertia of its own drives its joint by elastic teeth with a gap between them.
+
+    All numbers are those at the joint: a motor's inertia times the gear ratio squared, its angle divided by
+    the ratio. At the start of a motion the motor is in the middle of the gap, and turns as the joint does.
+
+    Parameters, each a number for all joints or a sequence of one for each
+    ----------
+    gap : float
+        Whole width between the teeth, rad (revolute) or m (prismatic), not negative.
+    stiffness : float
+        Of the teeth, N m/rad or N/m, positive.
+    inertia : float
+        Of the motor, kg m^2 or kg, positive.
+    damping : float
+        Of the teeth per depth, N m s/rad^2 or N s/m^2, not negative.
+    """
+
+    gap: float | tuple[float, ...]
+    stiffness: float | tuple[float, ...]
+    inertia: float | tuple[float, ...]
+    damping: float | tuple[float, ...] = 0.0
+
+    of_joints = NUMBERS
+
+    def __post_init__(self) -> None:
+        for name in NUMBERS:
+            allowed = positive if name in ("stiffness", "inertia") else not_negative
+            object.__setattr__(self, name, allowed(f"GearBacklash.{name}", getattr(self, name)))
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return (
+            units_of_joints("gap", arm, "rad", "m")
+            | units_of_joints("stiffness", arm, "N m/rad", "N/m")
+            | units_of_joints("inertia", arm, "kg m^2", "kg")
+            | units_of_joints("damping", arm, "N m s/rad^2", "N s/m^2")
+        )
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return tuple(self._link(k, *units) for k, units in enumerate(_units_of_motion(arm)))
+
+    def _link(self, k: int, of_angle: str, of_speed: str, of_effort: str) -> Actuation:
+        motion = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}"}
+        own = {"angle": f".angle[{k}]", "speed": f".speed[{k}]"}
+        own |= {name: f".{name}[{k}]" for name in NUMBERS}
+        without_inertia = {name: source for name, source in own.items() if name != "inertia"}
+        angle = State(
+            f"angle[{k}]", of_angle, motor_rate, bind={"speed": own["speed"], "position": motion["position"]},
+            initial=of_joint,
+        )  # fmt: skip
+        speed = State(
+            f"speed[{k}]", of_speed, motor_acceleration, bind={"command": f"command{k + 1}", **motion, **own},
+            initial=rate_of_joint, rate=oscillation,
+        )  # fmt: skip
+        return Actuation(
+            k, teeth, {**motion, **without_inertia}, Link.GEAR, states=(angle, speed), guard=contacts,
+            takes=of_effort,
+        )  # fmt: skip
+
+
+def _units_of_motion(arm: Arm) -> list[tuple[str, str, str]]:
+    """Units of the position, the rate and the effort of each joint."""
+    own = ["m" if slides else "rad" for slides in arm.prismatic]
+    return [(unit, f"{unit}/s", effort_unit(arm, k)) for k, unit in enumerate(own)]

@@ -1,0 +1,46 @@
+"""Links that are bodies, not points: their moments of inertia."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from redundant_envs.effects.hooks import Effect, Hook, Inertia
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative
+
+
+@dataclass(frozen=True)
+class LinkInertia(Effect):
+    """Moments of inertia of the links about their point masses, which are their centres of mass.
+
+    All that turns with a revolute joint, up to the next one, has one absolute angle and therefore one moment
+    of inertia J: it adds J w^2 / 2 to the kinetic energy, w being the sum of the rates of all revolute joints
+    up to this one. Accelerations then follow from the mass matrix, by L D L^T.
+
+    Parameters
+    ----------
+    inertias : float or sequence of one for each revolute joint
+        kg m^2, not negative, at most a million times the lightest mass on the shortest link; one number
+        serves all links.
+    """
+
+    inertias: float | tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertias", not_negative("LinkInertia.inertias", self.inertias))
+
+    def fitted(self, arm: Arm) -> Effect:
+        links = arm.prismatic.count(False)
+        if isinstance(self.inertias, float):
+            return dataclasses.replace(self, inertias=(self.inertias,) * links)
+        if len(self.inertias) != links:
+            raise ValueError(
+                f"LinkInertia.inertias has {len(self.inertias)} entries; {arm.kind} has {links} revolute "
+                f"joints: give {links} numbers, or one for all"
+            )
+        return super().fitted(arm)
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        turning = [k for k, slides in enumerate(arm.prismatic) if not slides]
+        return tuple(Inertia(tuple(turning[: n + 1]), f".inertias[{n}]") for n in range(len(turning)))

@@ -1,0 +1,89 @@
+"""A base that moves: the arm feels its acceleration as a field."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Field, Hook, State
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.values import shown
+
+NAME = re.compile(r"\w*")
+
+
+@physics
+def acceleration(s, frequency, x, y):
+    """The second derivative of the amplitude times s, the sine of the phase."""
+    share = -frequency * (frequency * s)
+    return x * share, y * share
+
+
+@physics
+def sine_rate(c, frequency):
+    return frequency * c
+
+
+@physics
+def cosine_rate(s, frequency):
+    return -(frequency) * s
+
+
+@physics
+def pace(frequency):
+    return frequency
+
+
+@dataclass(frozen=True)
+class MovingBase(Effect):
+    """The base swings to and fro, without turning: b(t) = A sin(w t).
+
+    Coordinates, velocities, goals and energies are those that one sees from the base. There the arm
+    moves as in the uniform field b''(t), which is added to gravity; its power counts as work. The sine
+    and the cosine are states, integrated beside the arm's; each motion and each episode begins at t = 0.
+
+    Parameters
+    ----------
+    amplitude : (float, float)
+        A, in x and y, m.
+    frequency : float
+        w, rad/s, not negative: 2 pi times the number of cycles in a second.
+    name : str
+        Tells several of a scene apart, whose motions add: "second" has "moving_base.second.frequency", ...
+    """
+
+    amplitude: tuple[float, float]
+    frequency: float
+    name: str = ""
+
+    static = ("name",)
+
+    def __post_init__(self) -> None:
+        amplitude = numbers("MovingBase.amplitude", self.amplitude, 2)
+        for k, x in enumerate(amplitude):
+            strength(f"MovingBase.amplitude[{k}]", x)
+        object.__setattr__(self, "amplitude", amplitude)
+        frequency = strength("MovingBase.frequency", self.frequency)
+        if frequency < 0.0:
+            raise ValueError(f"MovingBase.frequency is {frequency} rad/s; it must not be negative")
+        object.__setattr__(self, "frequency", frequency)
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
+            raise ValueError(f"MovingBase.name is {shown(self.name)}; give letters, digits and '_'")
+
+    @property
+    def key(self) -> str:
+        return f"moving_base.{self.name}" if self.name else "moving_base"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"amplitude": "m", "frequency": "rad/s"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        own = {"frequency": ".frequency"}
+        phase = (
+            State("s", "1", sine_rate, bind={"c": ".c", **own}, rate=pace),
+            State("c", "1", cosine_rate, bind={"s": ".s", **own}, initial=1.0, rate=pace),
+        )
+        bind = {"s": ".s", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
+        return (Field(acceleration, bind, phase),)

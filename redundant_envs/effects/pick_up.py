@@ -1,0 +1,64 @@
+"""An object that the tip picks up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics, where
+from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, number, strength
+
+ON_TIME = 1e-6
+"""Share of an interval by which a time may be early and still counts as reached: sums of a million intervals
+are rounded by less."""
+
+
+@physics
+def later(time, control_dt):
+    return time + control_dt
+
+
+@physics
+def taken(time, control_dt, mass, at):
+    """The mass from the first interval on that starts at or after its time."""
+    return where(time + control_dt >= at - ON_TIME * control_dt, mass, 0.0)
+
+
+@dataclass(frozen=True)
+class PickUp(Effect):
+    """A point mass at rest, which the tip grasps wherever it then is, and carries from there on.
+
+    It is taken at the start of the first control interval that begins at or after its time, counted from the
+    start of the motion or the episode. The grasp is inelastic: M qd, with the mass from then on, stays what
+    it was without it, so the velocities jump and energy is lost. The loss, and the potential energy that the
+    object brings along, count as work.
+
+    Parameters
+    ----------
+    mass : float
+        kg, not negative.
+    at : float
+        Time of the grasp, s, positive; a load from the start is a :class:`Payload`.
+    """
+
+    mass: float
+    at: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", not_negative("PickUp.mass", number("PickUp.mass", self.mass)))
+        at = strength("PickUp.at", self.at)
+        if at <= 0.0:
+            raise ValueError(f"PickUp.at is {at} s; it must be positive: give a Payload from the start")
+        object.__setattr__(self, "at", at)
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"mass": "kg", "at": "s"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        clock = {"time": ".time"}
+        states = (
+            State("carried", "kg", update=taken, bind={**clock, "mass": ".mass", "at": ".at"}),
+            State("time", "s", update=later, bind=clock),
+        )
+        return (PointMass(Point(arm.num_masses - 1), ".carried", states),)

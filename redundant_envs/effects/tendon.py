@@ -1,0 +1,138 @@
+"""An elastic tendon that runs over several joints."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from redundant_envs.algebra import maximum, numbered, physics, total
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, number, numbers, strength
+from redundant_envs.values import shown
+
+NAME = re.compile(r"\w*")
+
+
+class Laws(NamedTuple):
+    """Functions of a tendon over a number of joints."""
+
+    forces: tuple[Callable[..., Any], ...]  # at each of its joints
+    potential: Callable[..., Any]
+    stiffnesses: tuple[Callable[..., Any], ...]
+
+
+@functools.cache
+def laws(count: int) -> Laws:
+    """The functions of a tendon over ``count`` joints, of their positions and its moment arms."""
+    positions, arms = numbered("position{}", count), numbered("arm{}", count)
+
+    @physics(takes=(*positions, *arms, "stiffness", "pretension"))
+    def tension(*values):
+        """It pulls in proportion to its strain; a slack tendon does not push."""
+        *along, stiffness, pretension = values
+        longer = total(arm * position for position, arm in zip(along[:count], along[count:], strict=True))
+        return maximum(pretension + stiffness * longer, 0.0)
+
+    @physics(takes=(*positions, *arms, "stiffness", "pretension"))
+    def energy(*values):
+        return 0.5 * tension(*values) ** 2 / values[-2]
+
+    def force(k: int) -> Callable[..., Any]:
+        @physics(takes=(*positions, *arms, "stiffness", "pretension"))
+        def force(*values):
+            """The tendon becomes shorter: its tension acts against its moment arm."""
+            return -values[count + k] * tension(*values)
+
+        return force
+
+    def steepness(k: int) -> Callable[..., Any]:
+        @physics(takes=(arms[k], "stiffness"))
+        def steepness(arm, stiffness):
+            """All joints together are at most this stiff, relative to each: (sum |x_i|)^2 is at most
+            count^2 max x_i^2."""
+            return count * count * stiffness * arm * arm
+
+        return steepness
+
+    each = range(count)
+    return Laws(tuple(map(force, each)), energy, tuple(map(steepness, each)))
+
+
+@dataclass(frozen=True)
+class Tendon(Effect):
+    """An elastic tendon along two or more joints, which pulls and never pushes.
+
+    Joint i makes the tendon longer by a_i phi_i, a_i being its moment arm. The tension is
+    F = max(F0 + k sum a_i phi_i, 0); F0, the pretension, is that in the pose with all these phi at 0. The
+    force on joint i is -a_i F, the potential F^2 / (2 k). With a negative F0 the tendon is slack in that
+    pose: -F0 / k metres must be taken up before it pulls. With a pretension that is never used up it is a
+    spring between its joints; two tendons with opposite arms are a pair of antagonists.
+
+    Parameters
+    ----------
+    joints : tuple of str
+        The joints along which it runs, such as ("joint2", "joint3").
+    moment_arms : tuple of floats
+        a, one for each of them: m of a revolute joint, 1 or -1 for a slider (m per m).
+    stiffness : float
+        k, N/m, positive.
+    pretension : float
+        F0, N; below 0 the tendon is slack in the pose with all positions at 0.
+    name : str
+        Tells several tendons of a scene apart: "flexor" has the parameters "tendon.flexor.stiffness", ...
+    """
+
+    joints: tuple[str, ...]
+    moment_arms: tuple[float, ...]
+    stiffness: float
+    pretension: float = 0.0
+    name: str = ""
+
+    static = ("joints", "name")
+
+    def __post_init__(self) -> None:
+        joints = tuple(self.joints) if isinstance(self.joints, list) else self.joints
+        if not isinstance(joints, tuple) or len(joints) < 2 or len({*map(str, joints)}) < len(joints):
+            fix = "give the names of two or more joints, each once, such as ('joint2', 'joint3')"
+            raise ValueError(f"Tendon.joints is {shown(self.joints)}; {fix}")
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
+            raise ValueError(f"Tendon.name is {shown(self.name)}; give letters, digits and '_'")
+        arms = numbers("Tendon.moment_arms", self.moment_arms, len(joints))
+        for k, arm in enumerate(arms):
+            strength(f"Tendon.moment_arms[{k}]", arm)
+        stiffness = not_negative("Tendon.stiffness", number("Tendon.stiffness", self.stiffness))
+        if stiffness == 0.0:
+            raise ValueError(f"Tendon.stiffness is {stiffness}; it must be positive")
+        pretension = strength("Tendon.pretension", self.pretension)
+        values = {"joints": joints, "moment_arms": arms, "stiffness": stiffness, "pretension": pretension}
+        for field, value in values.items():
+            object.__setattr__(self, field, value)
+
+    @property
+    def key(self) -> str:
+        return f"tendon.{self.name}" if self.name else "tendon"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        slides = [arm.prismatic[arm.joint_index(joint)] for joint in self.joints]
+        arms = {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)}
+        return {**arms, "stiffness": "N/m", "pretension": "N"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        own = laws(len(self.joints))
+        places = [arm.joint_index(joint) for joint in self.joints]
+        bind = {f"position{k + 1}": f"phi{joint + 1}" for k, joint in enumerate(places)}
+        bind |= {f"arm{k + 1}": f".moment_arms[{k}]" for k in range(len(places))}
+        bind |= {"stiffness": ".stiffness", "pretension": ".pretension"}
+        return tuple(
+            Force(
+                joint, force, bind, potential=None if k else own.potential, conservative=force,
+                stiffness=steepness,
+            )
+            for k, (joint, force, steepness) in enumerate(
+                zip(places, own.forces, own.stiffnesses, strict=True)
+            )
+        )  # fmt: skip

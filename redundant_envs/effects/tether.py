@@ -1,0 +1,94 @@
+"""A damped spring between a point of the arm and a post."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, number, numbers
+from redundant_envs.values import shown, whole_number
+
+
+@physics
+def pull(x, y, post_x, post_y, stiffness):
+    """Towards the post, in proportion to the distance."""
+    return stiffness * (post_x - x), stiffness * (post_y - y)
+
+
+@physics
+def pull_and_damping(x, y, vx, vy, post_x, post_y, stiffness, damping):
+    fx, fy = pull(x, y, post_x, post_y, stiffness)
+    return fx - damping * vx, fy - damping * vy
+
+
+@physics
+def energy(x, y, post_x, post_y, stiffness):
+    return 0.5 * stiffness * ((x - post_x) ** 2 + (y - post_y) ** 2)
+
+
+@physics
+def steepness(stiffness):
+    return stiffness
+
+
+@physics
+def slope(damping):
+    return damping
+
+
+@dataclass(frozen=True)
+class Tether(Effect):
+    """A spring without a length of its own, and a damper, from a point mass of the arm to a post.
+
+    The force on the point is k (post - p) - c p': the spring has the potential k |p - post|^2 / 2, and the
+    power of the damper counts as work.
+
+    Parameters
+    ----------
+    point : int
+        Number of the point mass, from 1; the last one is the tip.
+    post : (float, float)
+        Where the spring is fixed, m.
+    stiffness : float
+        k, N/m, not negative.
+    damping : float
+        c, N s/m, not negative.
+    """
+
+    point: int
+    post: tuple[float, float]
+    stiffness: float
+    damping: float = 0.0
+
+    static = ("point",)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", whole_number("Tether.point", self.point))
+        object.__setattr__(self, "post", numbers("Tether.post", self.post, 2))
+        for name in ("stiffness", "damping"):
+            value = not_negative(f"Tether.{name}", number(f"Tether.{name}", getattr(self, name)))
+            object.__setattr__(self, name, value)
+
+    @property
+    def key(self) -> str:
+        return f"tether.point{self.point}"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"post": "m", "stiffness": "N/m", "damping": "N s/m"}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        k = self.point
+        if k > arm.num_masses:
+            raise ValueError(
+                f"Tether.point is {shown(k)}; {arm.kind} has the point masses 1 to {arm.num_masses}, the tip"
+            )
+        own = {"post_x": ".post[0]", "post_y": ".post[1]", "stiffness": ".stiffness", "damping": ".damping"}
+        at_point = {"x": f"x{k}", "y": f"y{k}", "vx": f"vx{k}", "vy": f"vy{k}"}
+        return (
+            Force(
+                Point(k - 1), pull_and_damping, {**own, **at_point}, potential=energy, conservative=pull,
+                stiffness=steepness, damping=slope,
+            ),
+        )  # fmt: skip

@@ -1,0 +1,81 @@
+"""A spring that becomes harder beyond a knee on either side: a force that changes its law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from redundant_envs.algebra import physics
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.limit_spring import depth_beyond
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import not_negative, number, travel
+
+
+@physics
+def force(position, lower, upper, side, soft, harder):
+    return -soft * position - harder * depth_beyond(position, lower, upper, side)
+
+
+@physics
+def energy(position, lower, upper, side, soft, harder):
+    return 0.5 * soft * position**2 + 0.5 * harder * depth_beyond(position, lower, upper, side) ** 2
+
+
+@physics
+def steepness(soft, harder):
+    return soft + harder
+
+
+NUMBERS = ("lower", "upper", "soft", "harder")
+
+
+@dataclass(frozen=True)
+class TwoStageSpring(Effect):
+    """Pulls a joint back to 0, harder beyond a knee on either side.
+
+    Between the knees the force is -k x, at depth d beyond one it is -k x - k' d, d having the sign of x's
+    side: a spring that meets a second one. Under error control a step that reaches a knee ends there.
+
+    Parameters
+    ----------
+    coordinate : str
+        Joint: "r1" or "r2" (travel, m), or "joint1", "joint2", ... (relative angle, rad).
+    lower, upper : float
+        Knees, m or rad.
+    soft : float
+        k, N/m or N m/rad, not negative.
+    harder : float
+        k', what is added beyond a knee, N/m or N m/rad, not negative.
+    """
+
+    coordinate: str
+    lower: float
+    upper: float
+    soft: float
+    harder: float
+
+    static = ("coordinate",)
+
+    def __post_init__(self) -> None:
+        ends = travel("TwoStageSpring.{}", self.lower, self.upper)
+        names = (f"TwoStageSpring.{name}" for name in NUMBERS[2:])
+        springs = (
+            not_negative(n, number(n, k)) for n, k in zip(names, (self.soft, self.harder), strict=True)
+        )
+        for name, value in zip(NUMBERS, (*ends, *springs), strict=True):
+            object.__setattr__(self, name, value)
+
+    @property
+    def key(self) -> str:
+        return f"two_stage_spring.{self.coordinate}"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        slides = arm.prismatic[arm.joint_index(self.coordinate)]
+        units = ("m", "m", "N/m", "N/m") if slides else ("rad", "rad", "N m/rad", "N m/rad")
+        return dict(zip(NUMBERS, units, strict=True))
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        k = arm.joint_index(self.coordinate)
+        bind = {"position": f"phi{k + 1}", **{name: f".{name}" for name in NUMBERS}}
+        switch = (".lower", ".upper")
+        return (Force(k, force, bind, potential=energy, stiffness=steepness, switch=switch),)

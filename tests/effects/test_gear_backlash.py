@@ -1,0 +1,104 @@
+"""A gear with backlash on one joint follows the solutions of its equations, piece by piece."""
+
+import numpy as np
+import pytest
+from catalogue import FOUR_R, advanced
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.effects.gear_backlash import contacts, teeth
+
+GAP, K, J, U = 0.04, 200.0, 0.02, 3.0
+GEAR = e.GearBacklash(GAP, K, J)
+WALL = rde.Chain("R", (1e12,), (1.0,))
+"""A joint so heavy that it stays where it is."""
+METHODS = pytest.mark.parametrize("how", [{"tolerance": 1e-9}, {"integrator": "dop853"}], ids=str)
+STEP = 0.005
+
+
+def motor(effect, u, intervals, arm=WALL, rate=0.0, **how):
+    """Angle and rate of the motor, and those of its joint, after some intervals under a constant command."""
+    scene = rde.Scene(arm, (effect,), control_dt=STEP, **how)
+    zero = np.zeros((1, 1))
+    batch, status = advanced(scene, zero + 0.3, zero + rate, zero + u, intervals=intervals)
+    assert not status.numerics.any()
+    return *(batch.z[0] - [0.3, 0.0]), batch.q[0, 0] - 0.3, batch.qd[0, 0]
+
+
+@METHODS
+def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(how):
+    contact = np.sqrt(GAP * J / U)
+    speed, w = U * contact / J, np.sqrt(K / J)
+    met = 0
+    for intervals in (1, 2, 3, 4, 6):
+        t = intervals * STEP
+        turned = (U * t**2 / (2.0 * J), U * t / J)
+        if t > contact:
+            met, s = met + 1, w * (t - contact)
+            depth = U / K * (1.0 - np.cos(s)) + speed / w * np.sin(s)
+            assert depth > 0.0
+            turned = (0.5 * GAP + depth, U / K * w * np.sin(s) + speed * np.cos(s))
+        angle, rate, joint, _ = motor(GEAR, U, intervals, **how)
+        assert (angle, rate) == pytest.approx(turned, rel=1e-8)
+        assert joint == pytest.approx(0.0, abs=1e-12)
+    assert 0 < met < 5
+
+
+@METHODS
+def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffness(how):
+    damped = e.GearBacklash(GAP, K, J, 150.0)
+    for u in (U, -U):
+        angle, rate, _, _ = motor(damped, u, 200, **how)
+        assert angle == pytest.approx(np.sign(u) * 0.5 * GAP + u / K, rel=1e-9)
+        assert rate == pytest.approx(0.0, abs=1e-9)
+
+
+@METHODS
+def test_teeth_without_damping_lose_no_energy_in_impacts_to_and_fro(how):
+    inertia, u = 0.5, 1.0
+    for intervals in (10, 60):
+        angle, speed, joint, rate = motor(GEAR, u, intervals, rde.Chain("R", (inertia,), (1.0,)), **how)
+        depth = max(abs(angle - joint) - 0.5 * GAP, 0.0)
+        energy = 0.5 * (inertia * rate**2 + J * speed**2 + K * depth**2)
+        assert energy == pytest.approx(u * angle, rel=1e-6)
+
+
+def test_teeth_never_pull_however_fast_they_part():
+    for lead, closing, torque in (
+        (0.1, 1.0, 120.0),
+        (0.1, -1.0, 0.0),
+        (-0.1, -1.0, -120.0),
+        (-0.1, 1.0, 0.0),
+    ):
+        sides = [1.0 if x >= 0.0 else -1.0 for x in contacts(lead, 0.0, 0.0)]
+        assert teeth(lead, closing, 0.0, 0.0, 0.0, K, 1e3, *sides) == pytest.approx(torque)
+
+
+@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
+def test_the_energy_book_closes_at_the_joints(how):
+    limits = e.EffortLimits((8.0, 6.0, 4.0, 2.0))
+    gear = e.GearBacklash(0.02, 60.0, (0.05, 0.05, 0.02, 0.02), 2.0)
+    scene = rde.Scene(FOUR_R, (e.Gravity(), gear, limits), **how)
+    motion = rde.simulate(
+        scene, [0.1] * 4, [0.5] * 4, np.linspace(0.0, 0.2, 11), lambda t, q, qd: [9.0 - 100.0 * t] * 4
+    )
+    assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
+    assert np.abs(motion.work).max() > 0.01
+
+
+REFUSED = {
+    "GearBacklash.gap is -0.1; it must not be negative": lambda: e.GearBacklash(-0.1, K, J),
+    "GearBacklash.stiffness is 0.0; it must be positive": lambda: e.GearBacklash(GAP, 0.0, J),
+    "GearBacklash.inertia[1] is -1.0; it must be positive": lambda: e.GearBacklash(GAP, K, (1.0, -1.0)),
+    "GearBacklash.damping is -0.1; it must not be negative": lambda: e.GearBacklash(GAP, K, J, -0.1),
+    "GearBacklash.gap has 3 entries; FourR has 4 joints": (
+        lambda: rde.Scene(FOUR_R, (e.GearBacklash((GAP,) * 3, K, J),))
+    ),
+}
+
+
+@pytest.mark.parametrize("said", REFUSED)
+def test_wrong_numbers_are_refused(said):
+    with pytest.raises(ValueError) as error:
+        REFUSED[said]()
+    assert said in str(error.value)
