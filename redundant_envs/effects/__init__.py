@@ -54,13 +54,13 @@ from redundant_envs.effects.two_stage_spring import TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
-    "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone", "Disc",
-    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "GearBacklash",
-    "Gravity", "HalfPlane", "Impact", "Impulse", "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link",
-    "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play", "Point", "PointMass",
-    "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias",
-    "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether", "TipForce",
-    "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
+    "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
+    "Disc", "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap",
+    "GearBacklash", "Gravity", "HalfPlane", "Impact", "Impulse", "Inertia", "Instant", "JointTorque",
+    "Lag", "LimitSpring", "Link", "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play",
+    "Point", "PointMass", "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing",
+    "SensorBias", "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether",
+    "TipForce", "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {

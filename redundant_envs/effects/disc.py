@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any
 
-from redundant_envs.algebra import clamp, physics, sqrt, where
+from redundant_envs.algebra import clamp, maximum, physics, sqrt, where
 from redundant_envs.effects import contact
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
@@ -63,64 +65,68 @@ def between(share, a, b):
 
 
 @physics
-def link_presses(xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, damping):
+def force_and_place(
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
+    """Force at the point of a link that is nearest to the centre, and the place of that."""
     s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
-    x, y = between(s, xa, xb), between(s, ya, yb)
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.presses(depth, nx, ny, between(s, vxa, vxb), between(s, vya, vyb), damping)
-
-
-@physics
-def on_link(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb,
-    centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
-):  # fmt: skip
-    """Force at the nearest point of a link, and the place of that."""
-    s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
-    x, y, vx, vy = between(s, xa, xb), between(s, ya, yb), between(s, vxa, vxb), between(s, vya, vyb)
-    fx, fy = at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side)
+    vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
+    depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
+    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    fx, fy = contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
     return fx, fy, s
 
 
 @physics
 def at_near_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb,
-    centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
-):  # fmt: skip
-    fx, fy, s = on_link(
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
+    fx, fy, s = force_and_place(
         xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
     )  # fmt: skip
     return (1.0 - s) * fx, (1.0 - s) * fy
 
 
 @physics
 def at_far_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb,
-    centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
-):  # fmt: skip
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
     """With the near share the force at the point of contact, in sum and in moment."""
-    fx, fy, s = on_link(
+    fx, fy, s = force_and_place(
         xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
     )  # fmt: skip
     return s * fx, s * fy
 
 
 @physics
-def first_presses(xb, yb, vxb, vyb, centre_x, centre_y, radius, damping):
-    return link_presses(0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb, centre_x, centre_y, radius, damping)
-
-
-@physics
-def at_end_of_first(
-    xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side
-):
+def at_end_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed):
     """The first link begins at the base, which bears the other share."""
     return at_far_end(
         0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
     )  # fmt: skip
+
+
+@physics
+def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
+    s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
+    depth, _, _ = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
+    return depth
+
+
+def deepest_of(count: int) -> Any:
+    """The guard of an arm with some links: the depth of its deepest point."""
+    points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
+
+    @physics(takes=("centre_x", "centre_y", "radius", *points))
+    def deepest(centre_x, centre_y, radius, *xy):
+        ends = (0.0, 0.0, *xy)
+        depths = [depth_of_link(*ends[2 * k : 2 * k + 4], centre_x, centre_y, radius) for k in range(count)]
+        return reduce(maximum, depths)
+
+    return deepest
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,7 @@ class Disc(Effect):
     along_links : bool
         Whether all links touch the disc, or the tip alone.
     name : str
-        Part of the name of its numbers, "disc.left.radius"; several discs of a scene have different ones.
+        Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
     """
 
     centre: tuple[float, float]
@@ -178,7 +184,7 @@ class Disc(Effect):
 
     @property
     def key(self) -> str:
-        return f"disc.{self.name}" if self.name else "disc"
+        return f"disc_{self.name}" if self.name else "disc"
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"centre[0]": "m", "centre[1]": "m", "radius": "m", **contact.units_of_law()}
@@ -198,14 +204,16 @@ class Disc(Effect):
 
 
 def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
-    """Forces at both ends of each link."""
+    """Forces at both ends of each link. The one at the tip has the guard, that of the whole arm: two links
+    touch a disc at the same instant where their common joint does."""
     found = []
     for far in range(arm.num_masses):
-        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")}
-        law, guard = (at_far_end, link_presses) if far else (at_end_of_first, first_presses)
+        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
-            near = Point(far - 1)
-            found.append(Force(near, at_near_end, {**bind, **own}, stiffness=contact.steepness, guard=guard))
-        found.append(Force(Point(far), law, {**bind, **own}, stiffness=contact.steepness, guard=guard))
+            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=contact.steepness))
+        law, guard = at_far_end if far else at_end_of_first, None
+        if far == arm.num_masses - 1:
+            guard = deepest_of(arm.num_masses)
+        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard))
     return tuple(found)

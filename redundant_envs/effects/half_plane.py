@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any
 
-from redundant_envs.algebra import physics, sqrt, where
+from redundant_envs.algebra import maximum, physics, sqrt, where
 from redundant_envs.effects import contact
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
@@ -31,6 +33,30 @@ def force(x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping
     depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
     fx, fy = contact.push(depth, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
     return where(side > 0.0, fx, 0.0), where(side > 0.0, fy, 0.0)
+
+
+@physics
+def force_of_one(
+    x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed
+):
+    """The same where the guard is that of all points, and does not tell which of them press."""
+    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
+
+
+def deepest_of(count: int) -> Any:
+    """The guard of all points of an arm: the depth of the deepest one."""
+    points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
+
+    @physics(takes=("point_x", "point_y", "normal_x", "normal_y", *points))
+    def deepest(point_x, point_y, normal_x, normal_y, *xy):
+        pairs = zip(xy[::2], xy[1::2], strict=True)
+        return reduce(
+            maximum, [depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)[0] for x, y in pairs]
+        )
+
+    return deepest
 
 
 @physics
@@ -69,7 +95,7 @@ class HalfPlane(Effect):
     along_links : bool
         Whether all ends of links touch the half-plane, or the tip alone.
     name : str
-        Part of the name of its numbers, "half_plane.wall.friction"; several of a scene have different ones.
+        Part of the name of its numbers, "half_plane_wall.friction"; several of a scene have different ones.
     """
 
     point: tuple[float, float]
@@ -102,7 +128,7 @@ class HalfPlane(Effect):
 
     @property
     def key(self) -> str:
-        return f"half_plane.{self.name}" if self.name else "half_plane"
+        return f"half_plane_{self.name}" if self.name else "half_plane"
 
     def units(self, arm: Arm) -> dict[str, str]:
         axes = range(2)
@@ -113,14 +139,19 @@ class HalfPlane(Effect):
         own = {
             f"{name}_{axis}": f".{name}[{k}]" for name in ("point", "normal") for k, axis in enumerate("xy")
         }
-        first = 0 if self.along_links else arm.num_masses - 1
-        return tuple(_at(k, own | contact.OWN) for k in range(first, arm.num_masses))
+        own |= contact.OWN
+        tip = arm.num_masses - 1
+        if not self.along_links:
+            return (_at(tip, own, force, presses),)
+        # One guard: points touch at the same instant where sliders at a stop bring them together.
+        guards = (*(None for _ in range(tip)), deepest_of(arm.num_masses))
+        return tuple(_at(k, own, force_of_one, guard) for k, guard in enumerate(guards))
 
 
-def _at(k: int, own: dict[str, str]) -> Force:
+def _at(k: int, own: dict[str, str], law: Any, guard: Any) -> Force:
     """The force at a point of the arm."""
     motion = {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")}
     return Force(
-        Point(k), force, {**motion, **own}, potential=energy, conservative=elastic,
-        stiffness=contact.steepness, guard=presses,
+        Point(k), law, {**motion, **own}, potential=energy, conservative=elastic,
+        stiffness=contact.steepness, guard=guard,
     )  # fmt: skip
