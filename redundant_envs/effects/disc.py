@@ -22,8 +22,9 @@ centre has no normal, and a link without length no direction, but nothing divide
 def depth_and_normal(x, y, centre_x, centre_y, radius):
     """Depth of a point in the disc, negative outside, and the outward normal there."""
     dx, dy = x - centre_x, y - centre_y
-    distance = sqrt(dx * dx + dy * dy + TINY)
-    return radius - distance, dx / distance, dy / distance
+    square = dx * dx + dy * dy + TINY
+    inverse = 1.0 / sqrt(square)  # one division in place of two
+    return radius - square * inverse, dx * inverse, dy * inverse
 
 
 @physics
@@ -35,8 +36,8 @@ def tip_presses(x, y, vx, vy, centre_x, centre_y, radius, damping):
 @physics
 def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side):
     depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    fx, fy = contact.push(depth, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-    return where(side > 0.0, fx, 0.0), where(side > 0.0, fy, 0.0)
+    pressed = where(side > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
 @physics

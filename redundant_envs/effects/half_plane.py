@@ -17,8 +17,8 @@ from redundant_envs.robots.parameters import LARGEST, SMALLEST, numbers
 @physics
 def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
     """Depth below the edge, negative outside, and the unit normal."""
-    size = sqrt(normal_x * normal_x + normal_y * normal_y)
-    nx, ny = normal_x / size, normal_y / size
+    inverse = 1.0 / sqrt(normal_x * normal_x + normal_y * normal_y)
+    nx, ny = normal_x * inverse, normal_y * inverse
     return (point_x - x) * nx + (point_y - y) * ny, nx, ny
 
 
@@ -31,8 +31,8 @@ def presses(x, y, vx, vy, point_x, point_y, normal_x, normal_y, damping):
 @physics
 def force(x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed, side):
     depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    fx, fy = contact.push(depth, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-    return where(side > 0.0, fx, 0.0), where(side > 0.0, fy, 0.0)
+    pressed = where(side > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
 @physics
