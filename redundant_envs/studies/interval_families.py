@@ -15,6 +15,7 @@ from redundant_envs.effects import (
     Effect,
     EffortLimits,
     Gravity,
+    HalfPlane,
     LimitSpring,
     PrismaticStop,
     ViscousFriction,
@@ -237,6 +238,15 @@ def lags(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["lag.time_constant"] = decades(rng, 1e-3, 0.1, (len(drawn.joints), 1))
 
 
+def floors(drawn: Draw, rng: np.random.Generator) -> None:
+    """Floors of any hardness, with and without friction, at any height."""
+    count = len(drawn.joints)
+    drawn.parameters["half_plane.stiffness"] = decades(rng, 1e2, 2e4, (count, 1))
+    drawn.parameters["half_plane.friction"] = rng.choice([0.0, 0.3, 1.0], (count, 1))
+    height = rng.uniform(-0.6, -0.05, count)
+    drawn.parameters["half_plane.point"] = np.stack([np.zeros(count), height], axis=1)
+
+
 def near_kinks(kinked: Kinked) -> Change:
     """Rates near 0 in half of the lanes, and numbers of the effect."""
 
@@ -289,6 +299,7 @@ class PRR(Arm):
 
 TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
 CENTRED = CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
+FLOOR, ALL_ON_FLOOR = (HalfPlane((0.0, -0.3), along_links=every) for every in (False, True))
 WEAK = EffortLimits((8.0, 4.0, 2.0, 1.0))
 
 FAMILIES = (
@@ -333,6 +344,8 @@ FAMILIES = (
     Family("4R, lagging motors", FourR, (Gravity(), Lag(0.01)), (lags,)),
     Family("RRR", RRR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
     Family("PRR, lagging motors", PRR, (Gravity(), Lag(0.01)), (lags,)),
+    Family("4R, tip on a floor", FourR, (Gravity(), FLOOR), (floors,), steps=1024),
+    Family("RPRP, links on a floor", RPRP, (Gravity(), ALL_ON_FLOOR), (floors,), steps=1024),
     *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
     *kinked("4R", FourR, 1e-6, LOCATED), *kinked("RPRP", RPRP, 1e-9, LOCATED),
 )  # fmt: skip
