@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from redundant_envs.algebra import maximum, minimum, physics, sqrt
+from redundant_envs.algebra import maximum, physics, sqrt, where
 from redundant_envs.robots.parameters import not_negative, number, strength
 
 NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
@@ -17,10 +17,16 @@ OWN = {name: f".{name}" for name in NUMBERS}
 
 
 @physics
-def presses(depth, normal_x, normal_y, vx, vy, damping):
-    """Positive where a point is inside and does not leave so fast that it would be pulled; where it is
-    shallow, as at every ordinary beginning and end of a contact, it is the depth."""
-    return minimum(depth, 1.0 - damping * (vx * normal_x + vy * normal_y))
+def guards(depth, normal_x, normal_y, vx, vy, damping):
+    """Positive where a point is inside, and where it does not leave so fast that it would be pulled. Both are
+    located: where a contact that was lost inside ends, the elastic part of the force ends."""
+    return depth, 1.0 - damping * (vx * normal_x + vy * normal_y)
+
+
+@physics
+def depth_of_contact(depth, inside, stays):
+    """The depth of a point that presses; 0 without contact. ``inside`` and ``stays`` are positive or not."""
+    return where(inside > 0.0, where(stays > 0.0, depth, 0.0), 0.0)
 
 
 @physics

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import clamp, maximum, physics, sqrt, where
+from redundant_envs.algebra import clamp, maximum, physics, sqrt
 from redundant_envs.effects import contact
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
@@ -28,15 +28,15 @@ def depth_and_normal(x, y, centre_x, centre_y, radius):
 
 
 @physics
-def tip_presses(x, y, vx, vy, centre_x, centre_y, radius, damping):
+def guards_at_tip(x, y, vx, vy, centre_x, centre_y, radius, damping):
     depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.presses(depth, nx, ny, vx, vy, damping)
+    return contact.guards(depth, nx, ny, vx, vy, damping)
 
 
 @physics
-def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side):
+def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side1, side2):
     depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    pressed = where(side > 0.0, depth, 0.0)
+    pressed = contact.depth_of_contact(depth, side1, side2)
     return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
@@ -73,7 +73,8 @@ def force_and_place(
     s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
     vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
     depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
-    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
+    pressed = contact.depth_of_contact(depth, inside, stays)
     fx, fy = contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
     return fx, fy, s
 
@@ -199,7 +200,7 @@ class Disc(Effect):
         return (
             Force(
                 Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
-                stiffness=contact.steepness, guard=tip_presses,
+                stiffness=contact.steepness, guard=guards_at_tip,
             ),
         )  # fmt: skip
 

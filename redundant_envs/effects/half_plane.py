@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import maximum, physics, sqrt, where
+from redundant_envs.algebra import maximum, physics, sqrt
 from redundant_envs.effects import contact
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
@@ -23,15 +23,18 @@ def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
 
 
 @physics
-def presses(x, y, vx, vy, point_x, point_y, normal_x, normal_y, damping):
+def guards(x, y, vx, vy, point_x, point_y, normal_x, normal_y, damping):
     depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    return contact.presses(depth, nx, ny, vx, vy, damping)
+    return contact.guards(depth, nx, ny, vx, vy, damping)
 
 
 @physics
-def force(x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed, side):
+def force(
+    x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed,
+    side1, side2,
+):  # fmt: skip
     depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    pressed = where(side > 0.0, depth, 0.0)
+    pressed = contact.depth_of_contact(depth, side1, side2)
     return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
@@ -41,7 +44,8 @@ def force_of_one(
 ):
     """The same where the guard is that of all points, and does not tell which of them press."""
     depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
+    pressed = contact.depth_of_contact(depth, inside, stays)
     return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
@@ -142,16 +146,14 @@ class HalfPlane(Effect):
         own |= contact.OWN
         tip = arm.num_masses - 1
         if not self.along_links:
-            return (_at(tip, own, force, presses),)
+            elastic_part = {"potential": energy, "conservative": elastic}
+            return (_at(tip, own, force, guard=guards, **elastic_part),)
         # One guard: points touch at the same instant where sliders at a stop bring them together.
-        guards = (*(None for _ in range(tip)), deepest_of(arm.num_masses))
-        return tuple(_at(k, own, force_of_one, guard) for k, guard in enumerate(guards))
+        found = (None,) * tip + (deepest_of(arm.num_masses),)
+        return tuple(_at(k, own, force_of_one, guard=guard) for k, guard in enumerate(found))
 
 
-def _at(k: int, own: dict[str, str], law: Any, guard: Any) -> Force:
+def _at(k: int, own: dict[str, str], law: Any, **parts: Any) -> Force:
     """The force at a point of the arm."""
     motion = {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")}
-    return Force(
-        Point(k), law, {**motion, **own}, potential=energy, conservative=elastic,
-        stiffness=contact.steepness, guard=guard,
-    )  # fmt: skip
+    return Force(Point(k), law, {**motion, **own}, stiffness=contact.steepness, **parts)
