@@ -297,12 +297,16 @@ class Impulse:
     states of its effect and the new commands; 0 changes nothing. The velocities jump by M^-1 J^T p, and the
     energy that it gives counts as work. A slider at rest that an impulse sends into its stop strikes it.
     ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    With ``when="instant"`` it acts at the :class:`Instant` of its effect instead, from the quantities there,
+    with ``passed`` 0; in an interval without the instant it does not act.
     """
 
     joint: int | Point
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
     states: tuple[State, ...] = ()
+    when: str = "interval"
 
     @property
     def rates(self) -> tuple[str, ...]:
