@@ -379,7 +379,10 @@ def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
     assert "verify found" in err
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long if name in OF_LONG_RUNS else ()) for name in scene_names()],
+)
 def test_scenes_of_the_package_are_good(name):
     assert verify(rde.load_scene(name), STATES, Mode.QUICK).misses == ()
 
