@@ -36,6 +36,8 @@ e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
+OF_LONG_RUNS = ("cheap_sensors", "everything", "shop_floor", "slow_motors")
+"""Scenes of the package that take 6 to 14 s each; tests of effects hold in short runs what they add."""
 ENERGIES, DECLARED = (potentials, energy_book), checks_of(hints, rest)
 
 
