@@ -51,9 +51,9 @@ STARTS = {"FourR": (-1.2, -0.4, 0.2, 0.6), "RPRP": (-1.2, 0.08, -0.4, 0.1)}
 REACHED_FOR = (0.55, 0.35)
 """Goal, m."""
 SECONDS = 3.0
-FREQUENCY = {"slow_motors": 5.0, "everything": 5.0}
-"""Frequency of the controller where its own of 12 rad/s would swing the arm ever wilder, rad/s: motors lag
-behind it by 0.08 s."""
+FREQUENCY = {"slow_motors": 5.0}
+"""Frequency of the controller where its own of 12 rad/s keeps the arm swinging, rad/s: the motors follow it
+0.08 s late."""
 COLOURS = {"ideal": "#0072B2", "scene": "#D55E00"}
 
 

@@ -56,7 +56,9 @@ def test_the_scene_file_of_the_page_is_a_scene(tmp_path):
 
 
 def test_example_scenes_have_their_sentence_effects_and_picture():
-    sections = dict(part.split("\n", 1) for part in text(ROOT / "docs" / "example_scenes.md").split("\n## ")[1:])
+    sections = dict(
+        part.split("\n", 1) for part in text(ROOT / "docs" / "example_scenes.md").split("\n## ")[1:]
+    )
     assert len(sections) == 6
     for name, section in sections.items():
         file = config_folder("scenes") / f"{name}.yaml"
