@@ -57,7 +57,7 @@ def test_scenes_are_compared_without_their_ranges_some_of_which_are_of_effects_t
     assert cost.bare(scene) == BARE
     assert cost.parts(scene)["gravity"] == (BARE, replace(BARE, effects=(FRICTION, LIMITS)))
     readings = cost.Readings.of(scene, 8)
-    assert [core.scene.effects for core in readings.cores] == [effects, effects[:-1]]
+    assert [core.scene.effects for core in readings.cores] == [scene.effects, scene.effects[:-1]]
 
 
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
