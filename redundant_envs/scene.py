@@ -155,6 +155,8 @@ class Scene:
                 fix = "combine the two into one"
                 if type(effect) is not type(other):
                     fix = "two classes share this name of their parameters: give one a 'key' of its own"
+                elif "name" in effect.static:
+                    fix = "give one of them another 'name'"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
 

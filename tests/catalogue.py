@@ -177,6 +177,16 @@ def dry_friction(arm):
     return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
 
 
+def obstacles(arm):
+    """A disc that links touch, and a floor and a wall for the tip and for all points."""
+    return (
+        e.Disc((0.6, 0.5), 0.3, 800.0, 0.2, 0.4, 0.1, along_links=True),
+        e.Disc((-0.9, 0.2), 0.3, 500.0, name="left"),
+        e.HalfPlane((0.0, -0.4), (0.2, 1.0), 600.0, 0.1, 0.3),
+        e.HalfPlane((-1.0, 0.0), (1.0, 0.0), 400.0, along_links=True, name="wall"),
+    )
+
+
 def bodies(arm):
     """Loads, links with inertia, springs between parts of the arm, a base that shakes, an object to grasp."""
     first, second, *_, last = arm.joints
@@ -199,6 +209,7 @@ GROUPS = {
     "stiction": dry_friction,
     "disturbed": disturbed,
     "bodies": bodies,
+    "obstacles": obstacles,
 }
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 

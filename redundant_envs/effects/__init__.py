@@ -6,10 +6,12 @@ from redundant_envs.effects.command_delay import CommandDelay
 from redundant_envs.effects.coulomb_friction import CoulombFriction
 from redundant_envs.effects.dc_motor import DCMotor
 from redundant_envs.effects.dead_zone import DeadZone
+from redundant_envs.effects.disc import Disc
 from redundant_envs.effects.dropped_samples import DroppedSamples
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.gear_backlash import GearBacklash
 from redundant_envs.effects.gravity import Gravity
+from redundant_envs.effects.half_plane import HalfPlane
 from redundant_envs.effects.hooks import (
     Actuation,
     Effect,
@@ -53,12 +55,12 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 
 __all__ = [
     "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
-    "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "GearBacklash",
-    "Gravity", "Impact", "Impulse", "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link",
-    "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play", "Point", "PointMass",
-    "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias",
-    "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether", "TipForce",
-    "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
+    "Disc", "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap",
+    "GearBacklash", "Gravity", "HalfPlane", "Impact", "Impulse", "Inertia", "Instant", "JointTorque",
+    "Lag", "LimitSpring", "Link", "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play",
+    "Point", "PointMass", "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing",
+    "SensorBias", "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether",
+    "TipForce", "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -70,10 +72,12 @@ REGISTRY: dict[str, type[Effect]] = {
         CoulombFriction,
         DCMotor,
         DeadZone,
+        Disc,
         DroppedSamples,
         EffortLimits,
         GearBacklash,
         Gravity,
+        HalfPlane,
         JointTorque,
         Lag,
         LimitSpring,

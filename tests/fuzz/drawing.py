@@ -88,6 +88,16 @@ def drawn_effect(rng, kind, arm):
         "stiffness": stiffness,
         "damping": rng.choice([0.0, 0.02, decades(rng, 0.1, 20.0)]) * stiffness,
     }
+    if kind.__name__ in ("Disc", "HalfPlane"):
+        known |= {
+            "centre": size * rng.uniform(-1.0, 1.0, 2),
+            "radius": size * decades(rng, 0.01, 0.5),
+            "point": size * rng.uniform(-1.0, 1.0, 2),
+            "normal": rng.normal(0.0, 1.0, 2),
+            "along_links": bool(rng.random() < 0.5),
+            "stiffness": stiffness / size**2,
+            "damping": rng.choice([0.0, 0.2, 2.0]),
+        }
     values = {}
     for field in dataclasses.fields(kind):
         several = field.name in getattr(kind, "of_joints", ()) or "tuple" in str(field.type)

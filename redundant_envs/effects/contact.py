@@ -1,0 +1,75 @@
+"""What contacts of an arm with obstacles have in common: their law and the checks of its numbers.
+
+An obstacle pushes at the deepest point of the arm in it, along its outward normal, with the force of Hunt and
+Crossley (1975), and rubs along its surface with regularised Coulomb friction.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from redundant_envs.algebra import maximum, minimum, physics, sqrt
+from redundant_envs.robots.parameters import not_negative, number, strength
+
+NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
+OWN = {name: f".{name}" for name in NUMBERS}
+"""Numbers of the law, and how hooks bind them."""
+
+
+@physics
+def presses(depth, normal_x, normal_y, vx, vy, damping):
+    """Positive where a point is inside and does not leave so fast that it would be pulled; where it is
+    shallow, as at every ordinary beginning and end of a contact, it is the depth."""
+    return minimum(depth, 1.0 - damping * (vx * normal_x + vy * normal_y))
+
+
+@physics
+def push(depth, normal_x, normal_y, vx, vy, stiffness, damping, friction, slip_speed):
+    """Force on a point that presses: F = k d (1 + c d') along the normal, and friction of at most mu F."""
+    leaving, sliding = vx * normal_x + vy * normal_y, vy * normal_x - vx * normal_y
+    normal = stiffness * depth * (1.0 - damping * leaving)
+    rubbing = -friction * normal * sliding / sqrt(sliding * sliding + slip_speed * slip_speed)
+    return normal * normal_x - rubbing * normal_y, normal * normal_y + rubbing * normal_x
+
+
+@physics
+def elastic(depth, normal_x, normal_y, stiffness):
+    """The part of the force that has a potential."""
+    spring = stiffness * maximum(depth, 0.0)
+    return spring * normal_x, spring * normal_y
+
+
+@physics
+def elastic_energy(depth, stiffness):
+    return 0.5 * stiffness * maximum(depth, 0.0) ** 2
+
+
+@physics
+def steepness(stiffness):
+    """Slope of the force by the depth at rest."""
+    return stiffness
+
+
+def check_law(effect: Any) -> None:
+    """Check the numbers of the law, the name, and where an obstacle is felt; ValueError that names the
+    field."""
+    kind = type(effect).__name__
+    for field in NUMBERS:
+        value = strength(f"{kind}.{field}", number(f"{kind}.{field}", getattr(effect, field)))
+        if field in ("stiffness", "slip_speed") and value <= 0.0:
+            raise ValueError(f"{kind}.{field} is {value}; it must be positive")
+        not_negative(f"{kind}.{field}", value)
+        object.__setattr__(effect, field, value)
+    if not isinstance(effect.along_links, bool):
+        raise ValueError(
+            f"{kind}.along_links is {effect.along_links!r:.80}; give false, for the tip alone, or true"
+        )
+    if not isinstance(effect.name, str) or not (effect.name == "" or effect.name.isidentifier()):
+        raise ValueError(
+            f"{kind}.name is {effect.name!r:.80}; give letters, digits and underscores, such as 'left'"
+        )
+
+
+def units_of_law() -> dict[str, str]:
+    """Units of the numbers of the law."""
+    return dict(zip(NUMBERS, ("N/m", "s/m", "1", "m/s"), strict=True))

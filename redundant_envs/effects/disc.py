@@ -1,0 +1,220 @@
+"""A disc that the tip or the links of an arm touch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+from redundant_envs.algebra import clamp, maximum, physics, sqrt, where
+from redundant_envs.effects import contact
+from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import LARGEST, number, numbers
+
+TINY = 1e-60
+"""m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
+centre has no normal, and a link without length no direction, but nothing divides by 0."""
+
+
+@physics
+def depth_and_normal(x, y, centre_x, centre_y, radius):
+    """Depth of a point in the disc, negative outside, and the outward normal there."""
+    dx, dy = x - centre_x, y - centre_y
+    square = dx * dx + dy * dy + TINY
+    inverse = 1.0 / sqrt(square)  # one division in place of two
+    return radius - square * inverse, dx * inverse, dy * inverse
+
+
+@physics
+def tip_presses(x, y, vx, vy, centre_x, centre_y, radius, damping):
+    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
+    return contact.presses(depth, nx, ny, vx, vy, damping)
+
+
+@physics
+def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side):
+    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
+    pressed = where(side > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
+
+
+@physics
+def elastic_at_tip(x, y, centre_x, centre_y, radius, stiffness):
+    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
+    return contact.elastic(depth, nx, ny, stiffness)
+
+
+@physics
+def energy_at_tip(x, y, centre_x, centre_y, radius, stiffness):
+    depth, _, _ = depth_and_normal(x, y, centre_x, centre_y, radius)
+    return contact.elastic_energy(depth, stiffness)
+
+
+@physics
+def share_of_end(xa, ya, xb, yb, centre_x, centre_y):
+    """Place of the point of a link that is nearest to the centre: 0 at its near end, 1 at its far end."""
+    ux, uy = xb - xa, yb - ya
+    along = (centre_x - xa) * ux + (centre_y - ya) * uy
+    return clamp(along / (ux * ux + uy * uy + TINY), 0.0, 1.0)
+
+
+@physics
+def between(share, a, b):
+    return a + share * (b - a)
+
+
+@physics
+def force_and_place(
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
+    """Force at the point of a link that is nearest to the centre, and the place of that."""
+    s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
+    vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
+    depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
+    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    fx, fy = contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
+    return fx, fy, s
+
+
+@physics
+def at_near_end(
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
+    fx, fy, s = force_and_place(
+        xa, ya, xb, yb, vxa, vya, vxb, vyb,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
+    )  # fmt: skip
+    return (1.0 - s) * fx, (1.0 - s) * fy
+
+
+@physics
+def at_far_end(
+    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
+):
+    """With the near share the force at the point of contact, in sum and in moment."""
+    fx, fy, s = force_and_place(
+        xa, ya, xb, yb, vxa, vya, vxb, vyb,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
+    )  # fmt: skip
+    return s * fx, s * fy
+
+
+@physics
+def at_end_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed):
+    """The first link begins at the base, which bears the other share."""
+    return at_far_end(
+        0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb,
+        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
+    )  # fmt: skip
+
+
+@physics
+def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
+    s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
+    depth, _, _ = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
+    return depth
+
+
+def deepest_of(count: int) -> Any:
+    """The guard of an arm with some links: the depth of its deepest point."""
+    points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
+
+    @physics(takes=("centre_x", "centre_y", "radius", *points))
+    def deepest(centre_x, centre_y, radius, *xy):
+        ends = (0.0, 0.0, *xy)
+        depths = [depth_of_link(*ends[2 * k : 2 * k + 4], centre_x, centre_y, radius) for k in range(count)]
+        return reduce(maximum, depths)
+
+    return deepest
+
+
+@dataclass(frozen=True)
+class Disc(Effect):
+    """A disc that pushes the tip of the arm, or its links, out of itself.
+
+    At a depth d the force is k d (1 + c d') along the normal (Hunt and Crossley 1975, for contact along a
+    line), never a pull, with friction of at most mu times that.
+
+    Parameters
+    ----------
+    centre : (float, float)
+        m.
+    radius : float
+        m, positive; the disc must not cover the base of the arm.
+    stiffness : float
+        k, N/m, positive.
+    damping : float
+        c, s/m, not negative.
+    friction : float
+        mu, not negative.
+    slip_speed : float
+        m/s, positive: at this speed along the surface the friction is 1/sqrt(2) of its level.
+    along_links : bool
+        Whether all links touch the disc, or the tip alone.
+    name : str
+        Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
+    """
+
+    centre: tuple[float, float]
+    radius: float
+    stiffness: float = 2e4
+    damping: float = 0.2
+    friction: float = 0.0
+    slip_speed: float = 0.05
+    along_links: bool = False
+    name: str = ""
+
+    static = ("along_links", "name")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", numbers("Disc.centre", self.centre, 2))
+        object.__setattr__(self, "radius", number("Disc.radius", self.radius))
+        contact.check_law(self)
+        if not 0.0 < self.radius <= LARGEST:
+            raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
+        if max(map(abs, self.centre)) > LARGEST:
+            raise ValueError(f"Disc.centre is {self.centre} m; it must lie in {-LARGEST:g} to {LARGEST:g}")
+        if math.hypot(*self.centre) <= self.radius:
+            raise ValueError(
+                f"Disc.radius is {self.radius} m, and the base of the arm, (0, 0), is "
+                f"{math.hypot(*self.centre):.6g} m from the centre {self.centre}: the disc covers it; give a "
+                "smaller radius or another centre"
+            )
+
+    @property
+    def key(self) -> str:
+        return f"disc_{self.name}" if self.name else "disc"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        return {"centre[0]": "m", "centre[1]": "m", "radius": "m", **contact.units_of_law()}
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]", "radius": ".radius", **contact.OWN}
+        if self.along_links:
+            return _along_links(arm, own)
+        tip = arm.num_masses
+        bind = {"x": f"x{tip}", "y": f"y{tip}", "vx": f"vx{tip}", "vy": f"vy{tip}", **own}
+        return (
+            Force(
+                Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
+                stiffness=contact.steepness, guard=tip_presses,
+            ),
+        )  # fmt: skip
+
+
+def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
+    """Forces at both ends of each link. The one at the tip has the guard, that of the whole arm: two links
+    touch a disc at the same instant where their common joint does."""
+    found = []
+    for far in range(arm.num_masses):
+        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
+        if far:
+            bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
+            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=contact.steepness))
+        law, guard = at_far_end if far else at_end_of_first, None
+        if far == arm.num_masses - 1:
+            guard = deepest_of(arm.num_masses)
+        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard))
+    return tuple(found)

@@ -1,0 +1,157 @@
+"""A half-plane, such as a floor or a wall, that the tip or the links of an arm touch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+from redundant_envs.algebra import maximum, physics, sqrt, where
+from redundant_envs.effects import contact
+from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, numbers
+
+
+@physics
+def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
+    """Depth below the edge, negative outside, and the unit normal."""
+    inverse = 1.0 / sqrt(normal_x * normal_x + normal_y * normal_y)
+    nx, ny = normal_x * inverse, normal_y * inverse
+    return (point_x - x) * nx + (point_y - y) * ny, nx, ny
+
+
+@physics
+def presses(x, y, vx, vy, point_x, point_y, normal_x, normal_y, damping):
+    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    return contact.presses(depth, nx, ny, vx, vy, damping)
+
+
+@physics
+def force(x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed, side):
+    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    pressed = where(side > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
+
+
+@physics
+def force_of_one(
+    x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed
+):
+    """The same where the guard is that of all points, and does not tell which of them press."""
+    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    pressed = where(contact.presses(depth, nx, ny, vx, vy, damping) > 0.0, depth, 0.0)
+    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
+
+
+def deepest_of(count: int) -> Any:
+    """The guard of all points of an arm: the depth of the deepest one."""
+    points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
+
+    @physics(takes=("point_x", "point_y", "normal_x", "normal_y", *points))
+    def deepest(point_x, point_y, normal_x, normal_y, *xy):
+        pairs = zip(xy[::2], xy[1::2], strict=True)
+        return reduce(
+            maximum, [depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)[0] for x, y in pairs]
+        )
+
+    return deepest
+
+
+@physics
+def elastic(x, y, point_x, point_y, normal_x, normal_y, stiffness):
+    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    return contact.elastic(depth, nx, ny, stiffness)
+
+
+@physics
+def energy(x, y, point_x, point_y, normal_x, normal_y, stiffness):
+    depth, _, _ = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    return contact.elastic_energy(depth, stiffness)
+
+
+@dataclass(frozen=True)
+class HalfPlane(Effect):
+    """Everything beyond a straight edge pushes the tip of the arm, or the ends of its links, out of itself.
+
+    The law is that of :class:`Disc`. Of a straight link an end is always the deepest point, so links touch
+    with their ends.
+
+    Parameters
+    ----------
+    point : (float, float)
+        A point of the edge, m.
+    normal : (float, float)
+        Direction out of the half-plane, towards the arm, of any length; (0, 1), a floor, by default.
+    stiffness : float
+        k, N/m, positive.
+    damping : float
+        c, s/m, not negative.
+    friction : float
+        mu, not negative.
+    slip_speed : float
+        m/s, positive: at this speed along the edge the friction is 1/sqrt(2) of its level.
+    along_links : bool
+        Whether all ends of links touch the half-plane, or the tip alone.
+    name : str
+        Part of the name of its numbers, "half_plane_wall.friction"; several of a scene have different ones.
+    """
+
+    point: tuple[float, float]
+    normal: tuple[float, float] = (0.0, 1.0)
+    stiffness: float = 2e4
+    damping: float = 0.2
+    friction: float = 0.0
+    slip_speed: float = 0.05
+    along_links: bool = False
+    name: str = ""
+
+    static = ("along_links", "name")
+
+    def __post_init__(self) -> None:
+        for field in ("point", "normal"):
+            value = numbers(f"HalfPlane.{field}", getattr(self, field), 2)
+            if max(map(abs, value)) > LARGEST:
+                raise ValueError(f"HalfPlane.{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
+            object.__setattr__(self, field, value)
+        contact.check_law(self)
+        if math.hypot(*self.normal) < SMALLEST:
+            raise ValueError(
+                f"HalfPlane.normal is {self.normal}, which is no direction; give one such as (0, 1)"
+            )
+        if self.point[0] * self.normal[0] + self.point[1] * self.normal[1] > 0.0:
+            raise ValueError(
+                f"HalfPlane.point is {self.point} m with the normal {self.normal}: the half-plane covers the "
+                "base of the arm, (0, 0); give another point, or the opposite normal"
+            )
+
+    @property
+    def key(self) -> str:
+        return f"half_plane_{self.name}" if self.name else "half_plane"
+
+    def units(self, arm: Arm) -> dict[str, str]:
+        axes = range(2)
+        own = {f"point[{k}]": "m" for k in axes} | {f"normal[{k}]": "1" for k in axes}
+        return own | contact.units_of_law()
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        own = {
+            f"{name}_{axis}": f".{name}[{k}]" for name in ("point", "normal") for k, axis in enumerate("xy")
+        }
+        own |= contact.OWN
+        tip = arm.num_masses - 1
+        if not self.along_links:
+            return (_at(tip, own, force, presses),)
+        # One guard: points touch at the same instant where sliders at a stop bring them together.
+        guards = (*(None for _ in range(tip)), deepest_of(arm.num_masses))
+        return tuple(_at(k, own, force_of_one, guard) for k, guard in enumerate(guards))
+
+
+def _at(k: int, own: dict[str, str], law: Any, guard: Any) -> Force:
+    """The force at a point of the arm."""
+    motion = {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")}
+    return Force(
+        Point(k), law, {**motion, **own}, potential=energy, conservative=elastic,
+        stiffness=contact.steepness, guard=guard,
+    )  # fmt: skip

@@ -1,0 +1,193 @@
+"""Contacts of tip and links with discs and half-planes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from catalogue import RPRP, advanced
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.effects import disc
+
+SLIDER = rde.Chain("P", (2.0,))
+"""A point of 2 kg on the x axis; there is no gravity."""
+FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
+WALL = e.HalfPlane((1.0, 0.0), (-1.0, 0.0), 5e3, 0.3)
+BALL = e.Disc((1.5, 0.0), 0.5, 5e3, 0.3)
+LIMITS = (20.0, 12.0, 8.0, 4.0)
+WITH = pytest.mark.parametrize("obstacle", [WALL, BALL], ids=["half-plane", "disc"])
+
+
+def tip_at(batch):
+    return batch.scene.robot.forward_kinematics(batch.q)[:, 0]
+
+
+@WITH
+def test_a_constant_force_rests_at_its_static_depth(obstacle):
+    scene = rde.Scene(SLIDER, (obstacle, e.ViscousFriction(200.0)), control_dt=0.1, tolerance=1e-9)
+    batch, _ = advanced(scene, [[0.99]], [[0.0]], [[40.0]], intervals=40)
+    assert tip_at(batch)[0] - 1.0 == pytest.approx(40.0 / 5e3, rel=1e-9)
+
+
+@WITH
+@pytest.mark.parametrize("along_links", [False, True])
+def test_a_point_bounces_as_hunt_and_crossley_say(obstacle, along_links):
+    """From the impact to the end m v dv = -F dd: with u = c v, ln(1 + u) - u has the same value before and
+    after; for a slow impact the restitution is 1 - 2/3 c v."""
+    made = dataclasses.replace(obstacle, along_links=along_links)
+    scene = rde.Scene(SLIDER, (made,), control_dt=0.2, tolerance=1e-9)
+    for speed in (0.05, 1.0, 4.0):
+        batch, status = advanced(scene, [[0.99]], [[speed]], [[0.0]], intervals=3)
+        rebound, c = -batch.qd[0, 0], 0.3
+        assert not status.numerics.any()
+        before, after = (np.log1p(c * v) - c * v for v in (speed, -rebound))
+        assert after == pytest.approx(before, rel=1e-7)
+        if speed == 0.05:
+            assert rebound / speed == pytest.approx(1.0 - 2.0 / 3.0 * c * speed, abs=1e-4)
+
+
+def test_a_point_that_is_torn_away_is_never_pulled():
+    """From a depth of 20 mm a strong motor leaves faster than 1/c; the wall then has no force."""
+    scene = rde.Scene(SLIDER, (dataclasses.replace(WALL, damping=5.0),), control_dt=0.01, tolerance=1e-9)
+    batch, _ = advanced(scene, [[1.02]], [[-1.0]], [[-400.0]])
+    assert batch.qd[0, 0] == pytest.approx(-1.0 - 200.0 * 0.01, rel=1e-12)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_friction_is_at_most_mu_times_the_normal_force(mu):
+    rng = np.random.default_rng(1)
+    for x, y, vx, vy in rng.normal(0.0, 0.3, (100, 4)):
+        fx, fy = disc.at_tip(x, y, vx, vy, 0.0, 0.0, 2.0, 1e3, 0.1, mu, 0.05, 1.0)
+        r = np.hypot(x, y)
+        normal, along = (fx * x + fy * y) / r, (fy * x - fx * y) / r
+        slides = (vy * x - vx * y) / r
+        assert abs(along) <= (mu + 1e-12) * normal
+        assert normal > 0.0
+        assert along * slides <= 1e-12
+        expected = 1e3 * (2.0 - r) * (1.0 - 0.1 * (vx * x + vy * y) / r)
+        assert normal == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_shares_of_both_ends_are_the_force_at_the_point_of_contact():
+    """In sum, and in moment about any point: here about the origin."""
+    rng, found = np.random.default_rng(2), 0
+    for a, b, va, vb, c in rng.normal(0.0, 1.0, (300, 5, 2)):
+        numbers = (*a, *b, *va, *vb, *c, 0.8, 1e3, 0.05, 0.5, 0.1)
+        near, far = np.array(disc.at_near_end(*numbers)), np.array(disc.at_far_end(*numbers))
+        s = np.clip((c - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        point, velocity = a + s * (b - a), va + s * (vb - va)
+        distance = np.hypot(*(point - c))
+        side = float(distance < 0.8 and 0.05 * (point - c) @ velocity < distance)
+        force = np.array(disc.at_tip(*point, *velocity, *c, 0.8, 1e3, 0.05, 0.5, 0.1, side))
+        np.testing.assert_allclose(near + far, force, rtol=0.0, atol=1e-9)
+        moment = np.cross(np.array([*a, 0.0]), [*near, 0.0]) + np.cross(np.array([*b, 0.0]), [*far, 0.0])
+        np.testing.assert_allclose(moment, np.cross([*point, 0.0], [*force, 0.0]), atol=1e-8)
+        found += side
+    assert found > 50
+
+
+def near(arm, obstacle, lanes, seed=0):
+    """Random states of an arm whose tip or joints are near the obstacle, outside, with efforts."""
+    rng = np.random.default_rng(seed)
+    q, places = rng.uniform(-1.5, 1.5, (400 * lanes, 4)), rng.uniform(0.0, 1.0, (400 * lanes, 4))
+    q[:, arm.sliders()] = 0.1 + 0.2 * places[:, arm.sliders()]
+    gaps = gap_of(arm, obstacle, q)
+    q = q[(gaps > 0.0) & (gaps < 0.04)][:lanes]
+    assert len(q) == lanes
+    return q, rng.normal(0.0, 2.0, (lanes, 4)), rng.uniform(-1.0, 1.0, (lanes, 4)) * LIMITS
+
+
+def gap_of(arm, obstacle, q):
+    """Distance of links (or the tip) from an obstacle, by a fine row of points along each link."""
+    points = points_of(arm, q)
+    if not obstacle.along_links:
+        points = points[:, -1:]
+    elif isinstance(obstacle, e.Disc):
+        base = np.concatenate([np.zeros((len(q), 1, 2)), points], axis=1)
+        s = np.linspace(0.0, 1.0, 20)[:, None]
+        points = (base[:, :-1, None] * (1.0 - s) + base[:, 1:, None] * s).reshape(len(q), -1, 2)
+    if isinstance(obstacle, e.Disc):
+        return np.linalg.norm(points - obstacle.centre, axis=2).min(axis=1) - obstacle.radius
+    normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
+    return ((points - obstacle.point) @ normal).min(axis=1)
+
+
+def points_of(arm, q):
+    """Point masses, (count, points, 2), m."""
+    if arm.sliders():
+        (l1, l2), (t1, r1, t2, r2) = arm.lengths, q.T
+        first, second = (np.stack([np.cos(t), np.sin(t)], 1) for t in (t1, t2))
+        elbow = first * (l1 + r1)[:, None]
+        ends = first * l1, elbow, elbow + second * l2, elbow + second * (l2 + r2)[:, None]
+        return np.stack(ends, axis=1)
+    steps = np.stack([np.cos(q), np.sin(q)], 2) * np.array(arm.lengths)[:, None]
+    return np.cumsum(steps, axis=1)
+
+
+OBSTACLES = {
+    "disc": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3),
+    "disc along links": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3, along_links=True),
+    "half-plane": e.HalfPlane((0.0, -0.3), (0.2, 1.0), 2e3, friction=0.3),
+    "half-plane along links": e.HalfPlane((0.0, -0.3), (0.2, 1.0), 2e3, friction=0.3, along_links=True),
+}
+
+
+@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
+@pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
+def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
+    state = near(arm, obstacle, 64)
+    scene = rde.Scene(arm, (e.Gravity(), obstacle), tolerance=1e-6)
+    found, status = advanced(scene, *state)
+    exact, sure = advanced(dataclasses.replace(scene, tolerance=None, integrator="dop853"), *state)
+    assert not status.numerics.any()
+    assert not sure.numerics.any()
+    apart = arm.forward_kinematics(found.q) - arm.forward_kinematics(exact.q)
+    assert np.linalg.norm(apart, axis=1).max() < 1e-6
+    assert (gap_of(arm, obstacle, found.q) < 0.0).sum() > 5
+    assert np.median(status.evaluations) <= 150.0
+
+
+@pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
+def test_the_energy_book_closes_in_contact(obstacle):
+    q, qd, efforts = near(FOUR_R, obstacle, 64, seed=4)
+    gaps = gap_of(FOUR_R, obstacle, q)
+    k = np.argmin(gaps)
+    scene = rde.Scene(FOUR_R, (e.Gravity(), obstacle), tolerance=1e-10)
+    times = np.linspace(0.0, 0.2, 6)[1:]
+    motion = rde.simulate(scene, q=q[k], qd=qd[k], times=times, efforts=efforts[k])
+    assert motion.relative_error.max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm.*smaller radius"),
+        (lambda: e.Disc((1.0, 0.0), -0.2), "Disc.radius is -0.2 m; it must be positive"),
+        (lambda: e.Disc((1.0, 0.0, 1.0), 0.2), "Disc.centre has 3 entries; give 2"),
+        (lambda: e.Disc((1.0, 0.0), 0.2, stiffness=0.0), "Disc.stiffness is 0.0; it must be positive"),
+        (lambda: e.Disc((1.0, 0.0), 0.2, friction=-0.1), "Disc.friction is -0.1; it must not be negative"),
+        (lambda: e.Disc((1.0, 0.0), 0.2, slip_speed=0.0), "Disc.slip_speed is 0.0; it must be positive"),
+        (lambda: e.Disc((1.0, 0.0), 0.2, along_links=1), "Disc.along_links is 1; give false"),
+        (lambda: e.Disc((1.0, 0.0), 0.2, name="a b"), "Disc.name is 'a b'; give letters"),
+        (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is .*covers the base.*opposite normal"),
+        (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is .*no direction"),
+    ],
+)  # fmt: skip
+def test_numbers_that_make_no_sense_are_refused(make, told):
+    with pytest.raises(ValueError, match=told):
+        make()
+
+
+def test_several_obstacles_have_names_of_their_own():
+    one = OBSTACLES["disc"]
+    scene = rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1, name="left")))
+    assert [scene.parameters()[f"disc{name}.radius"] for name in ("", "_left")] == [0.2, 0.1]
+    with pytest.raises(ValueError, match="second 'disc'; give one of them another 'name'"):
+        rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1)))
+
+
+def test_a_number_of_a_lane_that_covers_the_base_is_refused():
+    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (OBSTACLES["disc"],)), 2)
+    with pytest.raises(ValueError, match="covers"):
+        batch.set_parameters({"disc.radius": np.array([[0.1], [0.7]])})
