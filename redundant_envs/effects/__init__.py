@@ -28,6 +28,7 @@ from redundant_envs.effects.hooks import (
     Sensing,
     State,
 )
+from redundant_envs.effects.joint_stop import JointStop
 from redundant_envs.effects.joint_torque import JointTorque
 from redundant_envs.effects.lag import Lag
 from redundant_envs.effects.limit_spring import LimitSpring
@@ -54,8 +55,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 __all__ = [
     "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
     "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap", "GearBacklash",
-    "Gravity", "Impact", "Impulse", "Inertia", "Instant", "JointTorque", "Lag", "LimitSpring", "Link",
-    "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play", "Point", "PointMass",
+    "Gravity", "Impact", "Impulse", "Inertia", "Instant", "JointStop", "JointTorque", "Lag", "LimitSpring",
+    "Link", "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play", "Point", "PointMass",
     "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing", "SensorBias",
     "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether", "TipForce",
     "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
@@ -74,6 +75,7 @@ REGISTRY: dict[str, type[Effect]] = {
         EffortLimits,
         GearBacklash,
         Gravity,
+        JointStop,
         JointTorque,
         Lag,
         LimitSpring,
