@@ -1,8 +1,8 @@
 """Coordinates of boundaries, and quantities of a lane.
 
-The coordinate of a stop is the travel of a slider or the angle of a joint, that of a force's law the motion of
-a joint. A boundary
-without a joint has a gap, any function of the motion; dual numbers give its derivatives.
+The coordinate of a stop is the travel of a slider or the angle of another joint, that of a force's law the
+motion of a joint. A boundary without a joint has a gap, any function of the motion; dual numbers give its
+derivatives.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tup
 
 
 def _snapped(dynamics: Dynamics, stop: Boundary, lane: Lane, form: str, position: Any) -> Any:
-    """The angle of a joint, a difference of coordinates: an end of its travel if it is there but for rounding.
+    """The angle of a joint, a difference of coordinates: an end of its travel where rounding alone differs.
 
     Coordinates that are set for an angle at an end give it back within two ulps of the largest of them.
     """

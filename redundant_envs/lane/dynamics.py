@@ -222,9 +222,9 @@ class Dynamics:
         shares = zip(self.arm.motor_map[:, b.joint].tolist(), values, strict=True)
         return total(x if share == 1.0 else share * x for share, x in shares if share != 0.0)
 
-    def own_value(self, b: Boundary, value: Any, others: Mapping[str, Any], names: Sequence[str]) -> Any:
-        """What the coordinate of a joint has where the joint has a value and other coordinates have theirs, by
-        their ``names``."""
+    def own_value(self, b: Boundary, value: Any, others: Any, names: Sequence[str]) -> Any:
+        """Value of the coordinate of a joint from that of the joint, a position or a rate, and those of other
+        coordinates, by ``names``."""
         moved = [(share, others[names[k]]) for k, share in self.others_of_joint(b)]
         return total([value, *(x if share == 1.0 else share * x for share, x in moved)])
 

@@ -53,9 +53,9 @@ class Memory:
             del steps["h"]
         initial = dict(dynamics.effect_states.initial)
         nearest = [0.0] * dynamics.count if dynamics.stop_of else []
-        for stop in dynamics.stop_of.values():  # at 0, or at the stop that is nearest
+        for joint, stop in dynamics.stop_of.items():  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
-            nearest[stop.joint] = min(max(0.0, low), high)
+            nearest[joint] = min(max(0.0, low), high)
         if nearest:
             q = dynamics.arm.coordinates_of_joints(*nearest)
             initial |= dict(zip(dynamics.arm.coordinates, q if isinstance(q, tuple) else (q,), strict=True))
