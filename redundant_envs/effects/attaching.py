@@ -306,10 +306,6 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     for field, name in named:
         own_numbers = {n: False for n, is_state in own.items() if not is_state or field == "mass"}
         _check_own(field, name, own_numbers)
-    if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
-        raise ValueError(
-            f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
-        )
     for field, choices in (("link", Link), ("reading", Reading)):
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)

@@ -264,8 +264,8 @@ class Friction:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there:
-    fields of the effect (".lower[0]")."""
+    """Hard ends of the travel of a joint, ``lower`` and ``upper`` [m, or rad of a revolute one], and the
+    ``restitution`` there: fields of the effect (".lower[0]"). The impulse acts along the joint alone."""
 
     joint: int
     lower: str
@@ -505,7 +505,8 @@ class Effect:
             elif isinstance(hook, Inertia):
                 found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"
             elif isinstance(hook, Impact):
-                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), "m")
+                unit = "m" if arm.prismatic[hook.joint] else "rad"
+                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), unit)
         return found
 
     def parameters(self) -> dict[str, float]:

@@ -186,9 +186,9 @@ class Dynamics:
 
     @cached_property
     def sticking(self) -> tuple[Boundary, ...]:
-        """Joints that stick and slip, in their order: those with dry friction and, if there are any, those
-        with stops, which hold a joint in one direction."""
-        if not self.frictions:
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
+        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
+        if not self.frictions and not self.angular:
             return ()
         owners = {k: b.owner for k, b in self.stop_of.items()}
         owners |= {k: some[0].key for k, some in self.frictions.items()}
@@ -201,6 +201,32 @@ class Dynamics:
     def stop_of(self) -> dict[int, Boundary]:
         """Stops by the numbers of their joints."""
         return {b.joint: b for b in self.stops if b.joint is not None}
+
+    @property
+    def angular(self) -> tuple[Boundary, ...]:
+        """Stops of revolute joints from base to tip; their angles may be differences of coordinates."""
+        return tuple(b for k, b in sorted(self.stop_of.items()) if not self.arm.prismatic[k])
+
+    def rounds(self, b: Boundary) -> bool:
+        """Whether a boundary has the angle of a joint with a stop, which has to be recognised there."""
+        return (b.holds or b.sticks) and b.joint in (stop.joint for stop in self.angular)
+
+    def coordinates_of(self, b: Boundary) -> tuple[str, ...]:
+        """The coordinates from which the position of a joint follows."""
+        assert b.joint is not None
+        shares = zip(self.arm.coordinates, self.arm.motor_map[:, b.joint], strict=True)
+        return tuple(q for q, share in shares if share != 0.0)
+
+    def along(self, b: Boundary, values: Sequence[Any]) -> Any:
+        """What a joint has of values for the coordinates: of rates, accelerations or mobilities."""
+        shares = zip(self.arm.motor_map[:, b.joint].tolist(), values, strict=True)
+        return total(x if share == 1.0 else share * x for share, x in shares if share != 0.0)
+
+    def own_value(self, b: Boundary, value: Any, others: Any, names: Sequence[str]) -> Any:
+        """Value of the coordinate of a joint from that of the joint, a position or a rate, and those of other
+        coordinates, by ``names``."""
+        moved = [(share, others[names[k]]) for k, share in self.others_of_joint(b)]
+        return total([value, *(x if share == 1.0 else share * x for share, x in moved)])
 
     @property
     def gripped(self) -> tuple[tuple[Boundary, Boundary], ...]:
