@@ -47,6 +47,8 @@ INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
+SLIPS_FREELY = -1.0
+"""Value of the guard of a joint with a stop and no friction that does not rest: it never gets to 0."""
 LOST_IN_LOADS = 1e-14
 """The same of all torques at the joints, which nearly cancel where a small friction decides."""
 NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
@@ -301,7 +303,9 @@ class Dynamics:
                 stuck = load - most
             else:
                 stuck = held[b.name]
-            found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
+            # Without friction nothing changes where a rate passes 0: a stop is met as a position.
+            slips = -(mode * x[f"phid{b.number}"]) if b.joint in self.frictions else SLIPS_FREELY
+            found[b.name] = where(mode == 0.0, stuck, slips)
         return found
 
     @cached_property
