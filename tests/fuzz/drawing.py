@@ -44,9 +44,14 @@ def drawn_arm(rng, calm=False):
 # ---- effects -----------------------------------------------------------------------------------------
 
 
+NOT_DRAWN = ("JointStop",)
+"""Starts and places of stops are drawn as coordinates here; an angle between links is a difference of two."""
+
+
 def own_effects():
     """Effects of the package by their names; tests register more in the same process."""
-    return {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
+    own = {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
+    return {n: c for n, c in own.items() if n not in NOT_DRAWN}
 
 
 def weight_of(arm):
@@ -58,7 +63,7 @@ def drawn_effect(rng, kind, arm):
     """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
     n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
     sliders = len(arm.sliders()) if kind.__name__ in OF_SLIDERS else 1
-    count = {"GearBacklash": n, "JointStop": n, "LuGre": n}.get(kind.__name__, sliders)
+    count = {"GearBacklash": n, "LuGre": n}.get(kind.__name__, sliders)
     if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
         low = size * rng.choice([0.0, 0.0, -0.1, 0.05], count)
         high = low + size * decades(rng, 0.01, 1.0, count)
