@@ -88,12 +88,16 @@ class Scene:
         object.__setattr__(self, "control_dt", self._checked_interval())
         object.__setattr__(self, "effects", self._fitted_effects())
         impacts = self.attached.of(Impact)
-        if len({a.parameter(a.hook.restitution) for a in impacts}) > 1:
-            raise ValueError(
-                "effects has stops with several restitutions; one number serves all stops: combine them"
-            )
+        for slides in (True, False):
+            alike = [a for a in impacts if self.robot.prismatic[a.hook.joint] == slides]
+            if len({a.parameter(a.hook.restitution) for a in alike}) > 1:
+                joints = "sliders" if slides else "revolute joints"
+                raise ValueError(
+                    f"effects has stops with several restitutions; one number serves all stops of {joints}: "
+                    "combine them"
+                )
         if len({a.hook.joint for a in impacts}) < len(impacts):
-            raise ValueError("effects has two stops for one slider; combine them into one")
+            raise ValueError("effects has two stops for one joint; combine them into one")
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)

@@ -197,6 +197,13 @@ def bodies(arm):
     )  # fmt: skip
 
 
+def joint_stops(arm):
+    """Hard stops at joints that turn and slide, one of them on one side alone."""
+    lower = (0.05 if slides else -1.0 for slides in arm.prismatic)
+    upper = (0.3 if slides else 1.0 for slides in arm.prismatic)
+    return (e.JointStop((*lower,), (None, *[*upper][1:]), 0.5),)
+
+
 def gears(arm):
     """Motors behind gears with backlash."""
     return (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
@@ -210,6 +217,7 @@ GROUPS = {
     "disturbed": disturbed,
     "bodies": bodies,
     "obstacles": obstacles,
+    "joint stops": joint_stops,
 }
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
 

@@ -8,13 +8,17 @@ figures are drawn from the tables in docs/results. Those of docs/hard_cases.md a
 import csv
 import re
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from PIL import Image
 
+import redundant_envs as rde
 from redundant_envs.__main__ import main
+from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.envs.schematic import save_schematic
-from redundant_envs.figures import save_figure
+from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.studies import estimates
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
@@ -38,6 +42,19 @@ MOMENT = 18
 SIDE = 160
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 """End of a figure's name -> table of runs."""
+SCENES = ("worn_joints", "heavy_payload", "slow_motors", "cheap_sensors", "shop_floor", "everything")
+"""Scenes of docs/example_scenes.md."""
+IDEAL = {"FourR": "four_r_reach", "RPRP": "rprp_reach"}
+"""Arm -> the scene of the same arm without what wears it down."""
+STARTS = {"FourR": (-1.2, -0.4, 0.2, 0.6), "RPRP": (-1.2, 0.08, -0.4, 0.1)}
+"""Arm -> its first pose, q in rad and m."""
+REACHED_FOR = (0.55, 0.35)
+"""Goal, m."""
+SECONDS = 3.0
+FREQUENCY = {"slow_motors": 5.0}
+"""Frequency of the controller where its own of 12 rad/s keeps the arm swinging, rad/s: the motors follow it
+0.08 s late."""
+COLOURS = {"ideal": "#0072B2", "scene": "#D55E00"}
 
 
 def thumbnail(name: str, policy: str, seed: int) -> None:
@@ -62,6 +79,82 @@ def clips() -> None:
         play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
 
 
+def readings(env: Any, obs: Any) -> tuple[Any, Any]:
+    """Positions and rates of the joints, (joints,) each, as an observation shows them."""
+    core, arm = env.unwrapped.core, env.unwrapped.scene.robot
+    shown = dict(zip(core.episode.observed, obs.astype(float), strict=True))
+    wide = {name: value / np.sqrt(1.0 - value**2) for name, value in shown.items() if name.endswith("_obs")}
+    rates = np.array([wide[f"rate{k}_obs"] for k in (1, 2, 3, 4)]) * core.task.rate_scale
+    if arm.kind == "FourR":
+        pairs = (("s1", "c1"), ("s21", "c21"), ("s32", "c32"), ("s43", "c43"))
+        return np.array([np.arctan2(shown[s], shown[c]) for s, c in pairs]), rates
+    turns = np.arctan2(shown["s1"], shown["c1"]), -np.arctan2(shown["s12"], shown["c12"])
+    travel = env.unwrapped.scene.parameters()
+    ends = [(travel[low], travel[high]) for low, high in env.unwrapped.scene.travel().values()]
+    slides = [
+        (low + high + wide[f"travel{k}_obs"] * (high - low)) / 2.0
+        for k, (low, high) in zip((2, 4), ends, strict=True)
+    ]
+    return np.array([turns[0], slides[0], turns[1], slides[1]]), rates
+
+
+def reaching(scene_name: str, frequency: float) -> dict[str, Any]:
+    """A motion of a scene under computed torque of its ideal arm, which acts on what sensors show."""
+    scene = rde.load_scene(scene_name)
+    arm, steps = scene.robot, round(SECONDS / scene.control_dt)
+    env = gym.make(
+        f"redundant_envs/{arm.kind}Reach-v0", scene=scene_name, randomize=False, max_episode_steps=steps + 1
+    )
+    expert = ComputedTorque(rde.load_scene(IDEAL[arm.kind]), frequency=frequency)
+    start, back = np.array(STARTS[arm.kind]), np.linalg.inv(arm.motor_map)
+    expert.begin(start[None], np.array([REACHED_FOR]))
+    motors: Any = next((e for e in scene.effects if e.key == "dc_motor"), None)
+    obs, _ = env.reset(seed=0, options={"q": start, "qd": np.zeros(4), "goal": REACHED_FOR})
+    kept = []
+    for step in range(steps):
+        positions, rates = readings(env, obs)
+        kept.append((env.unwrapped.q, positions))
+        action = expert.action(step * scene.control_dt, (positions @ back)[None], (rates @ back)[None])[0]
+        if motors:  # the voltage that gives this effort at this rate
+            each = {name: np.broadcast_to(getattr(motors, name), 4) for name in motors.of_joints}
+            per_current = each["gear"] * each["constant"]
+            volts = action * expert.limits / per_current * each["resistance"] + per_current * rates
+            action = np.clip(volts / each["voltage"], -1.0, 1.0).astype(np.float32)
+        obs, *_ = env.step(action)
+    env.close()
+    q, shown = (np.array(column) for column in zip(*kept, strict=True))
+    return {
+        "t": np.arange(steps) * scene.control_dt, "tip": arm.forward_kinematics(q),
+        "joints": q @ arm.motor_map, "shown": shown,
+    }  # fmt: skip
+
+
+def scene_picture(name: str) -> Any:
+    """Paths of the tip, the last revolute joint and the distance from the goal, in a scene and without its
+    effects."""
+    frequency, kind = FREQUENCY.get(name, 12.0), rde.load_scene(name).robot.kind
+    motions = {"ideal": reaching(IDEAL[kind], frequency), "scene": reaching(name, frequency)}
+    made = new_figure(9.0, 2.9)
+    path, turn, distance = made.subplots(1, 3)
+    for of, motion in motions.items():
+        look = {"color": COLOURS[of], "lw": 1.5, "label": name if of == "scene" else IDEAL[kind]}
+        if np.abs(motion["joints"] - motion["shown"]).max() > 1e-5:
+            turn.plot(motion["t"], motion["shown"][:, 2], ".", color="0.55", ms=3, label="as sensors show it")
+        path.plot(*motion["tip"].T, **look)
+        turn.plot(motion["t"], motion["joints"][:, 2], **look)
+        distance.plot(motion["t"], np.linalg.norm(motion["tip"] - REACHED_FOR, axis=1), **look)
+    path.plot(*REACHED_FOR, "+", color="k", ms=10, label="goal")
+    path.set_aspect("equal", adjustable="datalim")
+    path.set(xlabel="x of the tip [m]", ylabel="y of the tip [m]")
+    turn.set(xlabel="time [s]", ylabel="joint 3 [rad]")
+    distance.set(xlabel="time [s]", ylabel="distance from the goal [m]", yscale="log", ylim=(1e-4, 2.0))
+    for panel in (path, turn, distance):
+        bare(panel)
+    lines = [*turn.lines, path.lines[-1]]
+    made.legend(handles=lines, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
+    return made
+
+
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
     table = brief_table([RESULTS / "runs.csv"])
@@ -80,5 +173,7 @@ if __name__ == "__main__":
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
     with (RESULTS / "estimates.csv").open(encoding="utf-8") as file:
         save_figure(estimates.figure(list(csv.DictReader(file))), FIGURES / "estimates.png")
+    for name in SCENES:
+        save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     save_schematic(FIGURES / "arms.svg")
     main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])

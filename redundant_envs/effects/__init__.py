@@ -30,6 +30,7 @@ from redundant_envs.effects.hooks import (
     Sensing,
     State,
 )
+from redundant_envs.effects.joint_stop import JointStop
 from redundant_envs.effects.joint_torque import JointTorque
 from redundant_envs.effects.lag import Lag
 from redundant_envs.effects.limit_spring import LimitSpring
@@ -56,11 +57,11 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 __all__ = [
     "Actuation", "Armature", "CentringSpring", "CommandDelay", "CoulombFriction", "DCMotor", "DeadZone",
     "Disc", "DroppedSamples", "Effect", "EffortLimits", "Field", "Force", "Friction", "Gap",
-    "GearBacklash", "Gravity", "HalfPlane", "Impact", "Impulse", "Inertia", "Instant", "JointTorque",
-    "Lag", "LimitSpring", "Link", "LinkInertia", "LuGre", "MovingBase", "Payload", "PickUp", "Play",
-    "Point", "PointMass", "PrismaticStop", "QuadraticFriction", "Quantisation", "Reading", "Sensing",
-    "SensorBias", "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State", "Tendon", "Tether",
-    "TipForce", "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
+    "GearBacklash", "Gravity", "HalfPlane", "Impact", "Impulse", "Inertia", "Instant", "JointStop",
+    "JointTorque", "Lag", "LimitSpring", "Link", "LinkInertia", "LuGre", "MovingBase", "Payload",
+    "PickUp", "Play", "Point", "PointMass", "PrismaticStop", "QuadraticFriction", "Quantisation",
+    "Reading", "Sensing", "SensorBias", "SensorDelay", "SensorNoise", "SmoothCoulombFriction", "State",
+    "Tendon", "Tether", "TipForce", "TorqueSpeed", "TwoStageSpring", "ViscousFriction",
 ]  # fmt: skip
 
 REGISTRY: dict[str, type[Effect]] = {
@@ -78,6 +79,7 @@ REGISTRY: dict[str, type[Effect]] = {
         GearBacklash,
         Gravity,
         HalfPlane,
+        JointStop,
         JointTorque,
         Lag,
         LimitSpring,

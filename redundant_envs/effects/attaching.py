@@ -205,9 +205,11 @@ def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
             f"{called} has {len(instants)} instants; give one, and further ones to other effects"
         )
     for n, part in ((n, part) for n, hook in enumerate(hooks) for part in (hook, *states_of(hook))):
-        if isinstance(part, State) and (part.when not in WHEN or (part.when == "instant" and not instants)):
+        when = getattr(part, "when", WHEN[0])
+        if when not in WHEN or (when == "instant" and not instants):
+            what = f"the state {part.name!r}" if isinstance(part, State) else f"the {type(part).__name__}"
             raise ValueError(
-                f"{called}, hook {n}: the state {part.name!r} has when={part.when!r:.40}; give "
+                f"{called}, hook {n}: {what} has when={when!r:.40}; give "
                 f"{' or '.join(map(repr, WHEN))}, the latter in an effect with an Instant"
             )
         if isinstance(part, State) and part.when == "instant" and part.update is None:
@@ -226,12 +228,17 @@ def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
 
 def _check_masses(called: str, hooks: Iterable[Hook]) -> None:
     """Refuse a mass that changes within an interval."""
-    moving = {s.name for hook in hooks for s in states_of(hook) if s.update is None}
+    kinds = {
+        s.name: "derivative" if s.update is None else "when='instant'"
+        for hook in hooks
+        for s in states_of(hook)
+        if s.update is None or s.when == "instant"
+    }
     for hook in hooks:
-        if isinstance(hook, PointMass) and str(hook.mass)[1:] in moving:
+        if isinstance(hook, PointMass) and (kind := kinds.get(str(hook.mass)[1:])):
             raise ValueError(
-                f"{called} has the mass {hook.mass!r}, a state with a derivative; give one with an update, "
-                "which changes between intervals"
+                f"{called} has the mass {hook.mass!r}, a state with {kind}; give one with an update that "
+                "changes between intervals"
             )
 
 
@@ -299,10 +306,6 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     for field, name in named:
         own_numbers = {n: False for n, is_state in own.items() if not is_state or field == "mass"}
         _check_own(field, name, own_numbers)
-    if isinstance(hook, Impact) and not arm.prismatic[hook.joint]:
-        raise ValueError(
-            f"{arm.joints[hook.joint]!r} is not a slider; hard ends of travel are those of sliders"
-        )
     for field, choices in (("link", Link), ("reading", Reading)):
         if not isinstance(getattr(hook, field, next(iter(choices))), choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)

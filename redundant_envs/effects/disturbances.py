@@ -127,6 +127,8 @@ def _checked(where: str, field: str, given: Any, check: Callable[[str, Any], Any
         return value
     found = check(where, given)
     entries = found if isinstance(found, tuple) else (found,)
+    if not entries:
+        raise ValueError(f"{where} has 0 entries; give one for each joint, or one number for all")
     if field in ("density", "deviation") and min(entries) < 0.0:
         raise ValueError(f"{where} has the entry {min(entries)}; it must not be negative")
     return found

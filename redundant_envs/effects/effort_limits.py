@@ -9,6 +9,10 @@ from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_u
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 
+WITHIN = 1e-12
+"""Share of a limit by which a command may exceed it, and counts as within: the effort of a motor that has the
+same limit stays there, and rounding would cross it again and again."""
+
 
 @physics
 def saturate(command, limit):
@@ -18,7 +22,8 @@ def saturate(command, limit):
 @physics
 def beyond(command, limit):
     """By how much a command is above the limits."""
-    return command - limit, command + limit
+    most = limit * (1.0 + WITHIN)
+    return command - most, command + most
 
 
 @physics

@@ -264,8 +264,8 @@ class Friction:
 
 @dataclass(frozen=True)
 class Impact:
-    """Hard ends of the travel of a prismatic joint, ``lower`` and ``upper``, and the ``restitution`` there:
-    fields of the effect (".lower[0]")."""
+    """Hard ends of the travel of a joint, ``lower`` and ``upper`` [m, or rad of a revolute one], and the
+    ``restitution`` there: fields of the effect (".lower[0]"). The impulse acts along the joint alone."""
 
     joint: int
     lower: str
@@ -297,12 +297,16 @@ class Impulse:
     states of its effect and the new commands; 0 changes nothing. The velocities jump by M^-1 J^T p, and the
     energy that it gives counts as work. A slider at rest that an impulse sends into its stop strikes it.
     ``bind`` says what arguments stand for, see :class:`Effect`.
+
+    With ``when="instant"`` it acts at the :class:`Instant` of its effect instead, from the quantities there,
+    with ``passed`` 0; in an interval without the instant it does not act.
     """
 
     joint: int | Point
     function: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
     states: tuple[State, ...] = ()
+    when: str = "interval"
 
     @property
     def rates(self) -> tuple[str, ...]:
@@ -501,7 +505,8 @@ class Effect:
             elif isinstance(hook, Inertia):
                 found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"
             elif isinstance(hook, Impact):
-                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), "m")
+                unit = "m" if arm.prismatic[hook.joint] else "rad"
+                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), unit)
         return found
 
     def parameters(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Hard ends of the travel of sliders: impacts with restitution, located in time."""
+"""Hard ends of the travel of sliders alone: impacts with restitution, located in time."""
 
 from __future__ import annotations
 

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from redundant_envs.algebra import floor, physics
 from redundant_envs.effects.hooks import Effect, Hook, Sensing
 from redundant_envs.effects.readings import check_readings, sensors_of, units_of_readings
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import positive
+from redundant_envs.robots.parameters import SMALLEST, positive
 
 
 @physics
 def counted(reading, resolution):
     """The nearest whole number of steps; halves go up."""
     return resolution * floor(reading / resolution + 0.5)
+
+
+def resolutions(field: str, values: Any) -> float | tuple[float, ...]:
+    """Positive steps of which a reading has finitely many."""
+    found = positive(field, values)
+    entries = found if isinstance(found, tuple) else (found,)
+    if min(entries, default=1.0) < SMALLEST:
+        raise ValueError(
+            f"{field} is {min(entries)}; it must be at least {SMALLEST:g}: leave it out for exact readings"
+        )
+    return found
 
 
 @dataclass(frozen=True)
@@ -25,9 +37,9 @@ class Quantisation(Effect):
     Parameters
     ----------
     position : float or sequence of one for each joint, optional
-        Step of the reading of the joint's position, rad (revolute) or m (prismatic), positive.
+        Step of the reading of the joint's position, rad (revolute) or m (prismatic), at least 1e-30.
     rate : float or sequence of one for each joint, optional
-        Step of the reading of its rate, rad/s or m/s, positive.
+        Step of the reading of its rate, rad/s or m/s, at least 1e-30.
     """
 
     position: float | tuple[float, ...] | None = None
@@ -36,7 +48,7 @@ class Quantisation(Effect):
     of_joints = ("position", "rate")
 
     def __post_init__(self) -> None:
-        check_readings(self, positive)
+        check_readings(self, resolutions)
 
     def units(self, arm: Arm) -> dict[str, str]:
         return units_of_readings(self, arm)

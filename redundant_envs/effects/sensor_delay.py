@@ -95,7 +95,8 @@ class SensorDelay(Effect):
         object.__setattr__(self, "longest", longest)
 
     def at_interval(self, control_dt: float) -> Effect:
-        steps = float(steps_back(self.longest, control_dt))
+        steps = self.longest / control_dt  # may be infinite, which is no number of steps
+        steps = float(steps_back(self.longest, control_dt)) if math.isfinite(steps) else steps
         if not steps <= MOST_KEPT - 1:
             most = (MOST_KEPT - 1) * control_dt
             raise ValueError(

@@ -116,14 +116,22 @@ class Tendon(Effect):
     def key(self) -> str:
         return f"tendon.{self.name}" if self.name else "tendon"
 
+    def _places(self, arm: Arm) -> list[int]:
+        """Its joints by their numbers, from 0; ValueError if the arm has none of that name."""
+        for k, joint in enumerate(self.joints):
+            if joint not in arm.joints:
+                known = ", ".join(arm.joints)
+                raise ValueError(f"Tendon.joints[{k}] is {shown(joint)}; {arm.kind} has {known}")
+        return [arm.joints.index(joint) for joint in self.joints]
+
     def units(self, arm: Arm) -> dict[str, str]:
-        slides = [arm.prismatic[arm.joint_index(joint)] for joint in self.joints]
+        slides = [arm.prismatic[joint] for joint in self._places(arm)]
         arms = {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)}
         return {**arms, "stiffness": "N/m", "pretension": "N"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = laws(len(self.joints))
-        places = [arm.joint_index(joint) for joint in self.joints]
+        places = self._places(arm)
         bind = {f"position{k + 1}": f"phi{joint + 1}" for k, joint in enumerate(places)}
         bind |= {f"arm{k + 1}": f".moment_arms[{k}]" for k in range(len(places))}
         bind |= {"stiffness": ".stiffness", "pretension": ".pretension"}

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, physics, where
+from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
+
+WITHIN = 1e-12
+"""Share of the stall effort by which a command may exceed what is left, and counts as within it: otherwise a
+guard would stay at 0, which rounding crosses again and again."""
 
 
 @physics
@@ -18,16 +22,16 @@ def line(rate, stall, free):
 
 @physics
 def corners(command, rate, stall, free):
-    """By how much a command is above the line of a motor that drives upwards, and above that of one that
-    drives downwards; by how much the rate is below the free speed; and the command below the stall effort.
+    """By how much a command is above the largest effort upwards, and above the largest downwards; the
+    distance of the rate from the free speed; and that of the command from the stall effort.
 
-    A command against the line's direction is far from it, and one beyond the stall effort counts as that, so
-    that the line is left where the motor begins to brake.
+    A command beyond the stall effort counts as that, so that the line is left where the motor begins to
+    brake. A command of 0 is within both efforts, also where none is left.
     """
-    most = clamp(command, -stall, stall)
-    upper = most - where(command > 0.0, line(rate, stall, free), stall)
-    lower = most + where(command < 0.0, line(-rate, stall, free), stall)
-    return upper, lower, free - where(command > 0.0, rate, -rate), stall - abs(command)
+    most, share = clamp(command, -stall, stall), stall * WITHIN
+    upper = most - maximum(line(rate, stall, free), 0.0) - share
+    lower = most + maximum(line(-rate, stall, free), 0.0) + share
+    return upper, lower, free * free - rate * rate, stall - abs(command)
 
 
 @physics

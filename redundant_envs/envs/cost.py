@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -48,9 +48,15 @@ class Pair(NamedTuple):
     without: Scene
 
 
+def fixed(scene: Scene, effects: Iterable[Effect]) -> Scene:
+    """A scene with these effects, and without ranges: those of effects that are left out would name nothing,
+    and what is timed draws no numbers."""
+    return dataclasses.replace(scene, effects=tuple(effects), randomize={})
+
+
 def bare(scene: Scene) -> Scene:
     """The arm of a scene with those of its effects that every environment has."""
-    return dataclasses.replace(scene, effects=tuple(e for e in scene.effects if isinstance(e, BARE)))
+    return fixed(scene, (e for e in scene.effects if isinstance(e, BARE)))
 
 
 def alone(arm: Scene, effect: Effect) -> Pair:
@@ -59,7 +65,7 @@ def alone(arm: Scene, effect: Effect) -> Pair:
     effects = tuple(effect if e.key == effect.key else e for e in arm.effects)
     if len(own) == len(effects):
         effects = (*own, effect)
-    return Pair(dataclasses.replace(arm, effects=effects), dataclasses.replace(arm, effects=own))
+    return Pair(fixed(arm, effects), fixed(arm, own))
 
 
 def parts(scene: Scene) -> dict[str, Pair]:
@@ -137,7 +143,7 @@ class Readings:
         sensors = scene.attached.keys_of(Sensing)
         if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
             return None
-        rest = dataclasses.replace(scene, effects=tuple(e for e in scene.effects if e.key not in sensors))
+        rest = fixed(scene, (e for e in scene.effects if e.key not in sensors))
         return cls((Core(scene, lanes, ReachTask()), Core(rest, lanes, ReachTask())), [np.inf, np.inf])
 
     def run(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, minimum, total, where
@@ -59,12 +60,15 @@ class Boundaries:
         lengths = (lane[f"l{k + 1}"] for k in range(arm.num_lengths))
         # The size of the numbers from which a gap is computed, m.
         size = total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
+        sizes = {b.name: size if b.joint is None else 0.0 for b in self.dynamics.bounded}
+        for b in self.dynamics.angular:
+            sizes[b.name] = reduce(maximum, [abs(lane[q]) for q in self.dynamics.coordinates_of(b)])
         return [
             BoundedCoordinate(
                 *motion(self.dynamics, b, lane),
                 *motion(self.dynamics, b, lane, origin),
                 self.watched(lane, b), self.active(lane, b),
-                *self.limits(lane, b), b.bounces, size if b.joint is None else 0.0,
+                *self.limits(lane, b), b.bounces, sizes[b.name],
             )
             for b in self.dynamics.bounded
         ]  # fmt: skip
@@ -179,7 +183,9 @@ class Boundaries:
         if dynamics.stops:
             lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
-            if b.joint is not None:
+            if b in dynamics.angular:
+                pushed = response(dynamics, normal(dynamics, b, x), x)
+            elif b.joint is not None:
                 if b in dynamics.holding:
                     lane[f"force_{b.name}"] = x[f"hold{b.number}"]
                 pushed = x.each(f"W{k + 1}{b.number}" for k in range(dynamics.count))
@@ -194,6 +200,8 @@ class Boundaries:
         """Acceleration of the coordinate of a stop, once it has been asked for."""
         if b.joint is None:
             return lane[f"acceleration_{b.name}"]
+        if b in self.dynamics.angular:
+            return self.dynamics.along(b, lane.get(self.dynamics.arm.rates, of="{}_slope"))
         return lane[f"{self.dynamics.arm.rates[b.joint]}_slope"]
 
     def _pressing_acceleration(self, lane: Lane, b: Boundary) -> Any:
@@ -208,6 +216,8 @@ class Boundaries:
     def mobility(self, lane: Lane, of: Boundary, by: Boundary) -> Any:
         """Change of the rate of a coordinate per impulse along another one."""
         rates = self.dynamics.arm.rates
+        if of in self.dynamics.angular:
+            return self.dynamics.along(of, lane.get(rates, of=f"mobility_{{}}_{by.name}"))
         if of.joint is not None:
             return lane[f"mobility_{rates[of.joint]}_{by.name}"]
         return total(lane[f"normal_{v}_{of.name}"] * lane[f"mobility_{v}_{by.name}"] for v in rates)
@@ -256,6 +266,9 @@ class Boundaries:
         for v in rates:
             pushes = (j * lane[f"mobility_{v}_{b.name}"] for j, b in zip(r.impulses, stops, strict=True))
             struck[v] = exact[v] if v in exact else lane[v] + total(pushes)
+        for b in self.dynamics.angular:  # from base to tip: the rates of links before a joint are known
+            v = rates[b.joint]
+            struck[v] = self.dynamics.own_value(b, exact[v], struck, rates)
         if "work" in self.dynamics.states:
             impulses = zip(r.impulses, touching, r.velocities, strict=True)
             struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)

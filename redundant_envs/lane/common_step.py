@@ -89,14 +89,11 @@ def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
     """Acceleration of the coordinate of a boundary; for a slider that rests, the pull of its stop."""
     if b.joint is None:
         return coordinates.acceleration(dynamics, b, x)
-    if b in dynamics.stops and dynamics.sticking:
+    if b in dynamics.stops and dynamics.sticking and b not in dynamics.angular:
         return x[f"qdd{b.number}"]
-    if b.bounces:
+    if b in dynamics.holding:
         return where(x[f"held{b.number}"] > 0.0, coordinates.pull(x, b, x[b.active]), x[f"qdd{b.number}"])
-    shares = enumerate(dynamics.arm.motor_map[:, b.joint].tolist(), start=1)
-    return total(
-        x[f"qdd{k}"] if share == 1.0 else share * x[f"qdd{k}"] for k, share in shares if share != 0.0
-    )
+    return dynamics.along(b, x.each(f"qdd{k + 1}" for k in range(dynamics.count)))
 
 
 def step_error(dynamics: Dynamics, lane: Lane, step: Step) -> Any:

@@ -1,17 +1,19 @@
 """Coordinates of boundaries, and quantities of a lane.
 
-The coordinate of a stop is the travel of a slider, that of a force's law the motion of a joint. A boundary
-without a joint has a gap, any function of the motion; dual numbers give its derivatives.
+The coordinate of a stop is the travel of a slider or the angle of another joint, that of a force's law the
+motion of a joint. A boundary without a joint has a gap, any function of the motion; dual numbers give its
+derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import ABSENT, where
+from redundant_envs.algebra import ABSENT, maximum, where
 from redundant_envs.dual import Dual, dual
-from redundant_envs.events.boundary import Boundary, side_touched
+from redundant_envs.events.boundary import ROUNDING, Boundary, side_touched, size_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
@@ -36,10 +38,25 @@ def motion(dynamics: Dynamics, b: Boundary, lane: Lane, form: str = "{}") -> tup
         q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
         gap = _gap(dynamics, b, [Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(dynamics, lane))
         return gap.value, gap.slope
-    if b.bounces:
+    if b.bounces and arm.prismatic[b.joint]:
         return lane[form.format(arm.coordinates[b.joint])], lane[form.format(arm.rates[b.joint])]
     x = quantities_of_arm(dynamics, lane, form)
-    return x[f"phi{b.number}"], x[f"phid{b.number}"]
+    position, rate = x[f"phi{b.number}"], x[f"phid{b.number}"]
+    if dynamics.rounds(b):
+        position = _snapped(dynamics, dynamics.stop_of[b.joint], lane, form, position)
+    return position, rate
+
+
+def _snapped(dynamics: Dynamics, stop: Boundary, lane: Lane, form: str, position: Any) -> Any:
+    """The angle of a joint, a difference of coordinates: an end of its travel where rounding alone differs.
+
+    Coordinates that are set for an angle at an end give it back within two ulps of the largest of them.
+    """
+    size = reduce(maximum, [abs(lane[form.format(q)]) for q in dynamics.coordinates_of(stop)])
+    for end in (lane[stop.lower], lane[stop.upper]):
+        near = 0.5 * ROUNDING * maximum(size, size_of(end))
+        position = where(abs(position - end) <= near, end, position)
+    return position
 
 
 def acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
@@ -54,7 +71,7 @@ def normal(dynamics: Dynamics, b: Boundary, x: Quantities) -> list[Any]:
     """Derivatives of a coordinate with respect to the coordinates of the arm."""
     q, n = x.each(dynamics.arm.coordinates), range(dynamics.count)
     if b.joint is not None:
-        return [1.0 if k == b.joint else 0.0 for k in n]
+        return [float(share) for share in dynamics.arm.motor_map[:, b.joint]]
     numbers = numbers_of(dynamics, x)
     return [_gap(dynamics, b, [Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
 

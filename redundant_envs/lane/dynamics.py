@@ -47,6 +47,8 @@ INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
+SLIPS_FREELY = -1.0
+"""Value of the guard of a joint with a stop and no friction that does not rest: it never gets to 0."""
 LOST_IN_LOADS = 1e-14
 """The same of all torques at the joints, which nearly cancel where a small friction decides."""
 NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
@@ -186,9 +188,9 @@ class Dynamics:
 
     @cached_property
     def sticking(self) -> tuple[Boundary, ...]:
-        """Joints that stick and slip, in their order: those with dry friction and, if there are any, those
-        with stops, which hold a joint in one direction."""
-        if not self.frictions:
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
+        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
+        if not self.frictions and not self.angular:
             return ()
         owners = {k: b.owner for k, b in self.stop_of.items()}
         owners |= {k: some[0].key for k, some in self.frictions.items()}
@@ -201,6 +203,32 @@ class Dynamics:
     def stop_of(self) -> dict[int, Boundary]:
         """Stops by the numbers of their joints."""
         return {b.joint: b for b in self.stops if b.joint is not None}
+
+    @property
+    def angular(self) -> tuple[Boundary, ...]:
+        """Stops of revolute joints from base to tip; their angles may be differences of coordinates."""
+        return tuple(b for k, b in sorted(self.stop_of.items()) if not self.arm.prismatic[k])
+
+    def rounds(self, b: Boundary) -> bool:
+        """Whether a boundary has the angle of a joint with a stop, which has to be recognised there."""
+        return (b.holds or b.sticks) and b.joint in (stop.joint for stop in self.angular)
+
+    def coordinates_of(self, b: Boundary) -> tuple[str, ...]:
+        """The coordinates from which the position of a joint follows."""
+        assert b.joint is not None
+        shares = zip(self.arm.coordinates, self.arm.motor_map[:, b.joint], strict=True)
+        return tuple(q for q, share in shares if share != 0.0)
+
+    def along(self, b: Boundary, values: Sequence[Any]) -> Any:
+        """What a joint has of values for the coordinates: of rates, accelerations or mobilities."""
+        shares = zip(self.arm.motor_map[:, b.joint].tolist(), values, strict=True)
+        return total(x if share == 1.0 else share * x for share, x in shares if share != 0.0)
+
+    def own_value(self, b: Boundary, value: Any, others: Any, names: Sequence[str]) -> Any:
+        """Value of the coordinate of a joint from that of the joint, a position or a rate, and those of other
+        coordinates, by ``names``."""
+        moved = [(share, others[names[k]]) for k, share in self.others_of_joint(b)]
+        return total([value, *(x if share == 1.0 else share * x for share, x in moved)])
 
     @property
     def gripped(self) -> tuple[tuple[Boundary, Boundary], ...]:
@@ -275,7 +303,9 @@ class Dynamics:
                 stuck = load - most
             else:
                 stuck = held[b.name]
-            found[b.name] = where(mode == 0.0, stuck, -(mode * x[f"phid{b.number}"]))
+            # Without friction nothing changes where a rate passes 0: a stop is met as a position.
+            slips = -(mode * x[f"phid{b.number}"]) if b.joint in self.frictions else SLIPS_FREELY
+            found[b.name] = where(mode == 0.0, stuck, slips)
         return found
 
     @cached_property

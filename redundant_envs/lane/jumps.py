@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, maximum, total, where
@@ -14,9 +14,11 @@ from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
 
 
-def strike(dynamics: Dynamics, lane: Lane) -> None:
-    """The impulses at the start of an interval; their work is that of the mean velocity, before and after."""
-    impulses = dynamics.scene.attached.of(Impulse)
+def strike(dynamics: Dynamics, lane: Lane, happens: Mapping[str, Any] | None = None) -> None:
+    """The impulses at the start of an interval, or those at instants that happen now, by the fields that say
+    whether they have passed; their work is that of the mean velocity, before and after."""
+    when = "interval" if happens is None else "instant"
+    impulses = [a for a in dynamics.scene.attached.of(Impulse) if a.hook.when == when]
     if not impulses:
         return
     x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
@@ -26,6 +28,8 @@ def strike(dynamics: Dynamics, lane: Lane) -> None:
     for a in impulses:
         found = a.functions["function"](x)
         components = found if isinstance(found, tuple) else (found,)
+        if happens is not None:
+            components = tuple(where(happens[a.passed], p, 0.0) for p in components)
         for rate, p in zip(a.hook.rates, components, strict=True):
             pushes[rate] = pushes[rate] + p if rate in pushes else p
         slopes = _slopes(dynamics, a.hook.joint, x)

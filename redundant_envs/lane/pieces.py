@@ -11,6 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import where
 from redundant_envs.effects.attached import RENEWAL
+from redundant_envs.lane import jumps
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 
@@ -58,6 +59,7 @@ def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
         dynamics.guard_values(x, begins=True)  # the laws of the piece before need not hold any more
         for name, value in dynamics.changes(x, RENEWAL, lane).items():
             lane[name] = where(happens[dynamics.renewed[name]], value, lane[name])
+    jumps.strike(dynamics, lane, happens)
     for passed, now in happens.items():
         lane[passed] = where(now, 1.0, lane[passed])
     lane.piece_end = end

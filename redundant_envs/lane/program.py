@@ -281,10 +281,17 @@ class LaneProgram:
         met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
-        exact = {arm.coordinates[b.number - 1]: p for b, p in at_end if b.holds}
+        exact = {arm.coordinates[b.number - 1]: (b, p) for b, p in at_end if b.holds}
         if self.dynamics.stops:
             self.move(lane, piece.time)
-        lane.set(tuple(exact), list(exact.values()))
+        for q, (b, p) in exact.items():
+            if b not in self.dynamics.angular:
+                lane[q] = p
+        for b in self.dynamics.angular:
+            q = arm.coordinates[b.number - 1]
+            at_stop = (exact[q][1] == lane[b.lower]) | (exact[q][1] == lane[b.upper])
+            own = self.dynamics.own_value(b, exact[q][1], lane, arm.coordinates)
+            lane[q] = where(at_stop, own, lane[q])
         spent = lane.step + piece.time
         lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
         lane.at_stop = sought.bounces

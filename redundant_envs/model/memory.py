@@ -52,9 +52,13 @@ class Memory:
         if dynamics.instants:  # each piece of an interval has steps of its own length
             del steps["h"]
         initial = dict(dynamics.effect_states.initial)
-        for stop in dynamics.stop_of.values():  # at 0, or at the stop that is nearest
+        nearest = [0.0] * dynamics.count if dynamics.stop_of else []
+        for joint, stop in dynamics.stop_of.items():  # at 0, or at the stop that is nearest
             low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
-            initial[dynamics.arm.coordinates[stop.joint]] = min(max(0.0, low), high)
+            nearest[joint] = min(max(0.0, low), high)
+        if nearest:
+            q = dynamics.arm.coordinates_of_joints(*nearest)
+            initial |= dict(zip(dynamics.arm.coordinates, q if isinstance(q, tuple) else (q,), strict=True))
         for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():
             self.column(name)[:] = value
         self.prepare()

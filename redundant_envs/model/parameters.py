@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.blocks import LANES
+from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
@@ -88,13 +89,21 @@ def stops_of(memory: Memory, lanes: NDArray[np.intp]) -> Table:
 
 
 def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str = "") -> None:
-    """ValueError, which begins with ``where``, if a slider is beyond a hard end of its travel."""
+    """ValueError, which begins with ``where``, if a joint is beyond a hard end of its travel."""
     for joint, lower, upper in hard_stops(scene):
+        slides = scene.robot.prismatic[joint]
         x, low, high = q[:, joint], values[lower], values[upper]
-        for lane in np.flatnonzero((x < low) | (x > high)).tolist():
+        rounding: Any = 0.0
+        if not slides:  # an angle may be a difference of coordinates, which are rounded
+            column = scene.robot.motor_map[:, joint]
+            x, size = q @ column, np.abs(q * (column != 0.0)).max(axis=1)
+            finite = [np.where(np.isfinite(end), np.abs(end), 0.0) for end in (low, high)]
+            rounding = 0.5 * ROUNDING * np.maximum(size, np.maximum(*finite))
+        unit = "m" if slides else "rad"
+        for lane in np.flatnonzero((x < low - rounding) | (x > high + rounding)).tolist():
             raise ValueError(
-                f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} m; its stops are at "
-                f"{low[lane]:.6g} and {high[lane]:.6g} m: put it between them"
+                f"{where}{scene.robot.joints[joint]} is {x[lane]:.6g} {unit}; its stops are at "
+                f"{low[lane]:.6g} and {high[lane]:.6g} {unit}: put it between them"
             )
 
 

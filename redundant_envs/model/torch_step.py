@@ -55,8 +55,10 @@ def torch_step(scene: Scene) -> Step:
     dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
     interval = Interval(dynamics)
     if dynamics.stops:
+        owner = dynamics.stops[0].owner
+        stop = next(type(effect).__name__ for effect in scene.effects if effect.key == owner)
         raise ValueError(
-            "scene has a PrismaticStop, whose impacts have no meaningful derivative; use a "
+            f"scene has a {stop}, whose impacts have no meaningful derivative; use a "
             "LimitSpring for its joints"
         )
     if dynamics.sticking:

@@ -189,6 +189,8 @@ WIDE = 5.0
 """Factor on unlimited angles in every second pose, so that they turn more than once."""
 FREE = (0.0, 0.2)
 """Positions of unlimited sliders, m; of those with a stop on one side, the nearest inside it."""
+ANGLES = (-np.pi, np.pi)
+"""Positions of joints that turn freely, rad; of those with a stop on one side, the nearest inside it."""
 FAR = 1.0
 """Largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths."""
 
@@ -196,23 +198,24 @@ FAR = 1.0
 def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:
     """Coordinates, velocities and efforts, (count, joints) each.
 
-    Angles are uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four is at
-    rest at an end of its travel, which ``beyond`` widens to both sides, in units of itself. Efforts are
+    Angles are uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four, and
+    one joint in four of those with stops, is at rest at an end of its travel, which ``beyond`` widens to both
+    sides, in units of itself. Efforts are
     uniform within the scene's limits, or within the largest that hold the weights in these states.
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
     prismatic, shape = np.array(arm.prismatic), (count, len(arm.joints))
-    joints, values = rng.uniform(-np.pi, np.pi, shape), scene.parameters()
+    joints, values = rng.uniform(*ANGLES, shape), scene.parameters()
     ranges = dict.fromkeys(arm.sliders(), FREE)
     ranges |= {k: (values[low], values[high]) for k, (low, high) in scene.travel().items()}
     for k, lower, upper in hard_stops(scene):
-        ranges[k] = narrowed(*ranges[k], values[lower], values[upper])
+        ranges[k] = narrowed(*ranges.get(k, ANGLES), values[lower], values[upper])
     for k, (low, high) in ranges.items():
         margin = beyond * (high - low)
         joints[:, k] = rng.uniform(low - margin, high + margin, count)
     rates = rng.normal(0.0, 1.0, shape) * np.where(prismatic, 0.5, 2.0)
-    for k in {*arm.sliders()} & scene.travel().keys():
+    for k in {*arm.sliders(), *(k for k, *_ in hard_stops(scene))} & scene.travel().keys():
         at_end = rng.random(count) < 0.25
         ends = np.where(rng.random(count) < 0.5, *ranges[k])
         joints[at_end, k], rates[at_end, k] = ends[at_end], 0.0

@@ -23,10 +23,11 @@ digits by the condition of M, at most 1e6 for reasonable arms; the time after it
 
 
 class Struck(NamedTuple):
-    """States in which one slider strikes a stop, and the velocities afterwards."""
+    """States in which one joint strikes a stop, and the velocities afterwards."""
 
     rows: Array  # of the states
-    joint: Array  # index of the slider
+    joint: Array  # its index
+    inverse: Array  # joint rates = rates of coordinates @ B; this is B^-1
     qd: Array
     after: Array
     expected: Array  # velocities, (n, joints)
@@ -36,7 +37,7 @@ class Struck(NamedTuple):
 
 
 def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
-    """For every slider with stops: joint, lower and upper end, restitution."""
+    """For every joint with stops: joint, lower and upper end, restitution."""
     found = [
         (a.hook.joint, *map(a.number, (a.hook.lower, a.hook.upper, a.hook.restitution)))
         for a in trial.scene.attached.of(Impact)
@@ -49,9 +50,11 @@ def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
 
 
 def struck(trial: Trial) -> Struck:
-    """Each state with one slider at a stop of its travel, moving outwards; the others are between stops."""
-    ends = stops(trial)
-    q, qd, _ = (x.copy() for x in trial.states)
+    """Each state with one joint at a stop of its travel, moving outwards; the others are between stops."""
+    ends, b = stops(trial), trial.arm.motor_map
+    inverse = np.linalg.inv(b)
+    q, qd, _ = trial.states
+    q, qd = q @ b, qd @ b  # positions and rates of joints, for now
     rng = np.random.default_rng(trial.seed + 3)
     for joint, low, high, _ in ends:
         if np.isinf(low):  # half a metre if an end is missing
@@ -64,7 +67,9 @@ def struck(trial: Trial) -> Struck:
     rows, struck_joint = np.arange(len(q)), joints.astype(int)[chosen]
     q[rows, struck_joint] = positions[chosen]
     qd[rows, struck_joint] = ways[chosen] * rng.uniform(0.5, 1.5, len(q))
-    e, after_times = ends[0][3], []
+    own, rate = {j: e for j, *_, e in ends}, qd[rows, struck_joint]
+    q, qd = q @ inverse, qd @ inverse
+    e, after_times = np.array([own[j] for j in struck_joint.tolist()]), []
     good = np.ones(len(q), bool)
     short = SHORT * min(1.0, np.linalg.norm(trial.arm.points(q), axis=2).max())
     for seconds in (short, 2.0 * short):
@@ -74,19 +79,20 @@ def struck(trial: Trial) -> Struck:
         good &= (status.events > 0) & (status.numerics == 0)
         after_times.append(batch.qd)
     M = trial.arm.mass_matrix(q)
-    push = np.linalg.solve(M, np.eye(q.shape[1])[struck_joint][..., None])[..., 0]
+    push = np.linalg.solve(M, b.T[struck_joint][..., None])[..., 0]
     after = 2.0 * after_times[0] - after_times[1]
-    back = np.abs(after[rows, struck_joint]) <= 0.5 * e * np.abs(qd[rows, struck_joint])
-    own = np.where(back & (e < SMALL), 0.0, e)
-    impulse = -(1.0 + own) * qd[rows, struck_joint] / push[rows, struck_joint]
+    back = np.abs((after @ b)[rows, struck_joint]) <= 0.5 * e * np.abs(rate)
+    bounce = np.where(back & (e < SMALL), 0.0, e)
+    impulse = -(1.0 + bounce) * rate / (push @ b)[rows, struck_joint]
     if np.mean(good) < ENOUGH_SMOOTH:
-        raise ValueError(f"a slider that strikes its stop has an event in {np.mean(good):.0%} of the states")
-    return Struck(rows, struck_joint, qd, after, qd + push * impulse[:, None], M, own, good)
+        raise ValueError(f"a joint that strikes its stop has an event in {np.mean(good):.0%} of the states")
+    expected = qd + push * impulse[:, None]
+    return Struck(rows, struck_joint, inverse, qd, after, expected, M, bounce, good)
 
 
 @check("impacts: velocities", AGREE)
 def velocities(trial: Trial) -> Finding:
-    """The slider returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
+    """The joint returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
     s, e = trial.shared(struck), trial.shared(from_points)
     size = (e.scale * np.abs(s.qd)).max(axis=1, keepdims=True)
     gaps = np.where(s.good[:, None], ratio((s.after - s.expected) * e.scale, size), 0.0)
@@ -95,9 +101,9 @@ def velocities(trial: Trial) -> Finding:
 
 @check("impacts: momentum", AGREE)
 def momentum(trial: Trial) -> Finding:
-    """M dqd has an entry only at the slider: the impulse acts along it."""
+    """M dqd acts along the joint that strikes alone: the others get no part of it."""
     s, e = trial.shared(struck), trial.shared(from_points)
-    change = np.einsum("nij,nj->ni", s.M, s.after - s.qd)
+    change = np.einsum("nij,nj->ni", s.M, s.after - s.qd) @ s.inverse.T
     size = (e.scale * np.abs(s.qd)).max(axis=1)
     change[s.rows, s.joint] = 0.0
     gaps = np.where(s.good[:, None], ratio(change / e.scale, size[:, None]), 0.0)
@@ -106,11 +112,12 @@ def momentum(trial: Trial) -> Finding:
 
 @check("impacts: energy", AGREE)
 def energy(trial: Trial) -> Finding:
-    """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W the inverse of M."""
+    """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W = B^T M^-1 B."""
     s = trial.shared(struck)
     before, after = (0.5 * np.einsum("ni,nij,nj->n", v, s.M, v) for v in (s.qd, s.after))
-    own = np.linalg.inv(s.M)[s.rows, s.joint, s.joint]
-    lost = (1.0 - s.restitution**2) * s.qd[s.rows, s.joint] ** 2 / (2.0 * own)
+    b = np.linalg.inv(s.inverse)
+    own = (b.T @ np.linalg.inv(s.M) @ b)[s.rows, s.joint, s.joint]
+    lost = (1.0 - s.restitution**2) * (s.qd @ b)[s.rows, s.joint] ** 2 / (2.0 * own)
     gaps = np.where(s.good, ratio(after - before + lost, before), 0.0)
     return trial.finding(gaps, "the energy of an impact is off by {:.1e} of the kinetic energy")
 
@@ -118,20 +125,25 @@ def energy(trial: Trial) -> Finding:
 INTERVALS = 20
 
 
-@check("impacts: no slider beyond its stop", EQUAL_BITS)
+@check("impacts: no joint beyond its stop", EQUAL_BITS)
 def inside(trial: Trial) -> Finding:
-    """After each of some control intervals every slider is within its stops, to the last bit."""
-    ends = stops(trial)
+    """After each of some control intervals every slider is within its stops, to the last bit, and every angle
+    but for 4 ulp of the coordinates that it is a difference of."""
+    ends, b = stops(trial), trial.arm.motor_map
     q, qd, efforts = trial.states
     batch = BatchSimulator(trial.scene, len(q), track_work=True)
     batch.set_state(q, qd)
     beyond = np.zeros(q.shape)
     for _ in range(INTERVALS):
         batch.advance(efforts)
-        now = batch.q
         for joint, low, high, _ in ends:
-            out = np.maximum(low - now[:, joint], now[:, joint] - high)
+            now = batch.q @ b[:, joint]
+            out = np.maximum(low - now, now - high)
+            if not trial.arm.prismatic[joint]:
+                largest = [np.abs(batch.q * b[:, joint]).max(axis=1)]
+                largest += [np.full(len(q), abs(end)) for end in (low, high) if np.isfinite(end)]
+                out = np.where(out <= 4.0 * np.spacing(np.max(largest, axis=0)), 0.0, out)
             beyond[:, joint] = np.maximum(beyond[:, joint], np.where(np.isnan(out), 0.0, out))
     most, where = trial.worst(beyond)
     lanes = int((beyond > 0.0).any(axis=1).sum())
-    return Finding(lanes, where if lanes else "", f"a slider is up to {most:.1e} m beyond its stop")
+    return Finding(lanes, where if lanes else "", f"a joint is up to {most:.1e} m or rad beyond its stop")

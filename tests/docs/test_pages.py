@@ -10,6 +10,8 @@ import yaml
 from markdown import EFFECTS, MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
 
 import redundant_envs as rde
+from redundant_envs.envs.cost import BARE
+from redundant_envs.files import config_folder
 
 SLOW = ("torch.optim.Adam", "model.learn(")
 """In blocks that take seconds; beside them shorter ones use the same functions."""
@@ -51,6 +53,22 @@ def test_the_scene_file_of_the_page_is_a_scene(tmp_path):
         assert names == ["Gravity", "ViscousFriction", "EffortLimits"]
     assert [len(scene.randomize) for scene in scenes] == [0, 4]
     gym.make("redundant_envs/FourRReach-v0", scene=scenes[1].to_dict())  # a range is of the task
+
+
+def test_example_scenes_have_their_sentence_effects_and_picture():
+    sections = dict(
+        part.split("\n", 1) for part in text(ROOT / "docs" / "example_scenes.md").split("\n## ")[1:]
+    )
+    assert len(sections) == 6
+    for name, section in sections.items():
+        file = config_folder("scenes") / f"{name}.yaml"
+        sentence = text(file).partition("\n")[0].removeprefix("# ")
+        assert f"\n{sentence}\n" in section
+        effects = {type(effect) for effect in rde.load_scene(name).effects} - {*BARE}
+        assert {*re.findall(r"\[`(\w+)`\]\(effects/\w+\.md\)", section)} == {e.__name__ for e in effects}
+        picture = ROOT / "docs" / "figures" / f"scene_{name}.png"
+        assert f"(figures/{picture.name})" in section
+        assert picture.stat().st_size < 60_000
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])

@@ -252,7 +252,7 @@ REFUSED = {
     "Tendon.stiffness is 0.0; it must be positive": lambda: e.Tendon(("r1", "r2"), (1.0, 1.0), 0.0),
     "Tendon.pretension is nan": lambda: e.Tendon(("r1", "r2"), (1.0, 1.0), 1.0, NAN),
     "Tendon.name is 'a b'": lambda: e.Tendon(("r1", "r2"), (1.0, 1.0), 1.0, 0.0, "a b"),
-    "coordinate is 'r1'; FourR has joint1": (
+    "Tendon.joints[0] is 'r1'; FourR has joint1": (
         lambda: rde.Scene(FOUR_R, (e.Tendon(("r1", "joint2"), (1.0, 1.0), 1.0),))
     ),
     "MovingBase.amplitude has 3 entries; give 2": lambda: e.MovingBase((0.1, 0.1, 0.1), 1.0),

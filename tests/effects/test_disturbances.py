@@ -240,6 +240,7 @@ REFUSED = {
     "no amplitude": (e.TipForce, {"density": 1.0, "phase": 1.0}, "phase is 1.0 without amplitude; give ampl"),
     "one direction": (e.TipForce, {"step": 1.0}, r"TipForce.step is 1.0; give a sequence of 2 numbers"),
     "three": (e.TipForce, {"density": (1.0, 1.0, 1.0)}, "TipForce.density has 3 entries; give 2"),
+    "no entry": (e.JointTorque, {"density": ()}, "density has 0 entries; give one for each joint"),
     "density": (e.TipForce, {"density": -1.0}, "TipForce.density has the entry -1.0; it must"),
     "deviation": (
         e.JointTorque, {"deviation": (1.0, -1.0), "time_constant": 1.0}, "has the entry -1.0; it must",

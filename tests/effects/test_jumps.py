@@ -69,6 +69,19 @@ class LaterBlow(Blow):
         return (dataclasses.replace(hook, states=(dataclasses.replace(state, update=in_turn, initial=0.0),)),)
 
 
+class BlowInside(Blow):
+    """The same a while after the start of each interval, per lane."""
+
+    key = "blow"
+
+    def hooks(self, arm):
+        (hook,) = super().hooks(arm)
+        return dataclasses.replace(hook, when="instant"), e.Instant(dialled, {"delay": ".x"})
+
+
+dialled = physics(lambda delay: delay)
+
+
 # ---- impulses ------------------------------------------------------------------------------------------
 
 
@@ -95,6 +108,35 @@ def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place
     work = expected.kinetic_energy[0] - found.kinetic_energy[0]
     np.testing.assert_allclose(found.work, [0.0, work, work, work], atol=1e-13)
     assert abs(work) > 0.01
+
+
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
+def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
+    """Lanes have it at different times, one at the start, one never; by hand an interval is cut there."""
+    plain = rde.Scene(arm, (e.Gravity(),), **steps)
+    scene, times = (
+        dataclasses.replace(plain, effects=(*plain.effects, BlowInside(1, 0.0, -0.3))),
+        [0.0, 0.004, 0.013, 0.5],
+    )
+    found = rde.BatchSimulator(scene, 4, track_work=True)
+    found.set_parameters({"blow.x": times})
+    found.set_state(np.tile(Q, (4, 1)), np.tile(QD, (4, 1)))
+    found.advance()
+    for k, time in enumerate(times):
+        hand = rde.BatchSimulator(plain, 1, track_work=True)
+        hand.set_state(Q, QD)
+        if 0.0 < time < 0.02:
+            hand.advance_partly(None, time)
+        work = hand.work[0]
+        if time < 0.02:
+            jump = np.linalg.solve(arm.mass_matrix(hand.q[0]), arm.motor_map[:, 1] * -0.3)
+            work -= 0.3 * arm.motor_map[:, 1] @ (hand.qd[0] + 0.5 * jump)
+            hand.set_state(hand.q, hand.qd + jump)
+        hand.advance_partly(None, 0.02 - time) if 0.0 < time < 0.02 else hand.advance()
+        np.testing.assert_allclose(found.q[k], hand.q[0], atol=1e-12)
+        np.testing.assert_allclose(found.qd[k], hand.qd[0], atol=1e-11)
+        assert found.work[k] == pytest.approx(work + hand.work[0] * (time < 0.02), abs=1e-12)
 
 
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
@@ -279,8 +321,19 @@ REFUSED = {
     "PickUp.mass is nan": lambda: e.PickUp(float("nan"), 1.0),
     "PickUp.at is 0.0 s; it must be positive: give a Payload": lambda: e.PickUp(1.0, 0.0),
     "PickUp.at is inf": lambda: e.PickUp(1.0, float("inf")),
-    "the mass '.z', a state with a derivative; give one with an update": (
+    "the mass '.z', a state with derivative; give one with an update": (
         lambda: with_hooks(e.PointMass(e.Point(3), ".z", (MOVES,)))
+    ),
+    "the mass '.z', a state with when='instant'; give one with an update": (
+        lambda: with_hooks(
+            e.PointMass(
+                e.Point(3), ".z", (e.State("z", "kg", update=falling, bind={"z": ".z"}, when="instant"),)
+            ),
+            e.Instant(physics(lambda k: k), {"k": ".k"}),
+        )
+    ),
+    "the Impulse has when='instant'; give 'interval' or 'instant', the latter in an effect with an Instant": (
+        lambda: with_hooks(e.Impulse(0, knock, {"ready": ".k", "y": ".k"}, when="instant"))
     ),
     "mass: '.m' is not a number of this effect; it has .k": lambda: with_hooks(e.PointMass(e.Point(3), ".m")),
     "give Point(0) to Point(3), the tip": lambda: with_hooks(e.Impulse(e.Point(4), knock)),

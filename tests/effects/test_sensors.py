@@ -325,6 +325,7 @@ REFUSED = {
     "no bias": (e.SensorBias, (), "SensorBias has neither position nor rate.*give one of them"),
     "no step": (e.Quantisation, (0.0,), "Quantisation.position is 0.0; it must be positive"),
     "one step": (e.Quantisation, (0.1, (0.1, -0.1)), r"Quantisation.rate\[1\] is -0.1; it must be positive"),
+    "tiny step": (e.Quantisation, (5e-324,), "Quantisation.position is 5e-324; it must be at least 1e-30"),
     "noise": (e.SensorNoise, ((0.1, -0.1),), r"SensorNoise.position\[1\] is -0.1; it must not be negative"),
     "word": (e.SensorNoise, ("x",), "SensorNoise.position is 'x'"),
     "probability": (e.DroppedSamples, ((0.1, 1.5),), r"DroppedSamples.probability\[1\] is 1.5; it must lie"),
@@ -348,9 +349,10 @@ def test_impossible_sensors_are_refused(what):
 def test_a_sensor_keeps_at_most_1024_readings():
     longest = (MOST_KEPT - 1) * 0.001
     assert rde.Scene(FOUR_R, (e.SensorDelay(0.0, longest),), control_dt=0.001).effects[0].kept == 1024
-    words = r"SensorDelay.longest is 1.024 s, 1024 control steps of 0.001 s, .* at most 1024 readings; give"
-    with pytest.raises(ValueError, match=words):
-        rde.Scene(FOUR_R, (e.SensorDelay(0.0, 1.024),), control_dt=0.001)
+    for given, steps in ((1.024, "1024"), (1e308, "inf")):
+        words = f"SensorDelay.longest is {given} s, {steps} control steps of 0.001 s, .* 1024 readings; give"
+        with pytest.raises(ValueError, match=words.replace("+", r"\+")):
+            rde.Scene(FOUR_R, (e.SensorDelay(0.0, given),), control_dt=0.001)
 
 
 def test_three_joints_of_four_are_refused():

@@ -49,6 +49,17 @@ def test_an_effect_is_compared_with_the_bare_arm_and_one_of_the_bare_arm_with_th
     assert cost.alone(bare, moon)[0].effects == (moon, *bare.effects[1:])
 
 
+def test_scenes_are_compared_without_their_ranges_some_of_which_are_of_effects_that_are_left_out():
+    ranges = {"payload.mass": {"uniform": [0, 1]}, "gravity.g": {"uniform": [9, 10]}}
+    ranges["sensor_bias.position"] = {"uniform": [0, 0.1]}
+    effects = (*BARE.effects, e.Payload(0.5), e.SensorBias(position=0.1))
+    scene = replace(BARE, effects=effects, randomize=ranges)
+    assert cost.bare(scene) == BARE
+    assert cost.parts(scene)["gravity"] == (BARE, replace(BARE, effects=(FRICTION, LIMITS)))
+    readings = cost.Readings.of(scene, 8)
+    assert [core.scene.effects for core in readings.cores] == [scene.effects, scene.effects[:-1]]
+
+
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_motions_start_inside_the_limits(arm):
     scene, count = rde.Scene(arm, every_effect(arm)), len(arm.joints)

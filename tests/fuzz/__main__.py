@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from . import cases
+from .invariants import NAMES
 from .running import judged, worker
 
 
@@ -23,11 +24,12 @@ def main(arguments=None):
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
+    parser.add_argument("--only", nargs="+", default=(), choices=sorted(NAMES), help="promises to judge")
     given = parser.parse_args(arguments)
     # It compiles many kernels, which must not replace those of the user and of the tests.
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
     if given.replay is not None:
-        found = judged(cases.read(given.replay))
+        found = judged(cases.read(given.replay), only=given.only)
         for v in found:
             print(f"{v.invariant}: call {v.call}, lane {v.lane}: {v.found}")
         print("it fails" if found else "it does not fail")
@@ -35,7 +37,7 @@ def main(arguments=None):
     seed = secrets.randbelow(2**31) if given.seed is None else given.seed
     print(f"fuzz: seed {seed}", file=sys.stderr)
     firsts = range(given.first, given.first + given.processes * given.stride, given.stride)
-    rest = (given.processes * given.stride, given.minutes, given.out)
+    rest = (given.processes * given.stride, given.minutes, given.out, given.only)
     with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
         parts = [part.result() for part in [pool.submit(worker, seed, first, *rest) for first in firsts]]
     tally = sum((own for own, _ in parts), Counter())

@@ -40,11 +40,13 @@ def taken(rows, lanes):
 
 
 def with_lanes(case, order):
-    """The case with some of its lanes, in any order, each with the draws that it had; calls for none of them
-    are left out."""
-    calls = []
+    """The case with some of its lanes, in any order and each as often as it is there, with the draws that it
+    had; calls for none of them are left out."""
+    calls, places = [], {}
+    for place, lane in enumerate(order):
+        places.setdefault(lane, []).append(place)
     for call in case["calls"]:
-        if chosen := [order.index(lane) for lane in lanes_of(case, call) if lane in order]:
+        if chosen := [place for lane in lanes_of(case, call) for place in places.get(lane, ())]:
             if case["face"] != "simulator":  # a mask has no order: rows are those of ascending lanes
                 chosen.sort()
             lanes = None if call.get("lanes") is None else chosen

@@ -18,6 +18,7 @@ from redundant_envs.tasks.base import hard_stops
 
 from . import motions
 from .cases import lanes_of, with_lanes, without_calls
+from .composition import autoresets_begin_the_same_episodes, effects_commute, evaluators_agree
 from .motions import the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
 from .playing import EnvironmentPlayer, differing, play, same
 
@@ -25,6 +26,10 @@ MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
 """Most steps of an interval, more for each substep, and the most for dop853."""
 REPLACING = ("copy", "pickle", "anew")
 """Calls after which another simulator or environment goes on."""
+MANY = 4096
+"""Lanes of a case that has as many as vectors of learners have."""
+MOST_EVALUATIONS, MOST_SECONDS = 1e7, 4.0
+"""Most evaluations of so many lanes, and for environments, which do not count, most seconds."""
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 ROUNDING, FLOAT32 = 1e-9, 1e-4
 """Rounding of a sum of a hundred rewards of at most 1; in single precision, as in stable-baselines3."""
@@ -123,20 +128,43 @@ def compared(played, steps, other, order):
 
 def no_lane_depends_on_others(played):
     """Lanes in another order, with other threads, and alone have the same bits."""
-    case, count = played.case, played.case["num_envs"]
-    kept = without_calls(case, [k for k, step in enumerate(played.steps) if step.error is not None])
-    steps = {k: step for k, step in enumerate(played.steps) if step.error is None}
+    count = played.case["num_envs"]
     rng = np.random.default_rng(count)
     alone = [[k] for k in rng.choice(count, min(count, 2), replace=False).tolist()]
     for order in (rng.permutation(count).tolist(), *alone) if count > 1 else ():
-        own = {
-            k: step
-            for k, step in steps.items()
-            if step.call["call"] not in REPLACING and set(lanes_of(case, step.call)) & set(order)
-        }
-        other = {**with_lanes(kept, order), "threads": 3 - case["threads"]}
-        for k, lane, text in compared(played, own, other, order):
-            yield k, lane, f"{text} in another order of {len(order)} with {other['threads']} threads"
+        yield from in_another_order(played, order)
+
+
+def thousands_have_the_same_bits(played):
+    """Each of 4096 lanes has the bits that it has among few, noise included."""
+    count = played.case["num_envs"]
+    if played.case["face"] == "env" or costs(played) * MANY / count > 1.0:
+        return
+    played.tally["thousands"] += 1
+    yield from in_another_order(played, (list(range(count)) * (MANY // count + 1))[:MANY])
+
+
+def costs(played):
+    """How much the calls of a case cost, in units of what the lanes of a case may cost."""
+    if played.case["face"] == "simulator":
+        return sum(step.told["evaluations"].sum() for _, step in played.intervals()) / MOST_EVALUATIONS
+    usual = np.median([step.seconds for step in played.steps])  # the first waits for a compiler
+    return usual * len(played.steps) / MOST_SECONDS
+
+
+def in_another_order(played, order):
+    """The first call that has other bits with its lanes in an order, and the lane."""
+    case = played.case
+    kept = without_calls(case, [k for k, step in enumerate(played.steps) if step.error is not None])
+    steps = {k: step for k, step in enumerate(played.steps) if step.error is None}
+    own = {
+        k: step
+        for k, step in steps.items()
+        if step.call["call"] not in REPLACING and set(lanes_of(case, step.call)) & set(order)
+    }
+    other = {**with_lanes(kept, order), "threads": 3 - case["threads"]}
+    for k, lane, text in compared(played, own, other, order):
+        yield k, lane, f"{text} in another order of {len(order)} with {other['threads']} threads"
 
 
 def what_is_saved_continues(played):
@@ -242,16 +270,24 @@ def no_early_end_pays(played):
 
 
 COMMON = (only_documented_exceptions, a_refused_call_changes_nothing, no_slider_is_beyond_its_stop)
-COSTLY = (no_lane_depends_on_others, what_is_saved_continues)
+COSTLY = (no_lane_depends_on_others, thousands_have_the_same_bits, what_is_saved_continues)
 OF_SIMULATORS = (
     *COMMON, what_is_not_finite_is_flagged, a_given_up_interval_leaves_its_lane,
     the_work_of_an_interval_is_bounded, tolerance_is_kept_or_flagged, the_energy_book_closes, *COSTLY,
+    effects_commute, evaluators_agree,
 )  # fmt: skip
-OF_ENVIRONMENTS = (*COMMON, observations_lie_in_their_space, no_early_end_pays, *COSTLY)
+OF_ENVIRONMENTS = (
+    *COMMON, observations_lie_in_their_space, no_early_end_pays, *COSTLY, autoresets_begin_the_same_episodes,
+)  # fmt: skip
+
+NAMES = {one.__name__ for one in (*OF_SIMULATORS, *OF_ENVIRONMENTS)}
+OF_ONE_SCENE = {"effects_commute", "evaluators_agree", "thousands_have_the_same_bits"}
+SHORT = NAMES - OF_ONE_SCENE
+"""Without promises that depend little on the order of calls, for tests that play one scene many times."""
 
 
-def violations(case, make=rde.BatchSimulator, tally=None):
-    """All violations of a case; ``tally`` counts what was looked at."""
+def violations(case, make=rde.BatchSimulator, tally=None, only=()):
+    """All violations of a case, or of some promises; ``tally`` counts what was looked at."""
     tally = Counter() if tally is None else tally
     played = Played(case, play(case, make), make, tally)
     tally["scenes"] += 1
@@ -262,4 +298,9 @@ def violations(case, make=rde.BatchSimulator, tally=None):
         tally["flagged"] += int(np.sum(step.told.get("numerics", 0) != 0))
     chosen = OF_SIMULATORS if case["face"] == "simulator" else OF_ENVIRONMENTS
     with np.errstate(all="ignore"):
-        return [Violation(one.__name__, *found) for one in chosen for found in one(played)]
+        return [
+            Violation(one.__name__, *found)
+            for one in chosen
+            if not only or one.__name__ in only
+            for found in one(played)
+        ]

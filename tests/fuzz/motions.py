@@ -129,19 +129,36 @@ def referred(scene, step, lanes):
 
 def fine_interval(scene, step, lanes, steps):
     """Lanes after an interval of equal rk8 steps, and their flags."""
-    finer = dataclasses.replace(scene, integrator="rk8", tolerance=None, substeps=steps)
-    batch = rde.BatchSimulator(finer, len(lanes), track_work=True)
-    before, kind = rows(step.before, lanes), step.call["call"]
-    parameters.write(finer, batch._memory, np.arange(len(lanes)), values_of(scene, before))
-    batch.set_state(before["q"], before["qd"])
-    if batch.z.size:
-        batch._memory.write(tuple(batch.simulator.dynamics.effect_states), before["z"])
-    batch._memory.write(("work",), before["work"][:, None])
-    if batch.draws.size:
-        batch.set_draws(before["draws"])
-    duration = () if kind == "advance" else (step.call["duration"],)
-    status = getattr(batch, kind)(step.call["efforts"][lanes], *duration)
+    batch = begun(scene, in_equal_steps(scene, steps), rows(step.before, lanes))
+    status = advanced(batch, step.call, lanes)
     return lanes_now(batch), status.numerics
+
+
+def in_equal_steps(scene, steps):
+    """The scene in some rk8 steps for each control interval."""
+    return dataclasses.replace(scene, integrator="rk8", tolerance=None, substeps=steps)
+
+
+def begun(scene, other, lanes):
+    """A simulator of another scene with the same numbers and states, at the start of an interval of some
+    lanes of a scene."""
+    count = len(lanes["q"])
+    batch = rde.BatchSimulator(other, count, track_work=True)
+    parameters.write(other, batch._memory, np.arange(count), values_of(scene, lanes))
+    batch.set_state(lanes["q"], lanes["qd"])
+    if batch.z.size:
+        columns = [list(scene.states()).index(name) for name in other.states()]
+        batch._memory.write(tuple(batch.simulator.dynamics.effect_states), lanes["z"][:, columns])
+    batch._memory.write(("work",), lanes["work"][:, None])
+    if batch.draws.size:
+        batch.set_draws(lanes["draws"])
+    return batch
+
+
+def advanced(batch, call, lanes, share=1.0):
+    """The status of some lanes after a call that advances them, with a share of its efforts."""
+    duration = () if call["call"] == "advance" else (call["duration"],)
+    return getattr(batch, call["call"])(share * call["efforts"][lanes], *duration)
 
 
 def rows(lanes, chosen):

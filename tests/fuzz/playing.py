@@ -3,6 +3,7 @@
 import copy
 import io
 import pickle
+import time
 from dataclasses import dataclass, field
 
 import gymnasium as gym
@@ -25,6 +26,7 @@ class Step:
     after: dict = field(default_factory=dict)
     told: dict = field(default_factory=dict)  # results: arrays with a row for each lane
     error: Exception | None = None
+    seconds: float = 0.0
 
     def rows(self):
         """Everything that has a row for each lane."""
@@ -46,10 +48,12 @@ class Player:
         """Make a call; any exception is kept."""
         call = {**call, **arrays(taken(call.get("rows", {}), lanes_of(self.case, call)))}
         step = Step(call, self.now(), *self.refusal(call))
+        start = time.monotonic()
         try:
             step.told = getattr(self, call["call"])(call) or {}
         except Exception as raised:  # judged by the invariants
             step.error = raised
+        step.seconds = time.monotonic() - start
         step.after = self.now()
         return step
 

@@ -22,17 +22,17 @@ SECONDS = 40.0
 """Time after which a case is small enough."""
 
 
-def judged(case, tally=None):
-    """The violations of a case of any kind."""
+def judged(case, tally=None, only=()):
+    """The violations of a case of any kind; ``only`` those of some promises."""
     try:
-        return violations(case, tally=tally)
+        return violations(case, tally=tally, only=only)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__} at {place.name}, line {place.lineno}: {error}"
         return [Violation(HARNESS, -1, -1, text)]
 
 
-def run(seed, numbers, end, out, told, seconds=SECONDS):
+def run(seed, numbers, end, out, told, seconds=SECONDS, only=()):
     """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``.
 
     ``told`` receives the number of each case, the counts so far, and the failures. Each of these is made
@@ -43,13 +43,13 @@ def run(seed, numbers, end, out, told, seconds=SECONDS):
         if time.monotonic() > end:
             break
         case = drawn(seed, number)
-        failures = {v.invariant: v for v in reversed(judged(case, tally))}
+        failures = {v.invariant: v for v in reversed(judged(case, tally, only))}
         for kind, violation in failures.items():
             tally[f"{kind} failed"] += 1
             if sum(path.name.startswith(f"{kind}-") for path in files) < KEPT:
 
                 def again(case, kind=kind):
-                    return next((v for v in judged(case) if v.invariant == kind), None)
+                    return next((v for v in judged(case, only=(kind,)) if v.invariant == kind), None)
 
                 small = minimised(case, again, seconds)
                 files.append(out / f"{kind}-{seed}-{number}.json")
@@ -59,7 +59,7 @@ def run(seed, numbers, end, out, told, seconds=SECONDS):
     return tally, files
 
 
-def worker(seed, first, stride, minutes, out):
+def worker(seed, first, stride, minutes, out, only):
     """Run the cases first, first + stride, ... of a seed in a process of their own."""
     warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
     start, parent = time.monotonic(), os.getppid()
@@ -72,7 +72,7 @@ def worker(seed, first, stride, minutes, out):
             text += ", ".join(f"{tally[name]} {name}" for name in ("scenes", "intervals", "judged"))
             print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
 
-    return run(seed, count(first, stride), start + 60.0 * minutes, out, told)
+    return run(seed, count(first, stride), start + 60.0 * minutes, out, told, only=only)
 
 
 # ---- small cases ----------------------------------------------------------------------------------------

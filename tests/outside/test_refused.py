@@ -298,7 +298,7 @@ BELOW = "the first must be below the second"
         (added(LIGHTER, -2.0), "masses with what effects add.*-0.5"),
         # stops and walls
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
-        (Bumper(0), "'joint1' is not a slider"),
+        ((Bumper(0, 3.0), Bumper(2, 3.0, restitution=0.5)), "stops of revolute joints"),
         (Bumper(restitution=1.5), r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
         (Bumper(lower=0.3), f"travel is .lower to .upper, which are 0.3 and 0.2; {BELOW}"),
         (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),

@@ -86,7 +86,7 @@ def changed(**entry):
         ({"seconds": 0.0}, "config.seconds is 0.0; it must be positive"),
         ({"wrong": 1}, "unknown key 'wrong'"),
         ({"effects": []}, r"config.effects is \[\]; give a mapping"),
-        ({"scenes": {"nowhere": {}}}, "unknown key 'nowhere'; valid: four_r_free"),
+        ({"scenes": {"nowhere": {}}}, "unknown key 'nowhere'; valid: cheap_sensors"),
         ({"scenes": {"four_r_free": {"step": 1.0}}}, "config.scenes.four_r_free lacks 'tolerance'"),
         ({"effects": {"Wind": FRICTION}}, "config.effects.Wind.type is 'Wind'; valid: "),
         (changed(numbers={"coefficients": -1.0}), "ViscousFriction.coefficients"),

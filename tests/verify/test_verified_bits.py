@@ -142,7 +142,7 @@ def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
 
 def test_a_slider_beyond_its_stop_is_red(monkeypatch):
     monkeypatch.setattr(BatchSimulator, *shown(lambda batch, q: q + np.array([0.0, 1e-15, 0.0, 0.0])))
-    assert red(rde.load_scene("rprp_stops"), (impacts.inside,)) == {"impacts: no slider beyond its stop"}
+    assert red(rde.load_scene("rprp_stops"), (impacts.inside,)) == {"impacts: no joint beyond its stop"}
 
 
 def stepping(kind, place, change):

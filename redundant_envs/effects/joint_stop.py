@@ -1,0 +1,91 @@
+"""Hard ends of the travel of joints of any kind: impacts with restitution, located in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from redundant_envs.effects.hooks import Effect, Hook, Impact
+from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.parameters import number, travel
+from redundant_envs.values import shown
+
+FREE = {"lower": -math.inf, "upper": math.inf}
+"""Ends of the travel of a joint without stops."""
+
+
+@dataclass(frozen=True)
+class JointStop(Effect):
+    """Limited travel of the joints of an arm, whether they turn or slide.
+
+    A joint that reaches an end of its travel turns back with ``restitution`` times its rate, by an impulse
+    along it that moves the whole arm, M dqd = b_j lambda, with b_j the column of the motor map. Impacts are
+    located in time by stepping to them. A joint that is pressed onto a stop comes to rest there, with the
+    rate 0, until it is pulled away. The angle of a joint is a difference of absolute angles, whose rounding,
+    at most 4 ulp of the largest of these, is all that it may be beyond a stop.
+
+    Parameters
+    ----------
+    lower, upper : sequences of one for each joint
+        Ends of the travel, rad, and m of sliders; None or an infinite number for an end without a stop.
+    restitution : float
+        Rate after an impact over rate before, 0 to 1.
+    """
+
+    lower: tuple[float | None, ...]
+    upper: tuple[float | None, ...]
+    restitution: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in FREE:
+            object.__setattr__(self, name, _ends(name, getattr(self, name)))
+        if len(self.lower) != len(self.upper):
+            raise ValueError(
+                f"JointStop.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
+                "one for each joint"
+            )
+        pairs = list(zip(self.lower, self.upper, strict=True))
+        for i, (low, high) in enumerate(pairs):
+            if low is not None and high is not None:
+                travel(f"JointStop.{{}}[{i}]", low, high)
+        if all(low is None and high is None for low, high in pairs):
+            raise ValueError(
+                "JointStop.lower and upper have no end of any joint; give one, or leave the effect out"
+            )
+        e = number("JointStop.restitution", self.restitution)
+        if not 0.0 <= e <= 1.0:
+            raise ValueError(f"JointStop.restitution is {e}; it must lie in 0 to 1")
+        object.__setattr__(self, "restitution", e)
+
+    def parameters(self) -> dict[str, float]:
+        values = {"restitution": self.restitution}
+        for i in self._limited():
+            for name, none in FREE.items():
+                end = getattr(self, name)[i]
+                values[f"{name}[{i}]"] = none if end is None else end
+        return values
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        if len(self.lower) != len(arm.joints):
+            raise ValueError(
+                f"JointStop.lower has {len(self.lower)} entries; {arm.kind} has {len(arm.joints)} joints: "
+                f"give an end, or None, for each of {', '.join(arm.joints)}"
+            )
+        return tuple(Impact(i, f".lower[{i}]", f".upper[{i}]", ".restitution") for i in self._limited())
+
+    def _limited(self) -> list[int]:
+        """Joints with a stop at an end at least; the others take no part, and cost nothing."""
+        pairs = zip(self.lower, self.upper, strict=True)
+        return [i for i, (low, high) in enumerate(pairs) if low is not None or high is not None]
+
+
+def _ends(name: str, ends: Any) -> tuple[float | None, ...]:
+    """Checked ends of the travel of all joints; None where there is none."""
+    given = ends.tolist() if hasattr(ends, "tolist") else ends
+    if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
+        raise ValueError(f"JointStop.{name} is {shown(ends)}; give an end for each joint, in their order")
+    kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
+    fields = {f"JointStop.{name}[{i}]": end for i, end in enumerate(kept)}
+    return tuple(None if end is None else number(field, end) for field, end in fields.items())
