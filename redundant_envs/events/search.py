@@ -146,9 +146,15 @@ def earliest_event(trial: Trial) -> Aim:
 
 
 @branches
-def came_before(trial: Trial, low: Any, e: Encounter, event: Event) -> Any:
-    """Whether an event came before the end of a trial step, and after ``low``, s."""
+def came_before(trial: Trial, low: Any, e: Encounter, event: Event, sought_time: Any) -> Any:
+    """Whether an event came before the end of a trial step, and after ``low``, s.
+
+    A guard has to come before the sought event in the step, by more than it may be found late: those that
+    pass together are found together, and no search goes to and fro between them.
+    """
     s, side = e.motion, e.motion.side_beyond
+    if s.guards:
+        return (e.pull > 0.0) & (event.time + e.late * trial.left < sought_time)
     passed = event.turns | ((side != 0.0) & (side * (s.position - s.limit(side)) > s.closeness))
     pulled = (e.pull > 0.0) & (trial.h - low > ROUNDING * trial.left)
     return passed if s.free else pulled
@@ -158,14 +164,18 @@ def came_before(trial: Trial, low: Any, e: Encounter, event: Event) -> Any:
 def other_event(trial: Trial, search: Search, sought: Sought) -> Aim:
     """An event at another boundary than the sought one, before the end of a trial step."""
     late = [
-        came_before(trial, search.low, e, event) & logical_not(is_sought)
+        came_before(trial, search.low, e, event, sought.time) & logical_not(is_sought)
         for e, event, is_sought in zip(trial.encounters, trial.events, sought.chosen, strict=True)
     ]
     chosen = [is_late & logical_not(any_of(late[:k])) for k, is_late in enumerate(late)]
     e, event = trial.of(chosen)
     side = event.side if event.turns else e.motion.side_beyond
     # The same step is never repeated.
-    h = event.time if e.motion.free and event.time < trial.h else 0.5 * trial.h
+    h = 0.5 * trial.h
+    if e.motion.free and event.time < trial.h:
+        h = event.time
+    elif e.motion.guards:
+        h = inside(event.time, 0.0, trial.h, h)
     return Aim(any_of(late), chosen, e.number, side, event.turns, h)
 
 

@@ -203,3 +203,20 @@ def test_a_number_of_a_lane_that_covers_the_base_is_refused():
     batch = rde.BatchSimulator(rde.Scene(FOUR_R, (OBSTACLES["disc"],)), 2)
     with pytest.raises(ValueError, match="covers"):
         batch.set_parameters({"disc.radius": np.array([[0.1], [0.7]])})
+
+
+def test_contacts_that_begin_and_end_together_are_found_together():
+    """Two equal discs are one of twice the stiffness, whose guards pass 0 at the same time."""
+    numbers, rng = {"centre": (0.6, 0.1), "radius": 0.25, "damping": 0.1}, np.random.default_rng(1)
+    two = e.Disc(**numbers, stiffness=1e3), e.Disc(**numbers, stiffness=1e3, name="same")
+    one = (e.Disc(**numbers, stiffness=2e3),)
+    q = np.cumsum(rng.uniform(-1.0, 1.0, (256, 4)), axis=1)
+    qd, efforts = rng.normal(size=(256, 4)) * 2.0, rng.uniform(-3.0, 3.0, (256, 4))
+    ends = []
+    for discs in (one, two):
+        scene = rde.Scene(FOUR_R, (e.Gravity(), *discs), tolerance=1e-6)
+        batch, status = advanced(scene, q, qd, efforts, intervals=2)
+        assert not status.numerics.any()
+        assert status.evaluations.max() < 400
+        ends.append(FOUR_R.forward_kinematics(batch.q))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-5

@@ -188,17 +188,18 @@ def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and
         assert np.allclose(*ends, rtol=0.0, atol=1e-6)
 
 
-def test_an_effort_that_moves_passes_a_line_and_limits_that_are_equal():
+@pytest.mark.parametrize("before", [e.DCMotor(1.0, 0.02, 0.8), e.Lag(0.03)], ids=lambda x: x.key)
+def test_an_effort_that_moves_passes_a_line_and_limits_that_are_equal(before):
     """It rises beyond both at once, and changes its sign near the free speed."""
     most, rng = np.array([20.0, 12.0, 8.0, 4.0]), np.random.default_rng(3)
-    effects = e.Lag(0.03), e.TorqueSpeed(tuple(most), 8.0), e.EffortLimits(tuple(most))
+    effects = before, e.TorqueSpeed(tuple(most), 8.0), e.EffortLimits(tuple(most))
     scene = rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.2), *effects), tolerance=1e-6)
     batch = rde.BatchSimulator(scene, 128)
     batch.set_state(rng.uniform(-1.0, 1.0, (128, 4)), np.zeros((128, 4)))
     for _ in range(25):
         status = batch.advance(rng.uniform(-1.0, 1.0, (128, 4)) * most)
         assert not status.numerics.any()
-        assert status.evaluations.mean() < 400
+        assert status.evaluations.max() < 2000
 
 
 def test_a_dead_zone_takes_its_width_from_commands():
