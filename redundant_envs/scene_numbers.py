@@ -47,7 +47,7 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        if any(p.startswith(f"{effect.key}.") for p in changed):
+        if not set(changed).isdisjoint(_own_names(effect)):
             _check_effect(scene, effect, values)
     known: dict[str, Any] = {**values, **scene.attached.states.initial}
     for mass, loads in scene.attached.carried.items():
@@ -72,9 +72,14 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
 
 
+def _own_names(effect: Any) -> list[str]:
+    """Scalar parameters of a scene that are numbers of an effect: another key may begin with its key."""
+    return [f"{effect.key}.{name}" for name in effect.parameters()]
+
+
 def _check_effect(scene: Any, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
-    for numbers in _distinct(values, f"{effect.key}.", [p for p in values if p.startswith(f"{effect.key}.")]):
+    for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
         fields: dict[str, Any] = {}
         for f in dataclasses.fields(effect):
             parts = [v for p, v in numbers.items() if p.split("[")[0] == f.name]

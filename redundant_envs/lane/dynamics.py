@@ -697,11 +697,11 @@ class Dynamics:
 def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
     """A mass of the arm with all that it carries."""
 
-    @physics(gives=mass, takes=parts)
     def total_mass(*masses: Any) -> Any:
         return total(masses)
 
-    return total_mass  # type: ignore[no-any-return]
+    made: Callable[..., Any] = physics(gives=mass, takes=parts)(total_mass)
+    return made
 
 
 def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:

@@ -275,3 +275,12 @@ def test_numbers_that_mean_nothing_are_refused(words):
     with pytest.raises(ValueError, match=re.escape(words)) as error:
         REFUSED[words]()
     assert short(str(error.value))
+
+
+def test_effects_of_one_kind_of_which_one_has_no_name_have_numbers_of_their_own():
+    tendons = [e.Tendon(("joint1", "joint2"), (0.1, 0.1), 100.0, name=name) for name in ("", "left")]
+    bases = [e.MovingBase((0.1, 0.0), 1.0, name) for name in ("", "second")]
+    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (*tendons, *bases)), 2)
+    batch.set_parameters({"tendon.stiffness": [1.0, 2.0], "moving_base.second.frequency": 3.0})
+    with pytest.raises(ValueError, match=r"Tendon\.stiffness"):
+        batch.set_parameters({"tendon.left.stiffness": [1.0, -2.0]})

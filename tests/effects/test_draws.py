@@ -264,7 +264,10 @@ ENVS = {"FourRReach-v0": (Shaken(), Hidden()), "RPRPReach-v0": (Shaken(2.0),)}
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
 def test_environments_have_the_same_bits_whatever_their_number_face_threads_and_autoreset(env_id, mode):
     given = {"scene": scene_of(env_id, *ENVS[env_id]), "autoreset_mode": mode, "max_episode_steps": 5}
-    made = lambda count, **more: gym.make_vec(f"redundant_envs/{env_id}", count, **given, **more)  # noqa: E731
+
+    def made(count, **more):
+        return gym.make_vec(f"redundant_envs/{env_id}", count, **given, **more)
+
     many = played(made(4096, threads=2))
     for count in (1, 8):
         assert_same_bits(played(made(count)), [row[:count] for row in many])
