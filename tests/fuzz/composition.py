@@ -12,11 +12,10 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.model.torch_step import torch_step
 from redundant_envs.scene_numbers import OF_ARM, names_of
-from redundant_envs.tasks.base import hard_stops
 from redundant_envs.verify.evaluators import MOST_EVALUATIONS
 
 from .drawing_calls import AUTORESETS
-from .motions import FINE, advanced, begun, can_be_judged, in_equal_steps, rows, values_of
+from .motions import FINE, advanced, begun, can_be_judged, in_equal_steps, rows, stops_of, values_of
 from .playing import EnvironmentPlayer, lanes_now, same
 
 NUDGE, STEADY = 1e-13, 1e-11
@@ -77,8 +76,11 @@ def end_of(scene, other, step, lanes, nudge=0.0):
     start |= {
         name: x + nudge * np.maximum(np.abs(x), unit) for name, x in start.items() if name in ("q", "qd")
     }
-    for joint, low, high in hard_stops(scene):
-        start["q"][:, joint] = np.clip(start["q"][:, joint], values[low], values[high])
+    for stop in stops_of(scene, start["q"], values):
+        if stop.beyond.any():
+            joints = start["q"] @ robot.motor_map
+            joints[:, stop.joint] = np.clip(joints[:, stop.joint], stop.lower, stop.upper)
+            start["q"] = np.where(stop.beyond[:, None], joints @ np.linalg.inv(robot.motor_map), start["q"])
     batch = begun(scene, other, start)
     status = advanced(batch, step.call, lanes, 1.0 + nudge)
     flagged = status.numerics != 0

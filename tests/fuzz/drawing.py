@@ -44,14 +44,9 @@ def drawn_arm(rng, calm=False):
 # ---- effects -----------------------------------------------------------------------------------------
 
 
-NOT_DRAWN = ("JointStop",)
-"""Starts and places of stops are drawn as coordinates here; an angle between links is a difference of two."""
-
-
 def own_effects():
     """Effects of the package by their names; tests register more in the same process."""
-    own = {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
-    return {n: c for n, c in own.items() if n not in NOT_DRAWN}
+    return {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
 
 
 def weight_of(arm):
@@ -63,7 +58,7 @@ def drawn_effect(rng, kind, arm):
     """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
     n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
     sliders = len(arm.sliders()) if kind.__name__ in OF_SLIDERS else 1
-    count = {"GearBacklash": n, "LuGre": n}.get(kind.__name__, sliders)
+    count = {"GearBacklash": n, "JointStop": n, "LuGre": n}.get(kind.__name__, sliders)
     if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
         low = size * rng.choice([0.0, 0.0, -0.1, 0.05], count)
         high = low + size * decades(rng, 0.01, 1.0, count)
@@ -222,7 +217,21 @@ def drawn_state(scene, kind, rng):
             place = low + gap if rng.random() < 0.5 else high - gap
             qd[joint] *= rng.choice([0.0, 1e-9, 1.0, 10.0])
         q[joint] = min(max(place, low), high)
-    return q, qd
+    return between_angles(scene, q), qd
+
+
+def between_angles(scene, q):
+    """Coordinates with the angles of joints between their stops, one in four of those at an end."""
+    B, values = scene.robot.motor_map, scene.parameters()
+    ends = {
+        k: (values[low], values[high]) for k, low, high in hard_stops(scene) if not scene.robot.prismatic[k]
+    }
+    if not ends:
+        return q
+    joints = np.where(np.isinf(q), np.nan, q) @ B
+    for joint, (low, high) in ends.items():
+        joints[joint] = np.clip(joints[joint], low, high)
+    return joints @ np.linalg.inv(B)
 
 
 def drawn_efforts(scene, count, rng):

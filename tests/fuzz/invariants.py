@@ -14,12 +14,11 @@ from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.tasks.base import hard_stops
 
 from . import motions
 from .cases import lanes_of, with_lanes, without_calls
 from .composition import autoresets_begin_the_same_episodes, effects_commute, evaluators_agree
-from .motions import the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
+from .motions import stops_of, the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
 from .playing import EnvironmentPlayer, differing, play, same
 
 MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
@@ -97,15 +96,16 @@ def a_refused_call_changes_nothing(played):
                 yield k, -1, f"{step.call['call']} changed {name}, and raised"
 
 
-def no_slider_is_beyond_its_stop(played):
-    """After every call sliders are between their stops, to the last bit; a lost lane has no place."""
+def no_joint_is_beyond_its_stop(played):
+    """After every call sliders are between their stops to the last bit, and angles but for 4 ulp; a lost lane
+    has no place."""
     scene, lost = played.scene, np.bool_(played.case["face"] == "simulator")
     for k, step in enumerate(played.steps):
         values = values_of(scene, step.after) if "values" in step.after else scene.parameters()
-        for joint, low, high in hard_stops(scene):
-            x, low, high = step.after["q"][:, joint], values[low], values[high]
-            for lane in np.flatnonzero((x < low) | (x > high) | (np.isnan(x) & ~lost)):
-                yield k, lane, f"{scene.robot.joints[joint]} is at {x[lane]} m, beyond its stop"
+        for stop in stops_of(scene, step.after["q"], values):
+            for lane in np.flatnonzero(stop.beyond | (np.isnan(stop.positions) & ~lost)):
+                place = f"{scene.robot.joints[stop.joint]} is at {stop.positions[lane]}"
+                yield k, lane, f"{place}, beyond its stop"
 
 
 def compared(played, steps, other, order):
@@ -269,7 +269,7 @@ def no_early_end_pays(played):
             returns[over], over[:] = 0.0, False
 
 
-COMMON = (only_documented_exceptions, a_refused_call_changes_nothing, no_slider_is_beyond_its_stop)
+COMMON = (only_documented_exceptions, a_refused_call_changes_nothing, no_joint_is_beyond_its_stop)
 COSTLY = (no_lane_depends_on_others, thousands_have_the_same_bits, what_is_saved_continues)
 OF_SIMULATORS = (
     *COMMON, what_is_not_finite_is_flagged, a_given_up_interval_leaves_its_lane,

@@ -102,10 +102,37 @@ def can_be_judged(scene, step):
     before, values = step.before, values_of(scene, step.before)
     arrays = (before["q"], before["qd"], before["z"], before["work"][:, None], step.call["efforts"])
     possible = np.logical_and.reduce([np.isfinite(a).all(axis=1) for a in arrays])
-    for joint, low, high in hard_stops(scene):
-        x = before["q"][:, joint]
-        possible &= (x >= values[low]) & (x <= values[high])
+    for stop in stops_of(scene, before["q"], values):
+        possible &= ~stop.beyond
     return possible
+
+
+class Stop(NamedTuple):
+    """A joint between hard stops, in many lanes; m, or rad."""
+
+    joint: int
+    positions: np.ndarray
+    lower: Any
+    upper: Any
+    rounding: Any  # by which an angle, a difference of coordinates, may be beyond an end: 4 ulp
+
+    @property
+    def beyond(self):
+        return (self.positions < self.lower - self.rounding) | (self.positions > self.upper + self.rounding)
+
+
+def stops_of(scene, q, values):
+    """Joints with hard stops at coordinates, (lanes, joints)."""
+    for joint, low, high in hard_stops(scene):
+        lower, upper = values[low], values[high]
+        if scene.robot.prismatic[joint]:
+            yield Stop(joint, q[:, joint], lower, upper, 0.0)
+            continue
+        ends = [np.where(np.isfinite(end), np.abs(end), 0.0) for end in (lower, upper)]
+        with np.errstate(all="ignore"):
+            parts = q[:, scene.robot.motor_map[:, joint] != 0.0]
+            sizes = np.maximum(np.abs(parts).max(axis=1), np.maximum(*ends))
+            yield Stop(joint, q @ scene.robot.motor_map[:, joint], lower, upper, 4.0 * np.spacing(sizes))
 
 
 def referred(scene, step, lanes):
