@@ -21,7 +21,7 @@ EXCUSED = {
     "checks the text of functions, not their numbers": "dialect",
     "derivatives": "dual",
     "other effects": "effects/captured effects/effort_limits effects/gravity",
-    "the scene has no boundary": "lane/boundaries lane/guards",
+    "the scene has no boundary": "lane/boundaries lane/guards lane/scene_boundaries",
     "the scene has no instant": "lane/pieces",
     "the scene has no impulse, and its masses stay": "lane/jumps",
     "the scene has no range": "ranges scene_numbers",
