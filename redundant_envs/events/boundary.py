@@ -106,6 +106,7 @@ class BoundedCoordinate(NamedTuple):
     bounces: bool = True  # whether its limits are stops; otherwise it passes them
     scale: Any = 0.0  # size of the numbers from which it is computed, if these are larger than its own
     guards: bool = False  # whether it is no coordinate, but a guard whose value is watched as a pull is
+    sticks: bool = False  # whether that guard is of a joint that sticks
 
     @property
     def free(self) -> Any:
@@ -130,10 +131,12 @@ class BoundedCoordinate(NamedTuple):
         return where(side > 0.0, self.upper, self.lower)
 
 
-def guarded(watched: Watched) -> BoundedCoordinate:
+def guarded(watched: Watched, sticks: bool = False) -> BoundedCoordinate:
     """A guard in a step: like a coordinate that always rests, so that only its pull counts."""
     still = 0.0, 0.0, 0.0, 0.0
-    return BoundedCoordinate(*still, watched, 1.0, -math.inf, math.inf, bounces=False, guards=True)
+    return BoundedCoordinate(
+        *still, watched, 1.0, -math.inf, math.inf, bounces=False, guards=True, sticks=sticks
+    )
 
 
 @branches

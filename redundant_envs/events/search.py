@@ -146,15 +146,15 @@ def earliest_event(trial: Trial) -> Aim:
 
 
 @branches
-def came_before(trial: Trial, low: Any, e: Encounter, event: Event, sought_time: Any) -> Any:
+def came_before(trial: Trial, low: Any, e: Encounter, event: Event, sought: Sought) -> Any:
     """Whether an event came before the end of a trial step, and after ``low``, s.
 
-    A guard has to come before the sought event in the step, by more than it may be found late: those that
-    pass together are found together, and no search goes to and fro between them.
+    A guard of laws has to come before another one that is sought, by more than it may be found late: those
+    that pass together are found together, and no search goes to and fro between them.
     """
     s, side = e.motion, e.motion.side_beyond
-    if s.guards:
-        return (e.pull > 0.0) & (event.time + e.late * trial.left < sought_time)
+    if s.guards and not s.sticks and not sought.free:
+        return (e.pull > 0.0) & (event.time + e.late * trial.left < sought.time)
     passed = event.turns | ((side != 0.0) & (side * (s.position - s.limit(side)) > s.closeness))
     pulled = (e.pull > 0.0) & (trial.h - low > ROUNDING * trial.left)
     return passed if s.free else pulled
@@ -164,7 +164,7 @@ def came_before(trial: Trial, low: Any, e: Encounter, event: Event, sought_time:
 def other_event(trial: Trial, search: Search, sought: Sought) -> Aim:
     """An event at another boundary than the sought one, before the end of a trial step."""
     late = [
-        came_before(trial, search.low, e, event, sought.time) & logical_not(is_sought)
+        came_before(trial, search.low, e, event, sought) & logical_not(is_sought)
         for e, event, is_sought in zip(trial.encounters, trial.events, sought.chosen, strict=True)
     ]
     chosen = [is_late & logical_not(any_of(late[:k])) for k, is_late in enumerate(late)]
@@ -174,7 +174,7 @@ def other_event(trial: Trial, search: Search, sought: Sought) -> Aim:
     h = 0.5 * trial.h
     if e.motion.free and event.time < trial.h:
         h = event.time
-    elif e.motion.guards:
+    elif e.motion.guards and not e.motion.sticks:
         h = inside(event.time, 0.0, trial.h, h)
     return Aim(any_of(late), chosen, e.number, side, event.turns, h)
 

@@ -198,7 +198,7 @@ class LaneProgram:
             encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
         for k, b in enumerate(self.dynamics.guards, start=len(moved)):
             pulls = lane.get((b.pull, f"{b.pull}_trial"))
-            motion = guarded(self.boundaries.watched(lane, b))
+            motion = guarded(self.boundaries.watched(lane, b), b.sticks)
             slows = -(lane[b.side] * lane[f"alpha_{b.name}"]) if b.sticks else 0.0
             still = 0.0, h, False, 0.0, self.late_share(lane, b), slows
             left = lane[b.left] if self.dynamics.weighs_laws and not b.sticks else False
