@@ -200,8 +200,8 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
 
     Angles are uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four, and
     one joint in four of those with stops, is at rest at an end of its travel, which ``beyond`` widens to both
-    sides, in units of itself. Efforts are
-    uniform within the scene's limits, or within the largest that hold the weights in these states.
+    sides, in units of itself. Efforts are uniform within the scene's limits, or within the largest that hold
+    the weights in these states.
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
