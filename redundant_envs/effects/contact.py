@@ -39,6 +39,14 @@ def push(depth, normal_x, normal_y, vx, vy, stiffness, damping, friction, slip_s
 
 
 @physics
+def sliding_there(normal_x, normal_y, vx, vy, friction, side1, side2):
+    """Changes its sign where a point that presses, and rubs, begins to slide the other way. Friction changes
+    steeply there, and error estimates see less than that."""
+    sliding = where(side1 > 0.0, where(side2 > 0.0, vy * normal_x - vx * normal_y, 1.0), 1.0)
+    return where(friction > 0.0, sliding, 1.0)
+
+
+@physics
 def elastic(depth, normal_x, normal_y, stiffness):
     """The part of the force that has a potential."""
     spring = stiffness * maximum(depth, 0.0)

@@ -41,6 +41,12 @@ def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, frictio
 
 
 @physics
+def turn_at_tip(x, y, vx, vy, centre_x, centre_y, radius, friction, side1, side2):
+    _, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
+    return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
+
+
+@physics
 def elastic_at_tip(x, y, centre_x, centre_y, radius, stiffness):
     depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
     return contact.elastic(depth, nx, ny, stiffness)
@@ -200,7 +206,7 @@ class Disc(Effect):
         return (
             Force(
                 Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
-                stiffness=contact.steepness, guard=guards_at_tip,
+                stiffness=contact.steepness, guard=guards_at_tip, kink=turn_at_tip,
             ),
         )  # fmt: skip
 

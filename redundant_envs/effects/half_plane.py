@@ -49,6 +49,12 @@ def force_of_one(
     return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
 
 
+@physics
+def turn(x, y, vx, vy, point_x, point_y, normal_x, normal_y, friction, side1, side2):
+    _, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
+    return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
+
+
 def deepest_of(count: int) -> Any:
     """The guard of all points of an arm: the depth of the deepest one."""
     points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
@@ -147,7 +153,7 @@ class HalfPlane(Effect):
         tip = arm.num_masses - 1
         if not self.along_links:
             elastic_part = {"potential": energy, "conservative": elastic}
-            return (_at(tip, own, force, guard=guards, **elastic_part),)
+            return (_at(tip, own, force, guard=guards, kink=turn, **elastic_part),)
         # One guard: points touch at the same instant where sliders at a stop bring them together.
         found = (None,) * tip + (deepest_of(arm.num_masses),)
         return tuple(_at(k, own, force_of_one, guard=guard) for k, guard in enumerate(found))

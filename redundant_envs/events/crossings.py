@@ -88,6 +88,11 @@ def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
     return down * (w.most - w.least), up * (w.most - w.least)
 
 
+def passes_between_ends(w: Watched) -> Any:
+    """Whether a guard may be positive, by more than rounding, at or near a stage within a step."""
+    return w.inner > ROUNDING * (w.most - w.least)
+
+
 @branches
 def may_pass(w: Watched, overshoot: Overshoot) -> Any:
     """Whether a guard may be positive at a stage of a step, or between two of them, by more than rounding.
@@ -95,11 +100,10 @@ def may_pass(w: Watched, overshoot: Overshoot) -> Any:
     A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage; nor is
     the last value of one that only gets to 0.
     """
-    size = w.most - w.least
-    at_end = (w.most == w.first) | (w.most == w.last)
-    nearly = at_end & (-w.most <= NEARLY_0 * size)
-    _, up = margins(w, overshoot)
-    return w.most > ROUNDING * size if nearly else w.most + up > ROUNDING * size
+    size, ends = w.most - w.least, maximum(w.first, w.last)
+    nearly = -ends <= NEARLY_0 * size
+    at_ends = ends if nearly else ends + overshoot.at_ends * size
+    return maximum(at_ends, w.inner) > ROUNDING * size
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:

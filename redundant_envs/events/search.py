@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, direction, inside
-from redundant_envs.events.crossings import Crossing, Overshoot, may_pass, most_pull
+from redundant_envs.events.crossings import Crossing, Overshoot, may_pass, most_pull, passes_between_ends
 from redundant_envs.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
 from redundant_envs.tracing.ways import branches
 
@@ -28,6 +28,8 @@ MOST_GUESSES = 10
 LATER = 0.1
 """Where laws are weighed, the part of a correction by which a guess is later, so that it is after the event:
 a chord is off by less, and what may be late depends on how late it is."""
+TIMES_LATE = 10.0
+"""So many times the time by which a guard may pass late, a step ends so much later than its stages before."""
 MOST_TURN_GUESSES = 60
 """Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
 TOGETHER_SHARE = 1e-13
@@ -116,7 +118,7 @@ class LastPiece(NamedTuple):
 
 
 @branches
-def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
+def may_hide_event(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
     """Whether a step may hide an event of a coordinate that is larger than rounding.
 
     A free coordinate may reach its limit and leave it; the stop of a resting one may have to pull before the
@@ -125,12 +127,29 @@ def may_hide_event(h: Any, e: Encounter, overshoot: Overshoot) -> Any:
     """
     if e.motion.guards:
         watched = e.motion.watched
-        leaves = e.left & (watched.most == watched.first)  # a guard does not turn before the second stage
-        return logical_not(e.pull > 0.0) & logical_not(leaves) & may_pass(watched, overshoot)
+        leaves = e.left & (watched.most == watched.first)  # its first value is no sign of another passage
+        seen = passes_between_ends(watched) if leaves else may_pass(watched, overshoot)
+        return logical_not(e.pull > 0.0) & seen
     if e.motion.free:
         return e.crossing == Crossing.UNCLEAR
-    moves = most_pull(e.motion, overshoot) * e.mobility * (h * h)
+    moves = most_pull(e.motion, overshoot) * e.mobility * (trial.h * trial.h)
     return logical_not(e.pull > 0.0) & (moves > e.motion.closeness)
+
+
+@branches
+def hides_passage(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
+    """Whether a step that ends at an event may hide an earlier passage of a guard.
+
+    Where the planned step ended with a positive value, a search may have found the last of several passages;
+    then the value was positive between the ends of the step. A step of half the length follows. One in which
+    a passage may be found late anyway is short enough.
+    """
+    if not e.motion.guards:
+        return False
+    if not e.pull > 0.0:
+        return may_hide_event(trial, e, overshoot)
+    long = trial.h > TIMES_LATE * e.late * trial.left
+    return passes_between_ends(e.motion.watched) & long
 
 
 def earliest_event(trial: Trial) -> Aim:

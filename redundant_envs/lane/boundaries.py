@@ -113,7 +113,7 @@ class Boundaries:
 
     def watched(self, lane: Lane, b: Boundary) -> Watched:
         """Values at the stages of a step: accelerations, or pulls of stops and guards."""
-        names = (*WATCHED, "middle") if b.guards else WATCHED
+        names = Watched._fields if b.guards else WATCHED
         return Watched(*lane.get(names, of=f"{{}}_{b.name}"))
 
     # ---- stops that hold sliders -------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
-from redundant_envs.numerics.methods import Step, explicit_step
+from redundant_envs.numerics.methods import Step, Watched, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.passes.stages import Subroutine
 
@@ -299,9 +299,8 @@ class CommonStep:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
         for b, watched in zip(self.dynamics.boundaries, step.watched, strict=False):
-            lane.set(WATCHED, watched[: len(WATCHED)], of=f"{{}}_{b.name}")
-            if b.guards:
-                lane[f"middle_{b.name}"] = watched.middle
+            names = Watched._fields if b.guards else WATCHED
+            lane.set(names, watched[: len(names)], of=f"{{}}_{b.name}")
 
     def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
         """Record whether the error of a step may exceed its estimate."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import enum
 
-from redundant_envs.numerics.methods import Watched
-
 
 class Fault(enum.IntFlag):
     """Faults of a lane, as ``info["numerics"]`` reports them."""
@@ -46,4 +44,5 @@ OBSERVED_ANGLE, OBSERVED_RATE = 1e14, 1e100
 """rad; rad/s and m/s: states beyond cannot be observed, since sines of larger angles are not computed."""
 MOST_LOGGED = 256
 """Number of events of an interval that are kept if the work is tracked."""
-WATCHED = tuple(name for name in Watched._fields if name != "middle")
+WATCHED = ("first", "last", "least", "most")
+"""Of :class:`Watched`, the fields that every boundary has; guards have all."""

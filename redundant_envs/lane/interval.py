@@ -234,6 +234,7 @@ def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield from copies((b.side, b.pull), "{}_start", "before the common step")
         yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
         yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
+        yield Field(f"inner_{b.name}", "", "the greatest at a stage between the ends of the step", SCRATCH)
     if dynamics.weighs_laws:
         yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
         yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
@@ -103,7 +103,7 @@ class LaneProgram:
             if not self.dynamics.boundaries:
                 return self.moved(lane)
             trial = self.trial(lane)
-            if any_of(search.may_hide_event(trial.h, e, self.dynamics.overshoot) for e in trial.encounters):
+            if self.hides(search.may_hide_event, trial):
                 self.retry(lane, 0.5 * trial.h)
                 continue
             aim = search.earliest_event(trial)
@@ -157,6 +157,9 @@ class LaneProgram:
             after = search.towards_event(before, trial.h, sought)
             piece = search.last_piece(trial, sought)
             if search.ends_at_event(trial, before, after, sought, piece.possible):
+                if self.dynamics.guards and self.hides(search.hides_passage, trial):
+                    self.retry(lane, 0.5 * trial.h)
+                    return Found.NOTHING
                 self.arrive(lane, trial, sought, piece)
                 return Found.EVENT
             lane.set(SEARCH, after)
@@ -227,6 +230,10 @@ class LaneProgram:
             return least
         allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
         return where(allowed > least, minimum(allowed, MOST_LATE_SHARE), least)
+
+    def hides(self, rule: Callable[..., Any], trial: Trial) -> Any:
+        """Whether a trial step hides an event of any coordinate, by a rule of :mod:`search`."""
+        return any_of(rule(trial, e, self.dynamics.overshoot) for e in trial.encounters)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last

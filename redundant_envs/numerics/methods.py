@@ -23,6 +23,7 @@ class Watched(NamedTuple):
     least: Any
     most: Any
     middle: Any = 0.0  # at the stage that is nearest to the middle of the step
+    inner: Any = 0.0  # the greatest that it may be at and near the stages between the ends of the step
 
 
 class Step(NamedTuple):
@@ -48,10 +49,14 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
     return factor, total
 
 
-def watch(values: Numbers, middle: int = 0) -> Watched:
-    """A quantity from its values at the stages, of which one is the ``middle``."""
-    extremes = reduce(minimum, values), reduce(maximum, values)
-    return Watched(values[0], values[-1], *extremes, values[middle])
+def watch(values: Numbers, method: Tableau) -> Watched:
+    """A quantity from its values at the stages of a method."""
+    least, most = reduce(minimum, values), reduce(maximum, values)
+    inner, size = least, most - least
+    for x, node, overshoot in zip(values, method.c, method.overshoots, strict=True):
+        if 0.0 < node < 1.0:
+            inner = maximum(inner, x + overshoot * size)
+    return Watched(values[0], values[-1], least, most, values[method.middle], inner)
 
 
 def explicit_step(
@@ -66,7 +71,7 @@ def explicit_step(
         results = derivative(positions, velocities, others, 0.0)
         new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
         moved = [p + h * v for p, v in zip(positions, new, strict=False)]
-        seen = [watch([w]) for w in results[n + m :]]
+        seen = [watch([w], method) for w in results[n + m :]]
         return Step(moved, new[:n], new[n:], seen, ())
     for row, node in zip(method.a, method.c, strict=True):
         stage = state
@@ -79,7 +84,7 @@ def explicit_step(
         watched.append(list(results[n + m :]))
     totals = [weighted(method.b, slope) for slope in slopes]
     new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
-    seen = [watch(values, method.middle) for values in zip(*watched, strict=True)]
+    seen = [watch(values, method) for values in zip(*watched, strict=True)]
     parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
         return Step(*parts, ())

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -63,21 +64,26 @@ class Tableau:
                 )
         whole_number(f"the order of the tableau {self.name!r}", self.order)
 
-    def overshoot_between_nodes(self, at_ends: bool) -> float:
-        """Distance by which a parabola may leave the range of its values at the nodes, in units of the range.
+    @cached_property
+    def overshoots(self) -> tuple[float, ...]:
+        """Distances by which a parabola may leave the range of its values at nodes, in units of the range.
 
-        It is the largest over a grid of positions of its vertex: those nearest to the first or last node, or
-        all others. 0 for methods with fewer than three nodes, which give no bound.
+        The one of a node is the largest over a grid of positions of the vertex that are nearest to it. All
+        are 0 for methods with fewer than three nodes, which give no bound.
         """
-        if len(set(self.c)) < 3:
-            return 0.0
-        shares = [0.0]
-        for vertex in (k / 1000 for k in range(1001)):
-            squares = [(c - vertex) ** 2 for c in self.c]
-            least = min(squares)
-            if (self.c[squares.index(least)] in (0.0, 1.0)) == at_ends:
-                shares.append(least / (max(squares) - least))
-        return max(shares)
+        largest = dict.fromkeys(self.c, 0.0)
+        if len(largest) >= 3:
+            for vertex in (k / 1000 for k in range(1001)):
+                squares = {c: (c - vertex) ** 2 for c in self.c}
+                nearest = min(squares, key=squares.__getitem__)
+                least = squares[nearest]
+                largest[nearest] = max(largest[nearest], least / (max(squares.values()) - least))
+        return tuple(largest[c] for c in self.c)
+
+    def overshoot_between_nodes(self, at_ends: bool) -> float:
+        """The largest overshoot of the first and last node, or of all others."""
+        nodes = zip(self.c, self.overshoots, strict=True)
+        return max((share for c, share in nodes if (c in (0.0, 1.0)) == at_ends), default=0.0)
 
 
 def _tuples(x: Any) -> Any:

@@ -43,6 +43,27 @@ def brake(rate, position, level, side):
 
 
 @physics
+def in_bands(position):
+    """Positive between the first and the second edge, and behind the third."""
+    return (position + 0.05) * (position - 0.02) * (position - 0.06)
+
+
+@physics
+def banded(position, rate, level, side):
+    return -where(side > 0.0, level, 0.0) * rate
+
+
+@dataclass(frozen=True)
+class BrakeInBands(Effect):
+    """A brake on the first joint that acts in two ranges of its angle, and jumps at their edges."""
+
+    level: float = 0.5
+
+    def hooks(self, arm):
+        return (Force(0, banded, {"position": "phi1", "rate": "phid1", "level": ".level"}, guard=in_bands),)
+
+
+@physics
 def itself(position):
     return position
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from catalogue import RPRP, advanced, stops
-from outside.guards import HalfBrake, SpeedCurve, brake, itself
+from outside.guards import BrakeInBands, HalfBrake, SpeedCurve, brake, itself
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -77,6 +77,19 @@ def test_locating_a_change_of_law_takes_few_evaluations(effect, lanes, most):
         efforts = rng.uniform(-1.0, 1.0, (lanes, 4)) * LIMITS["FourR"]
         counts.append(batch.advance(efforts).evaluations.mean())
     assert np.mean(counts[3:]) <= most
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
+def test_all_passages_of_a_guard_in_one_step_are_found(tolerance):
+    """Up to three: a search that found the last of them left the others out, in 30 of 512 lanes."""
+    made = scene(FOUR_R, BrakeInBands(), tolerance=tolerance)
+    q, qd, efforts = start(FOUR_R, 512, seed=8)
+    rng = np.random.default_rng(9)
+    q[:, 0], qd[:, 0] = rng.uniform(-0.1, -0.04, 512), rng.uniform(4.0, 12.0, 512)
+    error, evaluations, flagged = errors(made, (q, qd, efforts))
+    assert not flagged.any()
+    assert error.max() < tolerance
+    assert evaluations.mean() < 400.0
 
 
 def test_a_guard_that_never_changes_its_sign_costs_no_step():
