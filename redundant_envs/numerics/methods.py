@@ -53,9 +53,11 @@ def watch(values: Numbers, method: Tableau) -> Watched:
     """A quantity from its values at the stages of a method."""
     least, most = reduce(minimum, values), reduce(maximum, values)
     inner, size = least, most - least
+    earliest = min((node for node in method.c if node > 0.0), default=1.0)
     for x, node, overshoot in zip(values, method.c, method.overshoots, strict=True):
         if 0.0 < node < 1.0:
-            inner = maximum(inner, x + overshoot * size)
+            # One that leaves 0 is still near it at the earliest stage: there it counts as it is.
+            inner = maximum(inner, x + overshoot * size if node > earliest else x)
     return Watched(values[0], values[-1], least, most, values[method.middle], inner)
 
 
