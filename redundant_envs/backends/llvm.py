@@ -22,6 +22,10 @@ Entry = Callable[[int], None]
 ORDER_OPTION = "-enable-misched={}"
 """LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
 
+EFFORT = 1
+"""Of LLVM's code generator, 0 to 3: with more it schedules again when registers are chosen. That takes a fifth
+of the time of compiling, and steps were no faster."""
+
 _lock = threading.Lock()
 _loaded: list[Any] = []
 """Engines own the machine code, so they are kept."""
@@ -77,7 +81,7 @@ def machine() -> Any:
     llvm.initialize_native_asmprinter()
     cpu, features, triple = processor()
     return llvm.Target.from_triple(triple).create_target_machine(
-        cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
+        cpu=cpu, features=features, opt=EFFORT, codemodel="jitdefault", jit=True
     )
 
 
