@@ -23,8 +23,8 @@ ORDER_OPTION = "-enable-misched={}"
 """LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
 
 EFFORT = 1
-"""Of LLVM's code generator, 0 to 3: with more it schedules again when registers are chosen. That takes a fifth
-of the time of compiling, and steps were no faster."""
+"""Of LLVM's code generator, 0 to 3: with more it schedules again when registers are chosen, which takes a
+fifth of the time of compiling, and steps were no faster."""
 
 _lock = threading.Lock()
 _loaded: list[Any] = []
