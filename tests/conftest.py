@@ -4,6 +4,10 @@ import gc
 import os
 from pathlib import Path
 
+import pytest
+
+from redundant_envs.backends import llvm
+
 FOLDER = Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(FOLDER))
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -12,6 +16,19 @@ COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
+QUICKLY_MADE = {"effects", "events", "fuzz", "outside"}
+"""Folders of tests that compile many scenes and compute little with each: with its least effort LLVM makes
+their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all other folders
+test the code that users get, and ``test_properties.py`` has each effect."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quickly_made(request):
+    """LLVM's effort for the tests of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        if QUICKLY_MADE & {*request.path.relative_to(Path(__file__).parent).parts}:
+            patch.setattr(llvm, "EFFORT", 0)
+        yield
 
 
 def pytest_collection_finish():

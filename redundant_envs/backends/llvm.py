@@ -72,7 +72,7 @@ def processor() -> Processor:
 def facts() -> tuple[str, ...]:
     """Everything that machine code depends on beside the program."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return llvmlite.__version__, version, *processor()
+    return llvmlite.__version__, version, str(EFFORT), *processor()
 
 
 def machine() -> Any:

@@ -21,6 +21,13 @@ PROCESSORS = {
 }
 SOME = {"4R all rk8": "AVX2", "stops rk4, inelastic": "AVX2", "RPRP limit springs 1e-6": "128 bits"}
 """Motions that are checked, each with the code of one processor; the others take longer."""
+LITTLE_EFFORT = {
+    *SOME,
+    "stops rk8, elastic",
+    "FourRReach-v0",
+    "events: 1e-6, 2 sliders, log",
+    "events: dop853, switches",
+}
 
 
 def bits(name, tables):
@@ -58,6 +65,14 @@ def test_the_recorded_bits_are_those_of_another_processors_code(name, processor,
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
 
 
+@pytest.mark.parametrize(
+    "name", [n if n in LITTLE_EFFORT else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
+)
+def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_effort(name, monkeypatch):
+    monkeypatch.setattr(llvm, "EFFORT", 0)
+    assert recorded_bits.found(name) == recorded_bits.recorded()[name]
+
+
 @pytest.mark.skipif(
     sys.platform == "win32", reason="whether the C library rounds fma once is not known there"
 )
@@ -75,7 +90,11 @@ def test_without_fused_multiply_add_the_bits_are_the_same_and_one_warning_says_t
     assert there == here
 
 
-def test_code_of_one_processor_is_not_another_ones(made_for):
+def test_code_of_one_processor_or_effort_is_not_another_ones(made_for, monkeypatch):
+    usual = key()
+    with monkeypatch.context() as patch:
+        patch.setattr(llvm, "EFFORT", 0)
+        assert key() != usual
     keys = {(made_for(processor), key())[1] for processor in PROCESSORS}
     assert len(keys) == len(PROCESSORS)
 
