@@ -34,6 +34,15 @@ ON = pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 LATE_AND_SAMPLED = LateCommand(0.007), SampledBrake(0.5, 0.6), e.Lag(0.03)
 """Two instants of an interval, and a state that steps integrate: one scene, compiled once, for all tests."""
 BOTH = pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP with stops"])
+ON_ARMS = pytest.mark.parametrize(
+    ("arm", "steps"),
+    [
+        pytest.param(
+            arm, steps, id=f"{arm.kind}, {how}", marks=[pytest.mark.long] * (arm is RPRP and how in LATER)
+        )
+        for arm in (FOUR_R, RPRP) for how, steps in STEPS.items()
+    ],
+)  # fmt: skip
 
 
 def bare(arm, **steps):
@@ -271,15 +280,7 @@ def test_lanes_that_are_not_finite_end_alone():
 # ---- everywhere alike ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("arm", "steps"),
-    [
-        pytest.param(
-            arm, steps, id=f"{arm.kind}, {how}", marks=[pytest.mark.long] * (arm is RPRP and how in LATER)
-        )
-        for arm in (FOUR_R, RPRP) for how, steps in STEPS.items()
-    ],
-)  # fmt: skip
+@ON_ARMS
 def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
     scene = with_effects(bare(arm, **steps), *LATE_AND_SAMPLED)
     batch, commands = simulators(scene, lanes=4)
@@ -463,8 +464,7 @@ def test_any_chain_has_instants(arm):
 # ---- what one piece leaves to the next --------------------------------------------------------------------
 
 
-@BOTH
-@ON
+@ON_ARMS
 def test_lanes_of_one_block_have_their_own_pieces_or_none(arm, steps):
     """Sliders begin at rest at their stops, some pressed onto them and some pulled away."""
     times = np.array([0.0, 0.013, LENGTH, 0.007, 0.3, 1e-9, 0.0199, 0.0])
