@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import (
     CentringSpring,
     CoulombFriction,
+    Disc,
     Effect,
     EffortLimits,
     Gravity,
@@ -247,6 +248,16 @@ def floors(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["half_plane.point"] = np.stack([np.zeros(count), height], axis=1)
 
 
+def discs(drawn: Draw, rng: np.random.Generator) -> None:
+    """Discs of any hardness, with and without friction, anywhere below the base."""
+    count = len(drawn.joints)
+    drawn.parameters["disc.stiffness"] = decades(rng, 1e2, 2e4, (count, 1))
+    drawn.parameters["disc.friction"] = rng.choice([0.0, 0.3, 1.0], (count, 1))
+    drawn.parameters["disc.radius"] = rng.uniform(0.1, 0.35, (count, 1))
+    far, angle = rng.uniform(0.4, 1.0, count), rng.uniform(-np.pi, 0.0, count)
+    drawn.parameters["disc.centre"] = np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
+
+
 def near_kinks(kinked: Kinked) -> Change:
     """Rates near 0 in half of the lanes, and numbers of the effect."""
 
@@ -300,6 +311,7 @@ class PRR(Arm):
 TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
 CENTRED = CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
 FLOOR, ALL_ON_FLOOR = (HalfPlane((0.0, -0.3), along_links=every) for every in (False, True))
+DISC_FOR_ALL = Disc((0.6, -0.3), 0.1, along_links=True)
 WEAK = EffortLimits((8.0, 4.0, 2.0, 1.0))
 
 FAMILIES = (
@@ -346,6 +358,8 @@ FAMILIES = (
     Family("PRR, lagging motors", PRR, (Gravity(), Lag(0.01)), (lags,)),
     Family("4R, tip on a floor", FourR, (Gravity(), FLOOR), (floors,), steps=1024),
     Family("RPRP, links on a floor", RPRP, (Gravity(), ALL_ON_FLOOR), (floors,), steps=1024),
+    Family("4R, tip on a disc", FourR, (Gravity(), Disc((0.6, -0.3), 0.1)), (discs,), steps=1024),
+    Family("RPRP, links on a disc", RPRP, (Gravity(), DISC_FOR_ALL), (discs,), steps=1024),
     *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
     *kinked("4R", FourR, 1e-6, LOCATED), *kinked("RPRP", RPRP, 1e-9, LOCATED),
 )  # fmt: skip
