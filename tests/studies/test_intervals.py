@@ -21,7 +21,7 @@ QUICK = (
     "RPRP, smooth friction, 1e-09 m",
 )
 FLAGGED = {"RPRP, links on a disc": 10}
-"""While one link touches a disc, contacts of others are not located, and some intervals are flagged for that."""
+"""While one link touches a disc, contacts of others are not located: some intervals are flagged for that."""
 
 
 @pytest.mark.parametrize(
