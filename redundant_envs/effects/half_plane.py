@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import reduce
-from typing import Any
 
-from redundant_envs.algebra import maximum, physics, sqrt
+from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects import contact
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
@@ -39,34 +37,9 @@ def force(
 
 
 @physics
-def force_of_one(
-    x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed
-):
-    """The same where the guard is that of all points, and does not tell which of them press."""
-    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
-    pressed = contact.depth_of_contact(depth, inside, stays)
-    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-
-
-@physics
 def turn(x, y, vx, vy, point_x, point_y, normal_x, normal_y, friction, side1, side2):
     _, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
     return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
-
-
-def deepest_of(count: int) -> Any:
-    """The guard of all points of an arm: the depth of the deepest one."""
-    points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
-
-    @physics(takes=("point_x", "point_y", "normal_x", "normal_y", *points))
-    def deepest(point_x, point_y, normal_x, normal_y, *xy):
-        pairs = zip(xy[::2], xy[1::2], strict=True)
-        return reduce(
-            maximum, [depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)[0] for x, y in pairs]
-        )
-
-    return deepest
 
 
 @physics
@@ -150,16 +123,11 @@ class HalfPlane(Effect):
             f"{name}_{axis}": f".{name}[{k}]" for name in ("point", "normal") for k, axis in enumerate("xy")
         }
         own |= contact.OWN
-        tip = arm.num_masses - 1
-        if not self.along_links:
-            elastic_part = {"potential": energy, "conservative": elastic}
-            return (_at(tip, own, force, guard=guards, kink=turn, **elastic_part),)
-        # One guard: points touch at the same instant where sliders at a stop bring them together.
-        found = (None,) * tip + (deepest_of(arm.num_masses),)
-        return tuple(_at(k, own, force_of_one, guard=guard) for k, guard in enumerate(found))
-
-
-def _at(k: int, own: dict[str, str], law: Any, **parts: Any) -> Force:
-    """The force at a point of the arm."""
-    motion = {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")}
-    return Force(Point(k), law, {**motion, **own}, stiffness=contact.steepness, **parts)
+        points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)
+        return tuple(
+            Force(
+                Point(k), force, {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")} | own, potential=energy,
+                conservative=elastic, stiffness=contact.steepness, guard=guards, kink=turn,
+            )
+            for k in points
+        )  # fmt: skip

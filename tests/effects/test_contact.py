@@ -160,6 +160,16 @@ def test_the_energy_book_closes_in_contact(obstacle):
     assert motion.relative_error.max() < 1e-8
 
 
+def test_the_potential_energy_of_a_half_plane_is_that_of_all_points_in_it():
+    floor = e.HalfPlane((0.0, -0.05), stiffness=200.0, friction=0.3, along_links=True)
+    scene = rde.Scene(FOUR_R, (floor,), tolerance=1e-10)
+    motion = rde.simulate(scene, q=(0.0,) * 4, qd=(-3.0,) * 4, times=[0.02, 0.04, 0.06])
+    depths = np.maximum(-0.05 - points_of(FOUR_R, motion.q)[..., 1], 0.0)
+    assert (depths > 0.0).sum(axis=1).max() == 3
+    expected = 0.5 * floor.stiffness * (depths**2).sum(axis=1)
+    np.testing.assert_allclose(motion.potential_energy, expected, rtol=1e-9, atol=1e-12)
+
+
 @WITH
 def test_the_energy_book_closes_where_a_lost_contact_ends(obstacle):
     """A point leaves faster than 1/c from the start on, at a depth of 20.3 mm: all of k d^2 / 2 is lost. The
