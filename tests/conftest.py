@@ -16,10 +16,10 @@ COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
-QUICKLY_MADE = {"effects", "events", "fuzz", "outside"}
-"""Folders of tests that compile many scenes and compute little with each: with its least effort LLVM makes
-their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all other folders
-test the code that users get, and ``test_properties.py`` has each effect."""
+QUICKLY_MADE = {"effects", "events", "fuzz", "outside", "test_effect_pages.py", "test_verified_effects.py"}
+"""Folders and files of tests that compile many scenes and compute little with each: with its least effort
+LLVM makes their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all
+others test the code that users get, and ``test_properties.py`` has each effect."""
 
 
 @pytest.fixture(autouse=True, scope="module")
