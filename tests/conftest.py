@@ -16,17 +16,22 @@ COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
-QUICKLY_MADE = {"effects", "events", "fuzz", "outside", "test_effect_pages.py", "test_verified_effects.py"}
+QUICKLY_MADE = {
+    "control", "effects", "envs", "events", "fuzz", "lane", "model", "numerics", "outside",
+    "test_effect_pages.py", "test_verified_effects.py",
+}  # fmt: skip
 """Folders and files of tests that compile many scenes and compute little with each: with its least effort
 LLVM makes their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all
-others test the code that users get, and ``test_properties.py`` has each effect."""
+others test the code that users get, and ``test_properties.py`` has each effect. ``make test-long`` tests that
+code everywhere."""
 
 
 @pytest.fixture(autouse=True, scope="module")
 def quickly_made(request):
     """LLVM's effort for the tests of a module."""
     with pytest.MonkeyPatch.context() as patch:
-        if QUICKLY_MADE & {*request.path.relative_to(Path(__file__).parent).parts}:
+        short = "not long" in request.config.getoption("markexpr")
+        if short and QUICKLY_MADE & {*request.path.relative_to(Path(__file__).parent).parts}:
             patch.setattr(llvm, "EFFORT", 0)
         yield
 
