@@ -23,9 +23,6 @@ NUDGE, STEADY = 1e-13, 1e-11
 for a lane to be compared: others magnify rounding, as steps too long for a stiff spring do."""
 AGREE = 1e-9
 """Largest difference of two motions that differ by rounding, relative to the largest number of a kind."""
-SMALL_STATE = 1e-3
-"""States of effects, in SI units, whose differences are judged as if they were so large: a closed form
-subtracts steady values that may be millions of times its state, 130 A and 5e-8 A in a case that was found."""
 OF_TENSORS, LANES = 2, 8
 """Equal steps, and the most lanes, of an interval on tensors, which are slow."""
 EPISODE, STEPS = 3, 11
@@ -100,12 +97,11 @@ def table_of(values, flagged):
 
 def apart(some, others):
     """The largest difference of each lane, of each name relative to the lane's largest number of it, or to
-    a thousandth of that of all lanes; of states of effects to ``SMALL_STATE`` at least."""
+    a thousandth of that of all lanes."""
     gaps = []
     for name, table in some.items():
         size = np.abs(table).max(axis=1)
         size = np.maximum(size, 1e-3 * np.nanmedian(size) if np.isfinite(size).any() else 0.0)
-        size = np.maximum(size, SMALL_STATE if "." in name else 0.0)
         gap = np.abs(table - others[name]).max(axis=1)
         gaps.append(np.where(gap == 0.0, 0.0, gap / size))
     return np.where(np.isnan(gaps).any(axis=0), np.inf, np.max(gaps, axis=0))
