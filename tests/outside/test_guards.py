@@ -119,7 +119,7 @@ def test_at_fixed_steps_the_sign_at_each_stage_selects_the_law():
 
 
 def test_a_lane_with_guards_does_not_depend_on_its_neighbours_and_can_be_saved():
-    made, (q, qd, efforts) = scene(RPRP, GEAR), start(RPRP, 24, seed=6)
+    made, (q, qd, efforts) = scene(RPRP, SpeedCurve(), GEAR), start(RPRP, 24, seed=6)
     whole, _ = advanced(made, q, qd, efforts, intervals=2)
     alone, _ = advanced(made, q[7:8], qd[7:8], efforts[7:8])
     kept = rde.BatchSimulator(made, 1)
