@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import clamp, exp, physics
-from redundant_envs.effects import decays
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
@@ -32,8 +31,7 @@ def electrical_rate(resistance, inductance):
 def current_after(command, rate, current, resistance, inductance, constant, gear, voltage, elapsed):
     """The current after a time at a constant rate."""
     steady = driving_voltage(command, rate, constant, gear, voltage) / resistance
-    x = electrical_rate(resistance, inductance) * elapsed
-    return current + (steady - current) * decays.decayed(x, exp(-x))
+    return steady + (current - steady) * exp(-(electrical_rate(resistance, inductance) * elapsed))
 
 
 @physics
