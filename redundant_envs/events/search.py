@@ -29,7 +29,8 @@ LATER = 0.1
 """Where laws are weighed, the part of a correction by which a guess is later, so that it is after the event:
 a chord is off by less, and what may be late depends on how late it is."""
 TIMES_LATE = 10.0
-"""So many times the time by which a guard may pass late, a step ends so much later than its stages before."""
+"""Times by which a step must be longer than a guard may pass late: then its inner stages lie before a passage
+at its end, and a positive value there is an earlier one."""
 MOST_TURN_GUESSES = 60
 """Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
 TOGETHER_SHARE = 1e-13
