@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, NoReturn
 from redundant_envs.philox import LOW
 from redundant_envs.philox import philox as words_of
 
-PRIMITIVES = ("sqrt", "exp", "log", "minimum", "maximum", "where", "floor")
+PRIMITIVES = ("sqrt", "exp", "expm1", "log", "minimum", "maximum", "where", "floor")
 """Names that functions of the dialect may call beside each other."""
 
 
@@ -42,6 +42,7 @@ class Primitives(NamedTuple):
     where: Callable[[Any, Any, Any], Any]
     logical_not: Callable[[Any], Any]
     philox: Callable[..., tuple[Any, ...]] = _no_words
+    expm1: Callable[[Any], Any] | None = None  # by default exp(x) - 1, for numbers that are exact
     rank: int = 0
 
 
@@ -59,6 +60,7 @@ FLOATS = Primitives(
     lambda condition, a, b: a if condition else b,
     operator.not_,
     _words_of_floats,
+    math.expm1,
 )
 _registered: dict[type, Primitives] = {float: FLOATS, int: FLOATS, bool: FLOATS}
 _found: dict[type, Primitives] = {}
@@ -129,6 +131,12 @@ def sqrt(x: Any) -> Any:
 def exp(x: Any) -> Any:
     """Exponential function."""
     return _primitives_of(x).exp(x)
+
+
+def expm1(x: Any) -> Any:
+    """exp(x) - 1, which keeps all its digits where x is small."""
+    own = _primitives_of(x)
+    return own.exp(x) - 1.0 if own.expm1 is None else own.expm1(x)
 
 
 def log(x: Any) -> Any:

@@ -23,7 +23,7 @@ ALLOWED = (
 SINES = "take the sine and cosine as arguments, such as s1 and c1, or write s, c = sincos(x) with sincos of"
 CONDITIONS = "join conditions by & and |, and write logical_not(condition) of redundant_envs.algebra"
 INSTEAD = {
-    "sqrt exp log floor where": "take the function of this name from redundant_envs.algebra",
+    "sqrt exp expm1 log floor where": "take the function of this name from redundant_envs.algebra",
     "abs absolute fabs": "write abs(x)",
     "max amax fmax maximum": "write maximum(a, b) with maximum of redundant_envs.algebra",
     "min amin fmin minimum": "write minimum(a, b) with minimum of redundant_envs.algebra",
@@ -32,7 +32,6 @@ INSTEAD = {
     "tanh": "write 1.0 - 2.0 / (exp(2.0 * x) + 1.0), or squash(x, scale) of redundant_envs.algebra",
     "sinh": "write 0.5 * (exp(x) - exp(-x))",
     "cosh": "write 0.5 * (exp(x) + exp(-x))",
-    "expm1": "write exp(x) - 1.0",
     "erf": "write squash(x, scale) of redundant_envs.algebra, another smooth step",
     "sign": "write where(x > 0.0, 1.0, where(x < 0.0, -1.0, 0.0))",
     "copysign": "write where(sign < 0.0, -abs(x), abs(x))",

@@ -113,6 +113,7 @@ register_numbers(
         _derived(algebra.sqrt, lambda x, y: 0.5 / y), _derived(algebra.exp, lambda x, y: y),
         _derived(algebra.log, lambda x, y: 1.0 / x),
         _derived(algebra.floor, lambda x, y: 0.0), _sincos, where, algebra.logical_not,
+        expm1=_derived(algebra.expm1, lambda x, y: 1.0 + y),
     ),
     Dual, wrap=True,
 )  # fmt: skip

@@ -159,6 +159,7 @@ register_numbers(
     Primitives(
         _smooth(algebra.sqrt), _smooth(algebra.exp), _smooth(algebra.log), _floor, _sincos, where,
         lambda x: Choice(algebra.logical_not(x.condition), x.kinks),
+        expm1=_smooth(algebra.expm1),
     ),
     Moving, Choice, wrap=True,
 )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from redundant_envs.algebra import Primitives, register_numbers
 from redundant_envs.philox import LOW
 from redundant_envs.philox import philox as words_of
-from redundant_envs.tracing.number import exponential, logarithm
+from redundant_envs.tracing.number import exponential, exponential_less_one, logarithm
 
 
 def exp(x: Any) -> Any:
@@ -21,6 +21,12 @@ def exp(x: Any) -> Any:
 
 def _power_of_two(n: Any) -> Any:
     return np.ldexp(1.0, np.asarray(n).astype(np.int64))
+
+
+def expm1(x: Any) -> Any:
+    """exp(x) - 1 to two units in the last place, likewise."""
+    with np.errstate(invalid="ignore"):
+        return exponential_less_one(x, lambda a, b, c: a * b + c, _power_of_two)
 
 
 def log(x: Any) -> Any:
@@ -44,6 +50,8 @@ def _where(condition: Any, a: Any, b: Any) -> Any:
 
 
 register_numbers(
-    Primitives(np.sqrt, exp, log, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not, philox),
+    Primitives(
+        np.sqrt, exp, log, np.floor, lambda x: (np.sin(x), np.cos(x)), _where, np.logical_not, philox, expm1
+    ),
     np.ndarray, np.generic,
 )  # fmt: skip

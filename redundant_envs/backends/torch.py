@@ -35,7 +35,7 @@ def _philox(*numbers: Any) -> tuple[torch.Tensor, ...]:
 register_numbers(
     Primitives(
         torch.sqrt, torch.exp, torch.log, torch.floor, lambda x: (torch.sin(x), torch.cos(x)), _where,
-        torch.logical_not, _philox,
+        torch.logical_not, _philox, torch.expm1,
     ),
     torch.Tensor,
 )  # fmt: skip

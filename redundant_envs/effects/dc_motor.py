@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, exp, physics
+from redundant_envs.algebra import clamp, expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
@@ -31,7 +31,7 @@ def electrical_rate(resistance, inductance):
 def current_after(command, rate, current, resistance, inductance, constant, gear, voltage, elapsed):
     """The current after a time at a constant rate."""
     steady = driving_voltage(command, rate, constant, gear, voltage) / resistance
-    return steady + (current - steady) * exp(-(electrical_rate(resistance, inductance) * elapsed))
+    return current - (steady - current) * expm1(-(electrical_rate(resistance, inductance) * elapsed))
 
 
 @physics

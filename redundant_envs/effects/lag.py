@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import exp, physics
+from redundant_envs.algebra import expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
@@ -18,7 +18,7 @@ def approach(command, effort, time_constant):
 @physics
 def approached(command, effort, time_constant, elapsed):
     """The effort after a time under a constant command."""
-    return command + (effort - command) * exp(-(1.0 / time_constant * elapsed))
+    return effort - (command - effort) * expm1(-(1.0 / time_constant * elapsed))
 
 
 @physics

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import exp, maximum, physics, where
+from redundant_envs.algebra import exp, expm1, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook, State, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
-
-FEW_DECAYS = 1e-3
-"""Slip in units of the bristles' reach below which a series is used: rounding would be 1e-13 of it, and the
-next term of the series is 1e-14."""
 
 
 @physics
 def level(rate, coulomb, stiction, stribeck_speed):
     """Friction at a constant rate, without its viscous part: from the stiction down to the Coulomb level."""
-    return coulomb + (stiction - coulomb) * exp(-((rate / stribeck_speed) ** 2))
+    return coulomb + (stiction - coulomb) * exp(-((1.0 / stribeck_speed * rate) ** 2))
 
 
 @physics
@@ -33,12 +29,11 @@ def bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed):
 
 @physics
 def bent(rate, bristle, stiffness, coulomb, stiction, stribeck_speed, elapsed):
-    """Deflection after a time at a constant rate: z e^-x + v t (1 - e^-x) / x with x = decay t."""
+    """Deflection after a time at a constant rate: it approaches that of sliding, g(v) sign(v) / sigma0."""
+    slid = 1.0 / stiffness * level(rate, coulomb, stiction, stribeck_speed)
+    steady = where(rate < 0.0, -slid, slid)
     x = decay(rate, stiffness, coulomb, stiction, stribeck_speed) * elapsed
-    left = exp(-x)
-    series = 1.0 - 0.5 * x + 0.16666666666666666 * x**2 - 0.041666666666666664 * x**3
-    mean = where(x > FEW_DECAYS, (1.0 - left) / maximum(x, FEW_DECAYS), series)
-    return bristle * left + rate * elapsed * mean
+    return bristle - (steady - bristle) * expm1(-x)
 
 
 @physics

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from redundant_envs.algebra import exp, maximum, where
+from redundant_envs.algebra import expm1, where
 from redundant_envs.effects.attached import TIME, Attached
 from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import Force
@@ -30,10 +30,10 @@ def share(decays: Any) -> Any:
     z' = (a + w b t - z) / T, constant but for z, is the same at t if w = 1 / (1 - e) - T / t. ``decays`` is
     t / T.
     """
-    many = maximum(decays, FEW_DECAYS)
-    return where(
-        decays > FEW_DECAYS, 1.0 / (1.0 - exp(-many)) - 1.0 / many, 0.5 + 0.08333333333333333 * decays
-    )
+    gone = -expm1(-decays)
+    many = decays > FEW_DECAYS
+    exact = (decays - gone) / where(many, decays * gone, 1.0)
+    return where(many, exact, 0.5 + 0.08333333333333333 * decays)
 
 
 class StepStart:

@@ -21,7 +21,7 @@ from redundant_envs.tracing.graph import COMPARISONS, Operation, Value, reached
 Procedure = Callable[[Lane], Any]
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
-    "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp,
+    "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp, "expm1": algebra.expm1,
     "log": algebra.log, "philox": algebra.philox,
     "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
     **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,

@@ -217,7 +217,11 @@ def exp(x: Number) -> Any:
     """Exponential function to one unit in the last place, without a branch."""
     if x.graph.whole:
         return _unary("exp")(x)
-    return exponential(x, fma, lambda n: _unary("power")(n + ROUND))
+    return exponential(x, fma, _power_of_two)
+
+
+def _power_of_two(n: Number) -> Any:
+    return _unary("power")(n + ROUND)
 
 
 def exponential(x: Any, fma: Method, power_of_two: Method) -> Any:
@@ -226,15 +230,35 @@ def exponential(x: Any, fma: Method, power_of_two: Method) -> Any:
     Cody and Waite's reduction by multiples of ln 2 held in two parts (fdlibm, e_exp.c), the Taylor polynomial
     of degree 13 for |r| <= ln 2 / 2, and two powers of two, from -1022 to 1023, neither of which overflows.
     """
-    x = algebra.minimum(algebra.maximum(x, -746.0), 746.0)
+    k, more = _reduced(algebra.minimum(algebra.maximum(x, -746.0), 746.0), fma)
+    half = algebra.floor(0.5 * k)
+    return (1.0 + more) * power_of_two(half) * power_of_two(k - half)
+
+
+def expm1(x: Number) -> Any:
+    """exp(x) - 1 to two units in the last place, without a branch."""
+    if x.graph.whole:
+        return _unary("expm1")(x)
+    return exponential_less_one(x, fma, _power_of_two)
+
+
+def exponential_less_one(x: Any, fma: Method, power_of_two: Method) -> Any:
+    """exp(x) - 1 by the reduction of :func:`exponential`: 2^k (1 + y) - 1 = 2^k y + (2^k - 1), where y alone
+    has to be rounded. It is -1 from -40 on; half of it does not overflow."""
+    k, more = _reduced(algebra.minimum(algebra.maximum(x, -40.0), 709.79), fma)
+    half = power_of_two(k - 1.0)
+    return 2.0 * fma(half, more, half - 0.5)
+
+
+def _reduced(x: Any, fma: Method) -> tuple[Any, Any]:
+    """k and y with exp(x) = 2^k (1 + y)."""
     k = fma(x, 1.4426950408889634, ROUND) - ROUND
     r = fma(-k, 6.93147180369123816490e-01, x)
     r = fma(-k, 1.90821492927058770002e-10, r)
     p: Any = 1.0 / math.factorial(13)
     for n in range(12, 1, -1):
         p = 1.0 / math.factorial(n) + r * p
-    half = algebra.floor(0.5 * k)
-    return (1.0 + (r + r * r * p)) * power_of_two(half) * power_of_two(k - half)
+    return k, r + r * r * p
 
 
 def log(x: Number) -> Any:
@@ -286,7 +310,7 @@ def philox(*numbers: Any) -> tuple[Number, ...]:
 
 
 algebra.register_numbers(
-    algebra.Primitives(_unary("sqrt"), exp, log, _unary("floor"), sincos, where, negation, philox),
+    algebra.Primitives(_unary("sqrt"), exp, log, _unary("floor"), sincos, where, negation, philox, expm1),
     Number, Condition,
 )  # fmt: skip
 

@@ -49,6 +49,20 @@ def test_exponentials_to_the_last_place_and_at_both_ends(exp):
     np.testing.assert_array_equal(ends, [1.0, 1.0, np.inf, np.inf, np.inf, 0.0, 0.0, np.nan])
 
 
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize(
+    "expm1", [lambda x: on_columns(algebra.expm1, x)[0], algebra.expm1], ids=["compiled", "arrays"]
+)
+def test_exponentials_less_one_to_two_units_and_at_both_ends(expm1):
+    rng = np.random.default_rng(0)
+    small = 10.0 ** rng.uniform(-300.0, 0.0, 2000) * rng.choice([-1.0, 1.0], 2000)
+    x = np.concatenate([small, rng.uniform(-45, 709.7, 4000), rng.uniform(-2, 2, 8000), [709.782712893384]])
+    exact = np.array([float(mpmath.expm1(mpmath.mpf(float(v)))) for v in x])
+    assert (np.abs(expm1(x) - exact) <= 2.0 * np.spacing(np.abs(exact))).all()
+    ends = expm1(np.array([0.0, 1e-300, 709.79, 800.0, np.inf, -38.0, -746.0, -np.inf, np.nan]))
+    np.testing.assert_array_equal(ends, [0.0, 1e-300, np.inf, np.inf, np.inf, -1.0, -1.0, -1.0, np.nan])
+
+
 @pytest.mark.parametrize(
     "log", [lambda x: on_columns(algebra.log, x)[0], algebra.log], ids=["compiled", "arrays"]
 )
@@ -84,6 +98,15 @@ def test_the_exponentials_of_arrays_are_those_of_every_machine():
     assert hashlib.sha256(bits).hexdigest()[:16] == "f978317a98362c2a"
     assert algebra.exp(np.float64(0.0)) == 1.0
     assert algebra.exp(np.array(1.0)).shape == ()
+
+
+@pytest.mark.skipif(llvm.host().triple[:6] != "x86_64", reason="the other code is that of x86")
+def test_the_exponentials_of_another_processor_have_the_same_bits():
+    x = np.concatenate([np.linspace(-50.0, 700.0, 20_001), np.linspace(-1.0, 1.0, 20_001)])
+    for function in (algebra.exp, algebra.expm1):
+        with llvm.target(llvm.AVX2):
+            other = on_columns(function, x)
+        np.testing.assert_array_equal(on_columns(function, x), other)
 
 
 CASES = [0.0, -0.0, 1.0, -2.5, np.inf, -np.inf, np.nan]

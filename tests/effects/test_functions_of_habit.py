@@ -74,7 +74,7 @@ def test_a_seeded_search_names_every_function_in_every_form():
 
 
 REPLACED = {
-    "tanh": np.tanh, "sinh": np.sinh, "cosh": np.cosh, "expm1": np.expm1, "sign": np.sign,
+    "tanh": np.tanh, "sinh": np.sinh, "cosh": np.cosh, "sign": np.sign,
     "ceil": np.ceil, "int": np.trunc, "square": np.square, "radians": np.radians, "degrees": np.degrees,
     "reciprocal": np.reciprocal, "negative": np.negative, "heaviside": lambda x: np.heaviside(x, 1.0),
     "round": lambda x: np.floor(x + 0.5), "fabs": np.abs,

@@ -2,13 +2,14 @@
 
 import dataclasses
 
+import mpmath
 import numpy as np
 import pytest
 from catalogue import ARMS, FOUR_R, advanced
 
 import redundant_envs as rde
 from redundant_envs.algebra import exp, physics
-from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State
+from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State, lu_gre
 from redundant_envs.lane.closed_forms import share
 
 
@@ -171,6 +172,40 @@ def test_the_energy_book_closes_and_stops_are_met_with_states_in_closed_form():
         assert np.abs(balance - balance[0]).max() < most
         assert motion.work[-1] < -0.1
     assert len(motion.events) > 2
+
+
+@pytest.mark.parametrize("dt", [1e-9, 1e-6, 1e-3, 1.0])
+def test_closed_forms_keep_their_digits_in_short_steps(dt):
+    """Nearly all of a state is still to come after a nanosecond; with exp(-x) - 1 in place of expm1(-x) the
+    last digits of what has come would be lost, seven of them after a microsecond."""
+    heavy = rde.Chain("R", (1e15,), (1.0,))
+    motor = rde.effects.DCMotor(resistance=2.0, inductance=0.05, constant=0.1, gear=1.0)
+    for effect, steady, rate in ((rde.effects.Lag(0.03), 3.0, 1.0 / 0.03), (motor, 1.5, 40.0)):
+        scene = rde.Scene(heavy, (effect,), "rk8", dt)
+        batch, _ = advanced(scene, np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 1), 3.0))
+        np.testing.assert_allclose(batch.z, -steady * np.expm1(-rate * dt), rtol=1e-15)
+
+
+def test_bristles_keep_their_digits_in_short_steps():
+    rng = np.random.default_rng(0)
+    rate, z, stiffness, low, vs, t = 10.0 ** rng.uniform(-9.0, 2.0, (6, 400))
+    rate, z, high = rate * rng.choice([-1.0, 1.0], 400), z * 1e-9 * rng.choice([-1.0, 1.0], 400), low * 1.5
+    found = lu_gre.bent(rate, z, stiffness, low, high, vs, t)
+    for k in range(400):
+        v, z0, s, f, g, w, dt = map(mpmath.mpf, (rate[k], z[k], stiffness[k], low[k], high[k], vs[k], t[k]))
+        slid = mpmath.sign(v) * (f + (g - f) * mpmath.exp(-((v / w) ** 2))) / s
+        gone = -mpmath.expm1(-abs(v / slid) * dt)
+        assert found[k] - z[k] == pytest.approx(float((slid - z0) * gone), rel=1e-12, abs=4e-16 * abs(z[k]))
+
+
+def test_a_share_is_between_a_half_and_one():
+    decays = np.concatenate([10.0 ** np.linspace(-300.0, 300.0, 6001), [0.0]])
+    shares = share(decays)
+    assert (shares >= 0.5).all()
+    assert (shares <= 1.0).all()
+    with mpmath.workdps(40):
+        exact = [1 / -mpmath.expm1(-mpmath.mpf(x)) - 1 / mpmath.mpf(x) for x in decays[2900:3200]]
+    np.testing.assert_allclose(shares[2900:3200], np.array(exact, float), rtol=0.0, atol=1.5e-12)
 
 
 def test_all_evaluators_have_the_same_motion():
