@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from redundant_envs.backends import llvm
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "redundant_envs"
 PAGE = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
@@ -93,6 +95,8 @@ def test_every_file_that_the_page_names_is_there():
 def test_the_way_of_a_number_has_the_functions_that_run(ran):
     way = listed()
     assert len(way) <= MOST_FILES
+    if not llvm.processor().wide:
+        del way["tracing/passes/order.py"]  # narrower vectors have LLVM's order of instructions
     assert {(file, function) for file, function in way.items() if (file, function) not in ran} == set()
 
 
