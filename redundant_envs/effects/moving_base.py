@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from redundant_envs.algebra import physics
+from redundant_envs.algebra import physics, sincos
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import numbers, strength
@@ -15,20 +15,11 @@ NAME = re.compile(r"\w*")
 
 
 @physics
-def acceleration(s, frequency, x, y):
-    """The second derivative of the amplitude times s, the sine of the phase."""
-    share = -frequency * (frequency * s)
-    return x * share, y * share
-
-
-@physics
-def sine_rate(c, frequency):
-    return frequency * c
-
-
-@physics
-def cosine_rate(s, frequency):
-    return -(frequency) * s
+def acceleration(angle, frequency, x, y):
+    """The second derivative of the amplitude times the sine of the angle."""
+    sine, _ = sincos(angle)
+    square = -(frequency * frequency)
+    return x * square * sine, y * square * sine
 
 
 @physics
@@ -41,8 +32,8 @@ class MovingBase(Effect):
     """The base swings to and fro, without turning: b(t) = A sin(w t).
 
     Coordinates, velocities, goals and energies are those that one sees from the base. There the arm
-    moves as in the uniform field b''(t), which is added to gravity; its power counts as work. The sine
-    and the cosine are states, integrated beside the arm's; each motion and each episode begins at t = 0.
+    moves as in the uniform field b''(t), which is added to gravity; its power counts as work. The angle w t
+    is a state; each motion and each episode begins at t = 0.
 
     Parameters
     ----------
@@ -81,9 +72,6 @@ class MovingBase(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"frequency": ".frequency"}
-        phase = (
-            State("s", "1", sine_rate, bind={"c": ".c", **own}, rate=pace),
-            State("c", "1", cosine_rate, bind={"s": ".s", **own}, initial=1.0, rate=pace),
-        )
-        bind = {"s": ".s", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
-        return (Field(acceleration, bind, phase),)
+        angle = State("angle", "rad", pace, bind=own, rate=pace)
+        bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
+        return (Field(acceleration, bind, (angle,)),)

@@ -17,7 +17,7 @@ from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.kinks import kink_values, levels_of
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
-from redundant_envs.numerics.methods import Step, Watched, explicit_step
+from redundant_envs.numerics.methods import Numbers, Step, Watched, explicit_step
 from redundant_envs.quantities import Quantities
 from redundant_envs.tracing.passes.stages import Subroutine
 
@@ -36,36 +36,47 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
     numbers = coordinates.known_numbers(dynamics, lane)
     start = _start_of_closed_forms(dynamics, lane, numbers)
     count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
-    time = ("elapsed",) if start else ()
+    states, alone = dynamics.states[:width], dynamics.autonomous
+    # What is known before the accelerations of the stage before are comes first.
+    early = (*states[:count], *alone, *(("elapsed",) if start else ()))
+    late = tuple(name for name in states[count:] if name not in alone)
+    arguments = (*early, *late, *numbers, *start)
 
     def derivatives(*values: Any) -> list[Any]:
-        known = dict(zip((*numbers, *start, *time), values[width:], strict=True))
-        x = coordinates.contact_quantities(dynamics, values[:width], {n: known[n] for n in numbers})
+        known = dict(zip(arguments, values, strict=True))
+        x = coordinates.contact_quantities(
+            dynamics, [known[name] for name in states], {n: known[n] for n in numbers}
+        )
         results = dynamics.accelerations(
             x, InStep(known, known["elapsed"], dynamics.varying) if start else None
         )
+        others = zip(states[count:], results, strict=False)
+        results = [change for name, change in others if name not in alone] + results[width - count :]
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.bounded]
         pulls = dynamics.pulls(x) if dynamics.guards else {}
         results += [pulls[b.name] for b in dynamics.guards]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
-        return [*results, *(values[count + k] for k in sliders)]
+        return [*results, *(known[states[count + k]] for k in sliders)]
 
     kinks, sliders = levels_of(dynamics.kinks), dynamics.watched_sliders
     more = len(dynamics.boundaries) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives
     if dynamics.method.stages > MOST_INLINED:
-        right_hand_side = Subroutine(
-            derivatives, count, width - count + more,
-            (*dynamics.states[:width], *numbers, *start, *time),
-            [k - count for k, name in enumerate(dynamics.states) if name == "work"],
-        )  # fmt: skip
-    inputs = [*numbers.values(), *start.values()]
-    states = lane.get(dynamics.states[:width])
+        asides = [k for k, name in enumerate(late) if name == "work"]
+        right_hand_side = Subroutine(derivatives, len(early), len(late) + more, arguments, asides)
+
+    def changes(q: Numbers, v: Numbers, z: Numbers, node: float) -> Numbers:
+        known = {**numbers, **start, **dict(zip(states, (*q, *v, *z), strict=True))}
+        if start:
+            known["elapsed"] = node * h
+        results = right_hand_side(*(known[name] for name in arguments))
+        found = dict(zip(late, results, strict=False)) | dynamics.autonomous_changes(known)
+        return [*(found[name] for name in states[count:]), *results[len(late) :]]
+
+    values = lane.get(states)
     step = explicit_step(
-        dynamics.method,
-        lambda q, v, z, node: right_hand_side(*q, *v, *z, *inputs, *(node * h for _ in time)),
-        states[:count], states[count : 2 * count], states[2 * count :], h,
-    )  # fmt: skip
+        dynamics.method, changes, values[:count], values[count : 2 * count], values[2 * count :], h
+    )
     if start:
         x = coordinates.contact_quantities(
             dynamics, [*step.positions, *step.velocities, *step.others], numbers

@@ -72,10 +72,37 @@ class Dynamics(SceneBoundaries):
         return () if self.controlled else self.effect_states.closed
 
     @cached_property
+    def constant(self) -> frozenset[str]:
+        """Quantities that are constant in a step."""
+        return frozenset((*self.numbers, *self.commands, *self.effect_states.updated, *self.passed))
+
+    @cached_property
     def varying(self) -> dict[str, tuple[str, ...]]:
         """Quantities that closed forms take, and that change in a step; see :mod:`closed_forms`."""
-        constant = frozenset((*self.numbers, *self.commands, *self.effect_states.updated, *self.passed))
-        return varying_arguments(self.scene.attached, self.arm, constant) if self.closed else {}
+        return varying_arguments(self.scene.attached, self.arm, self.constant) if self.closed else {}
+
+    @cached_property
+    def _autonomous(self) -> tuple[Attached[Any], ...]:
+        """Fields and forces with states whose rates of change follow from these and constants alone."""
+
+        def follows(a: Attached[Any]) -> bool:
+            own = [functions["derivative"] for functions in a.states.values() if "derivative" in functions]
+            known = {*a.states, *self.constant}
+            return bool(own) and all(known.issuperset(f.names) for f in own)
+
+        hooks = (*self.scene.attached.of(Field), *self.scene.attached.of(Force))
+        return tuple(a for a in hooks if follows(a))
+
+    @cached_property
+    def autonomous(self) -> tuple[str, ...]:
+        """States of these that are integrated."""
+        own = {field for a in self._autonomous for field in a.states} - {*self.closed}
+        return tuple(name for name in self.effect_states.integrated if name in own)
+
+    def autonomous_changes(self, known: Mapping[str, Any]) -> dict[str, Any]:
+        """Rates of change of such states by their names, from them and from constants."""
+        x = Quantities(known, (), {})
+        return {k: v for a in self._autonomous for k, v in a.changes("derivative", x).items()}
 
     @property
     def commands(self) -> tuple[str, ...]:

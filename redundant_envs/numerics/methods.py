@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
@@ -49,6 +50,13 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
     return factor, total
 
 
+def stage_slope(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
+    """The same for a stage; slopes that are one number, as that of a clock, are added as one."""
+    return (
+        weighted(weights, terms) if any(t is not terms[0] for t in terms) else (math.fsum(weights), terms[0])
+    )
+
+
 def watch(values: Numbers, method: Tableau) -> Watched:
     """A quantity from its values at the stages of a method."""
     least, most = reduce(minimum, values), reduce(maximum, values)
@@ -78,7 +86,7 @@ def explicit_step(
     for row, node in zip(method.a, method.c, strict=True):
         stage = state
         if any(row):
-            sums = [weighted(row, slope) for slope in slopes]
+            sums = [stage_slope(row, slope) for slope in slopes]
             stage = [s + (h * f) * total for s, (f, total) in zip(state, sums, strict=True)]
         results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :], node)
         for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
