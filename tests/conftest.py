@@ -17,8 +17,8 @@ COLLECTION_THRESHOLDS = 50_000, 20, 100
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
 QUICKLY_MADE = {
-    "control", "effects", "envs", "events", "fuzz", "lane", "model", "numerics", "outside",
-    "test_effect_pages.py", "test_verified_effects.py",
+    "control", "effects", "envs", "events", "fuzz", "hard_cases", "lane", "model", "numerics", "oracles",
+    "outside", "studies", "test_effect_pages.py", "verify",
 }  # fmt: skip
 """Folders and files of tests that compile many scenes and compute little with each: with its least effort
 LLVM makes their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all
