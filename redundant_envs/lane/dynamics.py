@@ -87,7 +87,7 @@ class Dynamics(SceneBoundaries):
 
         def follows(a: Attached[Any]) -> bool:
             own = [functions["derivative"] for functions in a.states.values() if "derivative" in functions]
-            known = {*a.states, *self.constant}
+            known = {*a.states, *self.constant} - {*self.closed}  # closed forms are those of a stage
             return bool(own) and all(known.issuperset(f.names) for f in own)
 
         hooks = (*self.scene.attached.of(Field), *self.scene.attached.of(Force))

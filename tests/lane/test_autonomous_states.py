@@ -8,7 +8,7 @@ from catalogue import ARMS, FOUR_R, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
+from redundant_envs.algebra import exp, physics
 from redundant_envs.lane.dynamics import Dynamics
 
 PACE = 40.0
@@ -85,6 +85,67 @@ def test_they_have_the_same_motion_as_states_that_wait_for_the_arm(name, field, 
     for found, expected in ((one.q, other.q), (one.qd, other.qd), (one.z, other.z)):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(one.z, [[np.sin(PACE * 0.4), np.cos(PACE * 0.4)]], atol=2e-5)
+
+
+@physics
+def decay(first):
+    return -first
+
+
+@physics
+def decayed(first, elapsed):
+    return first * exp(-elapsed)
+
+
+@physics
+def sum_of(first):
+    return first
+
+
+@dataclasses.dataclass(frozen=True)
+class Followed(e.Effect):
+    """A state in closed form, and another that follows it and pushes the first joint a little."""
+
+    def hooks(self, arm):
+        first = e.State("first", "1", decay, bind={"first": ".first"}, initial=1.0, closed=decayed)
+        second = e.State("second", "1", sum_of, bind={"first": ".first"})
+        return (e.Force(0, push, {"s": ".second", "strength": "m1"}, states=(first, second)),)
+
+
+def test_a_state_that_follows_one_in_closed_form_follows_it_within_a_step():
+    scene = rde.Scene(FOUR_R, (Followed(),), "rk8", 1.0)
+    batch, _ = advanced(scene, *START, np.zeros((1, 4)))
+    np.testing.assert_allclose(sorted(batch.z[0]), [np.exp(-1.0), 1.0 - np.exp(-1.0)], rtol=1e-9)
+
+
+@physics
+def even(pace):
+    return pace
+
+
+@physics
+def later(angle, pace, elapsed):
+    return angle + pace * elapsed
+
+
+@dataclasses.dataclass(frozen=True)
+class Clock(e.Effect):
+    """Two clocks that push a joint; one has a closed form."""
+
+    pace: float = PACE
+
+    def hooks(self, arm):
+        own = {"pace": ".pace"}
+        first = e.State("first", "rad", even, bind={"angle": ".first", **own}, closed=later)
+        second = e.State("second", "rad", even, bind=own)
+        taken = {"s": ".first", "strength": ".second"}
+        return (e.Force(0, push, taken, states=(first, second)),)
+
+
+def test_a_clock_in_closed_form_goes_beside_one_without():
+    scene = rde.Scene(FOUR_R, (Clock(),), "rk8", 0.02)
+    batch, _ = advanced(scene, *START, np.zeros((1, 4)), intervals=2)
+    np.testing.assert_allclose(batch.z[0], [0.04 * PACE] * 2, rtol=1e-14)
 
 
 def test_a_clock_is_as_exact_as_one_sum():
