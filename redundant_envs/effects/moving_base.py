@@ -72,6 +72,7 @@ class MovingBase(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"frequency": ".frequency"}
+        # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
         angle = State("angle", "rad", pace, bind=own, rate=pace)
         bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
         return (Field(acceleration, bind, (angle,)),)

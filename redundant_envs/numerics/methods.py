@@ -52,9 +52,9 @@ def weighted(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
 
 def stage_slope(weights: Sequence[float], terms: Numbers) -> tuple[float, Any]:
     """The same for a stage; slopes that are one number, as that of a clock, are added as one."""
-    return (
-        weighted(weights, terms) if any(t is not terms[0] for t in terms) else (math.fsum(weights), terms[0])
-    )
+    if all(t is terms[0] for t in terms):
+        return math.fsum(weights), terms[0]
+    return weighted(weights, terms)
 
 
 def watch(values: Numbers, method: Tableau) -> Watched:

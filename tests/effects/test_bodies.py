@@ -135,10 +135,12 @@ TIMES = np.linspace(0.0, 0.5, 26)
 
 def test_a_free_mass_stays_where_it_is_while_the_base_moves():
     """Seen from the base it moves as x0 + A w t - A sin w t, and there is no other force."""
-    scene = rde.Scene(rde.Chain("P", (2.0,)), (BASE,), integrator="dop853", control_dt=0.005)
-    motion = rde.simulate(scene, (0.1,), (0.0,), TIMES)
+    scene = rde.Scene(rde.Chain("P", (2.0,)), (BASE,), integrator="dop853")
     expected = 0.1 + 0.02 * (11.0 * TIMES - np.sin(11.0 * TIMES))
-    assert np.abs(motion.q[:, 0] - expected).max() <= 1e-14
+    for control_dt in (0.02, 0.005):
+        motion = rde.simulate(dataclasses.replace(scene, control_dt=control_dt), (0.1,), (0.0,), TIMES)
+        assert np.abs(motion.q[:, 0] - expected).max() <= 1e-14
+    # The estimate does not see the work: in intervals of 20 ms it is off by 2e-14 J.
     assert np.abs(motion.work - motion.kinetic_energy).max() <= 1e-14
     assert motion.work.max() > 0.1
 
