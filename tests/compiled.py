@@ -6,9 +6,8 @@ import numpy as np
 
 from redundant_envs.algebra import where
 from redundant_envs.backends import llvm
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.model.programs import Call
-from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.number import Condition, Number, value_of
 

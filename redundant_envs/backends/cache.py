@@ -83,7 +83,7 @@ def program_key(program: str, lanes: int) -> str:
 def _sources() -> list[str]:
     """The source of the compiler: our own passes and emitters."""
     own = Path(__file__).parent
-    files = sorted([*own.glob("llvm*.py"), *own.parent.glob("tracing/**/*.py")])
+    files = sorted([*own.glob("llvm*.py"), own / "processors.py", *own.parent.glob("tracing/**/*.py")])
     return [p.read_text(encoding="utf-8") for p in files]
 
 

@@ -8,11 +8,12 @@ import threading
 import warnings
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
-from typing import Any, NamedTuple
+from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
 
+from redundant_envs.backends.processors import Processor
 from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.graph import setting, uncollected
 
@@ -30,26 +31,6 @@ _loaded: list[Any] = []
 """Engines own the machine code, so they are kept."""
 
 
-class Processor(NamedTuple):
-    """The target of machine code: LLVM's names of a processor, of its features, and of its kind."""
-
-    name: str
-    features: str
-    triple: str = llvm.get_default_triple()
-
-    @property
-    def wide(self) -> bool:
-        """Whether it has 32 vector registers, for which our order of instructions is made."""
-        return "+avx512f" in self.features.split(",")
-
-    @property
-    def joins(self) -> bool:
-        """Whether it multiplies and adds with one rounding; processors other than x86 all do."""
-        return not self.triple.startswith("x86_64") or "+fma" in self.features.split(",")
-
-
-AVX2 = Processor("haswell", "+fma,+avx2")
-"""The target for most laptops: vectors of four doubles."""
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
 
 
@@ -71,17 +52,22 @@ def processor() -> Processor:
 def facts() -> tuple[str, ...]:
     """Everything that machine code depends on beside the program."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return llvmlite.__version__, version, str(EFFORT), *processor()
+    return llvmlite.__version__, version, str(EFFORT), *map(str, processor())
 
 
 def machine() -> Any:
     """The processor, in LLVM's terms."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    cpu, features, triple = processor()
-    return llvm.Target.from_triple(triple).create_target_machine(
-        cpu=cpu, features=features, opt=EFFORT, codemodel="jitdefault", jit=True
-    )
+    made_for = processor()
+    if made_for.is_wasm:
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+        how: dict[str, Any] = {"codemodel": "default", "reloc": "static"}
+    else:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        how = {"codemodel": "jitdefault", "jit": True}
+    of_kind = llvm.Target.from_triple(made_for.triple)
+    return of_kind.create_target_machine(cpu=made_for.name, features=made_for.features, opt=EFFORT, **how)
 
 
 def object_code(program: Program) -> bytes:
@@ -97,17 +83,18 @@ def assembly(program: Program) -> str:
 def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
     from redundant_envs.backends.llvm_kernels import module_of  # not needed to load compiled code
 
-    ordered = processor().wide
-    if not processor().joins:
+    made_for = processor()
+    assert program.width == made_for.lanes, "programs for a target have its lanes"
+    if not made_for.joins and not made_for.is_wasm:
         warnings.warn(
             "this processor cannot multiply and add with one rounding (FMA); simulations have the same bits "
             "as elsewhere, many times slower",
             stacklevel=2,
         )
     with uncollected():
-        text = str(module_of(program, ordered, processor().triple))
+        text = str(module_of(program, made_for))
     with _lock:
-        llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if ordered else "true"))
+        llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if made_for.wide else "true"))
         try:
             target = machine()
             module = llvm.parse_assembly(text)

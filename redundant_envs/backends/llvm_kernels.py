@@ -18,6 +18,7 @@ from redundant_envs.backends.llvm_lanes import (
     address,
     integer,
 )  # fmt: skip
+from redundant_envs.backends.processors import Processor
 from redundant_envs.tracing.flow import ELEMENTS, Kernel, Program, Scalar
 
 Functions = dict[str, tuple[ir.Function, dict[str, ir.Type]]]
@@ -131,14 +132,15 @@ class KernelEmitter:
         self.builder.call(function, [given[a] for a in arguments])
 
 
-def module_of(program: Program, ordered: bool, triple: str) -> ir.Module:
-    """The LLVM module of a program, for a kind of machine."""
+def module_of(program: Program, target: Processor) -> ir.Module:
+    """The LLVM module of a program, for a target."""
     module = ir.Module("program")
-    module.triple = triple
+    module.triple = target.triple
+    vectors = Vectors(program.lanes, target)
     functions = {
-        name: (lanes.emit_lane_function(module, f, ordered, program.lanes), lanes.signature(f))
+        name: (lanes.emit_lane_function(module, f, vectors), lanes.signature(f))
         for name, f in program.functions.items()
     }
     for kernel in program.kernels:
-        KernelEmitter(module, kernel, functions, lanes.VECTORS[program.lanes])
+        KernelEmitter(module, kernel, functions, vectors)
     return module

@@ -1,4 +1,4 @@
-"""Functions of a block of lanes as LLVM functions on vectors of doubles: of all lanes, or the first 4."""
+"""Functions of a block of lanes as LLVM functions on vectors of doubles: of all lanes, or the first ones."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any
 
 from llvmlite import ir
 
+from redundant_envs.backends.llvm_fma import rounded_once
+from redundant_envs.backends.processors import Processor
 from redundant_envs.philox import LOW, philox
 from redundant_envs.tracing.flow import LaneFunction, Output
 from redundant_envs.tracing.graph import Operation, Value, bits_of, reached
@@ -15,8 +17,6 @@ from redundant_envs.tracing.passes.order import in_order
 from redundant_envs.tracing.passes.simplify import join_products, specialise
 from redundant_envs.tracing.passes.stages import Part, Stages
 
-LANES = 8
-"""Lanes of a block in memory."""
 DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
 EXPONENT_BIAS, MANTISSA_BITS, SIGN_BIT = 1023, 52, 63
@@ -43,26 +43,29 @@ def address(builder: ir.IRBuilder, base: Any, offset: Any, type_: ir.Type) -> An
 
 
 class Vectors:
-    """Vectors with a number for each of the lanes that a function computes: the first ones of a block."""
+    """Vectors with a number for each of the lanes that a function computes: the first ones of a block, which
+    has ``target.lanes`` in memory."""
 
-    def __init__(self, lanes: int) -> None:
-        self.lanes, self.numbers = lanes, ir.VectorType(DOUBLE, lanes)
+    def __init__(self, lanes: int, target: Processor) -> None:
+        self.lanes, self.width, self.target = lanes, target.lanes, target
+        self.numbers = ir.VectorType(DOUBLE, lanes)
         self.truths, self.whole = ir.VectorType(BIT, lanes), ir.VectorType(INT64, lanes)
 
     def same(self, type_: ir.VectorType, k: float) -> ir.Constant:
         """One constant of a type in all lanes."""
         return ir.Constant(type_, [k] * self.lanes)
 
+    def in_order(self, results: list[Value]) -> list[Operation]:
+        """The operations that some results need: for wide processors in our own order."""
+        return in_order(results, self.lanes) if self.target.wide else reached(results)
+
     def load(self, builder: ir.IRBuilder, base: Any, k: int) -> Any:
         """Number k of the lanes."""
-        return builder.load(address(builder, base, k * LANES, self.numbers), align=8)
+        return builder.load(address(builder, base, k * self.width, self.numbers), align=8)
 
-
-VECTORS = {lanes: Vectors(lanes) for lanes in (4, LANES)}
-
-
-def store_block(builder: ir.IRBuilder, value: Any, base: Any, k: int) -> None:
-    builder.store(value, address(builder, base, k * LANES, value.type), align=8)
+    def store(self, builder: ir.IRBuilder, value: Any, base: Any, k: int) -> None:
+        """Store number k of the lanes."""
+        builder.store(value, address(builder, base, k * self.width, value.type), align=8)
 
 
 def compared(builder: ir.IRBuilder, name: str, a: Any, b: Any) -> Any:
@@ -139,6 +142,8 @@ class Emitter:
         if any(signs) and not (all(signs) and node.name == "xor"):
             pairs = zip(arguments, signs, strict=True)
             arguments = [b.icmp_signed("<", a, v.same(v.whole, 0)) if sign else a for a, sign in pairs]
+        if node.name == "fma" and not v.target.joins:
+            return b.call(rounded_once(b.module, v.lanes, checked=not v.target.is_wasm), arguments)
         if node.name in INTRINSICS:
             name = f"{INTRINSICS[node.name]}.v{v.lanes}f64"
             kind = ir.FunctionType(v.numbers, [v.numbers] * len(arguments))
@@ -223,19 +228,17 @@ class Whole:
 class EmittedStages:
     """The functions that the stages of a step call, and the calls."""
 
-    def __init__(
-        self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], ordered: bool, vectors: Vectors
-    ) -> None:
+    def __init__(self, stages: Stages, caller: ir.Function, spaces: dict[str, Any], vectors: Vectors) -> None:
         self.stages, self.vectors = stages, vectors
         # Pointers that no part uses would take registers from those that all parts use.
         values = [v for p in stages.parts.values() for v in (*p.returned, *(v for _, _, v in p.stores))]
         read = {n.extra[0] for n in reached(values) if n.name == "load"}
         self.spaces = {name: base for name, base in spaces.items() if name in read}
         self.returned = ir.LiteralStructType([vectors.numbers] * len(stages.returned))
-        self.functions = {n: self._function(caller, n, part, ordered) for n, part in stages.parts.items()}
+        self.functions = {n: self._function(caller, n, part) for n, part in stages.parts.items()}
         self.memory: dict[str, Any] = {}
 
-    def _function(self, caller: ir.Function, name: str, part: Part, ordered: bool) -> ir.Function:
+    def _function(self, caller: ir.Function, name: str, part: Part) -> ir.Function:
         """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
         result = self.returned if part.returned else ir.VoidType()
         pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
@@ -252,10 +255,10 @@ class EmittedStages:
         for space, k, value in part.stores:
             places.setdefault(value, []).append((space, k))
         results = [*part.returned, *(v for _, _, v in part.stores)]
-        for node in [*(in_order(results, self.vectors.lanes) if ordered else reached(results)), *places]:
+        for node in [*self.vectors.in_order(results), *places]:
             emitted = emitter.value(node)
             for space, k in places.pop(node, ()):  # at once, so that it needs no register
-                store_block(builder, emitted, values[space], k)
+                self.vectors.store(builder, emitted, values[space], k)
         if not part.returned:
             builder.ret_void()
             return builder.function
@@ -274,18 +277,19 @@ class EmittedStages:
             names = ("shared", "kept", "even", "odd", "told")
             self.memory = {name: self._memory(b, n) for name, n in zip(names, sizes, strict=True)}
             for j, k in stages.kept.items():
-                store_block(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
+                self.vectors.store(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
             self._call(emitter, -1)
         return self._call(emitter, stages.calls.index(node))
 
     def _memory(self, builder: ir.IRBuilder, vectors: int) -> Any:
-        memory = builder.alloca(DOUBLE, ir.Constant(INT32, LANES * max(1, vectors)))
-        memory.align = 8 * LANES  # a vector that straddles cache lines is read twice
+        width = self.vectors.width
+        memory = builder.alloca(DOUBLE, ir.Constant(INT32, width * max(1, vectors)))
+        memory.align = 8 * width  # a vector that straddles cache lines is read twice
         return memory
 
     def _told(self, builder: ir.IRBuilder, call: int) -> Any:
         """Address for the results that a call does not return."""
-        return builder.gep(self.memory["told"], [integer(LANES * len(self.stages.told) * call)])
+        return builder.gep(self.memory["told"], [integer(self.vectors.width * len(self.stages.told) * call)])
 
     def _call(self, emitter: Emitter, number: int) -> Any:
         """Call the later part of a stage, but for number -1, with the earlier part of the next, if any."""
@@ -315,10 +319,10 @@ class EmittedStages:
         return emitter.value(stages.results[k])
 
 
-def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool, lanes: int) -> ir.Function:
-    """The LLVM function of a lane function, for the first ``lanes`` of a block; ``ordered`` puts its
-    instructions in our own order."""
-    vectors = VECTORS[LANES if function.whole_blocks else lanes]
+def emit_lane_function(module: ir.Module, function: LaneFunction, vectors: Vectors) -> ir.Function:
+    """The LLVM function of a lane function; for wide processors its instructions are in our own order."""
+    if function.whole_blocks:
+        vectors = Vectors(vectors.width, vectors.target)
     results = function.results
     if function.joins:
         join_products(results, function.aside_results)
@@ -332,17 +336,13 @@ def emit_lane_function(module: ir.Module, function: LaneFunction, ordered: bool,
         return tables[space](k) if space in tables else vectors.load(builder, bases[space], k)
 
     spaces = {n: b for n, b in bases.items() if n in function.spaces}
-    emitted = EmittedStages(stages, builder.function, spaces, ordered, vectors) if stages else None
+    emitted = EmittedStages(stages, builder.function, spaces, vectors) if stages else None
     emitter = Emitter(builder, load, vectors, emitted)
-    if stages:
-        order = stages.in_order(results)
-    else:
-        order = in_order(results, vectors.lanes) if ordered else reached(results)
-    for node in order:
+    for node in stages.in_order(results) if stages else vectors.in_order(results):
         emitter.value(node)
     values = [emitter.value(r) for r in results]
     for (space, k, _), value in zip(function.stores, values, strict=False):
-        store_block(builder, value, bases[space], k)
+        vectors.store(builder, value, bases[space], k)
     _emit_outputs(builder, function.outputs, values[len(function.stores) :], bases, vectors)
     builder.ret_void()
     return builder.function

@@ -11,7 +11,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, Control, Fault
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
-from redundant_envs.tracing.flow import Kernel
+from redundant_envs.tracing.flow import LANES, Kernel
 
 COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64", "numerics": "i8"}
 """Outputs of the kernel for each lane, and the types of these arrays."""
@@ -35,10 +35,11 @@ def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     return p, blocks
 
 
-def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
-    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`."""
+def advance_kernel(dynamics: Dynamics, lanes: int = LANES) -> tuple[Kernel, Blocks]:
+    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`; ``lanes`` are those of a
+    block."""
     interval = Interval(dynamics)
-    p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
+    p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS}, lanes)
     blocks = Blocks(p, interval, interval.layout())
     gives_up = dynamics.local and (bool(dynamics.boundaries) or dynamics.control is Control.ADAPTIVE)
     told: dict[str, Any] = {}

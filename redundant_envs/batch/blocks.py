@@ -12,7 +12,6 @@ from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Lay
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Scalar
 from redundant_envs.tracing.graph import reached
 
-LANES = 8
 GROUP = 64
 """Blocks that go through a step together: few enough to stay in a small cache, many enough that the code of
 a step and the code of its events seldom replace each other in the instruction cache."""
@@ -50,14 +49,25 @@ class Blocks:
 
     def __init__(self, p: Kernel, interval: Interval, layout: Layout) -> None:
         self.p, self.interval, self.layout = p, interval, layout
+        self.lanes = p.lanes
+        """Lanes of a block."""
+        self.shift = p.lanes.bit_length() - 1  # their number is a power of two
         self.functions: dict[str, LaneFunction] = {}
         self.reads: dict[str, set[tuple[str, int]]] = {}  # memory rows that each function loads
         self.read: set[tuple[str, int]] = set()  # those that the kernel itself reads
-        self.count = (p["count"] + (LANES - 1)) >> 3  # number of blocks
+        self.count = self.block_of(p["count"] + (p.lanes - 1))  # number of blocks
+
+    def block_of(self, lane: Scalar) -> Scalar:
+        """The number of the block of a lane."""
+        return lane >> self.shift
+
+    def in_block(self, lane: Scalar) -> Scalar:
+        """The number of a lane in its block."""
+        return lane & (self.lanes - 1)
 
     def width(self, lifetime: Lifetime) -> int:
         """Count of numbers of a block in a memory."""
-        return self.layout.size(lifetime) * LANES
+        return self.layout.size(lifetime) * self.lanes
 
     @property
     def scratch_size(self) -> int:
@@ -75,14 +85,14 @@ class Blocks:
     @property
     def queue_size(self) -> int:
         """Length of the queue, in whole numbers: the waiting lanes, and the homes of entry and slots."""
-        return GROUP * LANES + 2 * LANES if self.interval.dynamics.local else 1
+        return GROUP * self.lanes + 2 * self.lanes if self.interval.dynamics.local else 1
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block with a number; ``in_group`` is its index in the scratch memory."""
         p = self.p
-        first = number * LANES
+        first = number * self.lanes
         rest = p["count"] - first
-        lanes = p.select(rest < LANES, rest, LANES)
+        lanes = p.select(rest < self.lanes, rest, self.lanes)
         pointers = {
             str(STATE): p["state"] + number * self.width(STATE),
             str(PARAMETER): p["parameter"] + number * p["parameter_stride"],
@@ -115,12 +125,12 @@ class Blocks:
         """A field of a lane of a block."""
         space, row = self.layout.row_of(name)
         self.read.add((space, row))
-        return self.p.load(pointers[space], lane + row * LANES)
+        return self.p.load(pointers[space], lane + row * self.lanes)
 
     def store(self, pointers: Mapping[str, Scalar], lane: Any, name: str, value: Any) -> None:
         """Set a field of a lane of a block."""
         space, row = self.layout.row_of(name)
-        self.p.store(pointers[space], lane + row * LANES, value)
+        self.p.store(pointers[space], lane + row * self.lanes, value)
 
     def valid(self, block: Block) -> Scalar:
         """The lanes of a block, as the bits of a whole number."""
@@ -168,13 +178,13 @@ class Blocks:
         p, tables = self.p, {}
         for table, (kind, columns) in function.inputs.items():
             there = p[table] + block.first * columns
-            tile = p.space(LANES * columns, kind)
-            with p.when(block.lanes < LANES):
-                with p.each(LANES * columns) as i:
+            tile = p.space(self.lanes * columns, kind)
+            with p.when(block.lanes < self.lanes):
+                with p.each(self.lanes * columns) as i:
                     p.store(tile, i, p.number(i) * 0.0)
                 with p.each(block.lanes * columns) as i:
                     p.store(tile, i, p.load(there, i))
-            tables[table] = p.select(block.lanes == LANES, there, tile, kind=kind)
+            tables[table] = p.select(block.lanes == self.lanes, there, tile, kind=kind)
         p.call(function, **tables, **block.pointers, **(outputs or {}))
 
     def prune(self) -> None:

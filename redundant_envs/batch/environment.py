@@ -6,7 +6,7 @@ import enum
 import math
 from typing import Any
 
-from redundant_envs.batch.blocks import LANES, MEMORY, Block, Blocks, Ends
+from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends
 from redundant_envs.batch.slots import advance
 from redundant_envs.draws import KEY_WORDS, WORDS, uniform
 from redundant_envs.lane.dynamics import DRAW_KEY
@@ -15,7 +15,7 @@ from redundant_envs.lane.memory import Lane
 from redundant_envs.philox import philox
 from redundant_envs.quantities import Quantities
 from redundant_envs.tasks.base import Task
-from redundant_envs.tracing.flow import Kernel, LaneFunction, Output, Scalar
+from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction, Output, Scalar
 from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.number import Number, value_of
 
@@ -56,11 +56,11 @@ ARGUMENTS = {
 
 
 class EnvironmentKernel:
-    """Step, reset or observe all environments in one call."""
+    """Step, reset or observe all environments in one call; ``lanes`` are those of a block."""
 
-    def __init__(self, episode: Episode) -> None:
+    def __init__(self, episode: Episode, lanes: int = LANES) -> None:
         self.episode = episode
-        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS})
+        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
@@ -143,7 +143,7 @@ class EnvironmentKernel:
             self.p.call(function, **block.pointers)
 
     def _clear(self, block: Block) -> None:
-        with self.p.each(LANES) as k:
+        with self.p.each(self.blocks.lanes) as k:
             self.blocks.store(block.pointers, k, "resetting", 0.0)
 
     def draw(self, block: Block, k: Scalar) -> None:

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs.batch.blocks import GROUP, LANES, Block, Blocks, Ends, Procedure
+from redundant_envs.batch.blocks import GROUP, Block, Blocks, Ends, Procedure
 from redundant_envs.events.contacts import Happening
 from redundant_envs.lane.features import MOST_LOGGED, Control
 from redundant_envs.lane.interval import FIRST
@@ -26,23 +26,28 @@ class Seats(NamedTuple):
 
 
 class Slots:
-    """Local time stepping: lanes that the common step does not serve go through slots, eight at a time.
+    """Local time stepping: lanes that the common step does not serve go through slots, a block at a time.
 
-    Where there are boundaries, lanes first enter a block in front of the slots, in which eight begin their
-    programs at once: slots become free one by one.
+    Where there are boundaries, lanes first enter a block in front of the slots, in which all of them
+    begin their programs at once: slots become free one by one.
     """
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
         self.layout, self.dynamics, self.ends = blocks.layout, blocks.interval.dynamics, ends
         self.trace()  # before any address: the program of a lane declares fields
-        p, homes = self.p, self.p["queue"] + GROUP * LANES
+        p, lanes, homes = self.p, blocks.lanes, self.p["queue"] + GROUP * blocks.lanes
         self.shared = p["parameter_stride"] == 0
         self.waiting = p["queue"] + 0
-        self.slots, self.entry = Seats(self._pointers(0), homes), Seats(self._pointers(1), homes + LANES)
-        self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, 255))
+        self.slots, self.entry = Seats(self._pointers(0), homes), Seats(self._pointers(1), homes + lanes)
+        self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, self.all))
         self.next, self.last = p.variable(0), p.variable(0)  # lanes of the entry that wait for a slot
         self.before = p.variable(0)  # number of busy lanes of the previous group
+
+    @property
+    def all(self) -> int:
+        """The bits of all slots."""
+        return (1 << self.blocks.lanes) - 1
 
     def _pointers(self, number: int) -> dict[str, Scalar]:
         """The addresses of the memories of the slots, 0, or of the entry, 1."""
@@ -252,7 +257,7 @@ class Slots:
             return
         with p.when((self.next.value == self.last.value) & waits()):
             self.next.value = self.last.value = 0
-            with p.loop_while(lambda: waits() & (self.last.value < LANES)):
+            with p.loop_while(lambda: waits() & (self.last.value < self.blocks.lanes)):
                 self.take(self.entry, self.last.value)
                 self.last.value = self.last.value + 1
             self.begin(self.entry)
@@ -270,7 +275,7 @@ class Slots:
         self.head.value = self.head.value + 1
         self.busy.value = self.busy.value + 1
         p.store(seats.homes, seat, lane)
-        home, k = self.block(lane >> 3), lane & (LANES - 1)
+        home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
         self._bring(self.brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
@@ -287,9 +292,9 @@ class Slots:
         p = self.p
         lane, slots = p.load(self.slots.homes, slot), self.slots.pointers
         self.busy.value = self.busy.value - 1
-        self.before.value = self.before.value - p.select((lane >> 3) < first, 1, 0)
+        self.before.value = self.before.value - p.select(self.blocks.block_of(lane) < first, 1, 0)
         self.free.value = self.free.value | p.record("<<", 1, slot)
-        home, k = self.block(lane >> 3), lane & (LANES - 1)
+        home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
         self._copy(self.returned, home.pointers, k, slots, slot)
         self.blocks.store(slots, slot, "complete", 0.0)
         self.blocks.store(slots, slot, "state", IDLE)
@@ -300,29 +305,29 @@ class Slots:
         """Append an event, with its time, kind and speed, to the log of a lane, if there is room."""
         p, count = self.p, self.blocks.load(counts, slot, "logged")
         with p.when(count < float(MOST_LOGGED)):
-            at = p.whole(count) * (3 * LANES) + lane
+            at = p.whole(count) * (3 * self.blocks.lanes) + lane
             for k, value in enumerate(event):
-                p.store(log, at + k * LANES, value)
+                p.store(log, at + k * self.blocks.lanes, value)
             self.blocks.store(counts, slot, "logged", count + 1.0)
 
     def log(self) -> None:
         """Log the events of the sliders in the slots."""
         p, load, slots = self.p, self.blocks.load, self.slots.pointers
-        with p.each_set(self.free.value ^ 255) as slot:
+        with p.each_set(self.free.value ^ self.all) as slot:
             lane = p.load(self.slots.homes, slot)
-            log = p["log"] + (lane >> 3) * self.blocks.width(LOG)
+            log = p["log"] + self.blocks.block_of(lane) * self.blocks.width(LOG)
             for k, s in enumerate(self.dynamics.stops):
                 happened = load(slots, slot, f"happened_{s.name}")
                 with p.when(happened > 0.0):
                     time = load(slots, slot, "span_start") + load(slots, slot, "elapsed")
                     event = time, happened + 10.0 * k, load(slots, slot, f"speed_{s.name}")
-                    self._append(log, lane & (LANES - 1), slots, slot, event)
+                    self._append(log, self.blocks.in_block(lane), slots, slot, event)
                     self.blocks.store(slots, slot, f"happened_{s.name}", 0.0)
 
     def log_released(self, block: Block) -> None:
         """Log the sliders that were released before the common step."""
         p, load, pointers = self.p, self.blocks.load, block.pointers
-        with p.each(LANES) as lane:
+        with p.each(self.blocks.lanes) as lane:
             for k, name in enumerate(self.dynamics.active):
                 with p.when(load(pointers, lane, name) != load(pointers, lane, f"{name}_start")):
                     event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0

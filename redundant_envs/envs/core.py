@@ -12,7 +12,6 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
 from redundant_envs.draws import KEY_WORDS
 from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
@@ -21,6 +20,7 @@ from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import TIP, Episode
+from redundant_envs.lane.memory import Layout
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
@@ -29,6 +29,7 @@ from redundant_envs.scene import Scene, scene_at
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
+from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import whole_number
 
 OF_KEYS = ("keys", "mask", "waiting")
@@ -82,6 +83,26 @@ class EpisodeKeys:
         return keys
 
 
+def start_ranges(scene: Scene, task: Task) -> list[tuple[float, float]]:
+    """Range of the starts of each joint in a scene, inside its limits."""
+    values = {**scene.parameters(), **task.parameters()}
+    return [range_of_starts(task, scene, k, values.__getitem__) for k in range(len(scene.robot.joints))]
+
+
+def first_memory(
+    episode: Episode, layout: Layout, ranges: list[tuple[float, float]], count: int, max_episode_steps: Any
+) -> Memory:
+    """The memory of lanes before their first episode: every joint is in the middle of its starts."""
+    numbers = {**episode.task.parameters(), "limit": episode_limit(max_episode_steps)}
+    numbers |= episode.randomized.numbers()
+    memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.drawn))
+    named = {f"phi{k + 1}": 0.5 * (low + high) for k, (low, high) in enumerate(ranges)}
+    at_rest = Quantities(named, (episode.arm.coordinates_of_joints,), {})
+    for name in episode.arm.coordinates:
+        memory.column(name)[:] = at_rest[name]
+    return memory
+
+
 class Core(Copied):
     """Lanes of a scene, with a task.
 
@@ -113,17 +134,8 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
-        numbers = {**self.task.parameters(), "limit": episode_limit(max_episode_steps)}
-        randomized = self.episode.randomized
-        numbers |= randomized.numbers()
-        drawn = bool(randomized.drawn)
-        self.memory = Memory(self.simulator.dynamics, self.simulator.layout, num_envs, numbers, drawn)
-        arm = self.scene.robot
-        rest = [0.5 * (low + high) for low, high in self.start_ranges()]
-        named = {f"phi{k + 1}": value for k, value in enumerate(rest)}
-        at_rest = Quantities(named, (arm.coordinates_of_joints,), {})
-        for name in arm.coordinates:
-            self.memory.column(name)[:] = at_rest[name]
+        ranges = start_ranges(self.scene, task)
+        self.memory = first_memory(self.episode, self.simulator.layout, ranges, num_envs, max_episode_steps)
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
         episode = self.episode
@@ -161,9 +173,7 @@ class Core(Copied):
 
     def start_ranges(self) -> list[tuple[float, float]]:
         """Range of the starts of each joint in the scene, inside its limits."""
-        values = {**self.scene.parameters(), **self.task.parameters()}
-        joints = range(len(self.scene.robot.joints))
-        return [range_of_starts(self.task, self.scene, k, values.__getitem__) for k in joints]
+        return start_ranges(self.scene, self.task)
 
     # ---- randomness ------------------------------------------------------------------------------
 

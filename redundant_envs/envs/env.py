@@ -12,7 +12,6 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.batch.environment import Autoreset, Operation
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
@@ -21,6 +20,7 @@ from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
+from redundant_envs.tracing.flow import LANES
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables for :mod:`struct` and NumPy; a row has one for each lane of a block."""

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.features import MOST_LOGGED, Fault
 from redundant_envs.lane.memory import LOG
@@ -21,6 +20,7 @@ from redundant_envs.model.parameters import check_facts, check_keys, check_numbe
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.philox import LOW, philox
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import shown, whole_number
 
 Numerics = Fault

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
+from redundant_envs.tracing.flow import LANES
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
@@ -18,6 +17,7 @@ from redundant_envs.model.programs import Simulator
 from redundant_envs.scene import Scene
 from redundant_envs.scene_numbers import Table, check_values, names_of
 from redundant_envs.tasks.base import Task, hard_stops
+from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import shown
 
 

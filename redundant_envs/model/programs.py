@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from redundant_envs.backends import cache, llvm
 from redundant_envs.backends.loaded import scene_key
 from redundant_envs.batch.advance import advance_kernel, begin_kernel
-from redundant_envs.batch.blocks import LANES, Blocks
+from redundant_envs.batch.blocks import Blocks
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
@@ -32,7 +32,7 @@ from redundant_envs.model.memory import Memory, aligned
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
-from redundant_envs.tracing.flow import Program
+from redundant_envs.tracing.flow import LANES, Program
 from redundant_envs.tracing.graph import uncollected
 
 Traced = tuple[Program, Blocks]
@@ -100,12 +100,12 @@ class Simulator:
             what += ", as an environment"
         elif self.dynamics.track_work:
             what += ", and its work"
-        lanes = FEW if count <= FEW else LANES
-        if lanes == FEW:
+        few = FEW if count <= FEW else 0
+        if few:
             what += f", for at most {FEW}"
         names = [*self.arguments]
         return cache.kernels(
-            self.key(lanes), names, lambda: dataclasses.replace(self.program, lanes=lanes), what
+            self.key(few or LANES), names, lambda: dataclasses.replace(self.program, few=few), what
         )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.backends import llvm
+from redundant_envs.backends.processors import AVX2
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.machine import versions
@@ -194,7 +195,7 @@ def avx2_over_avx512(make: Callable[[], BatchSimulator], repeats: int, efforts: 
     if not llvm.processor().wide:
         return None
     wide = make()
-    with llvm.target(llvm.AVX2):
+    with llvm.target(AVX2):
         narrow = make()
     turns = [
         (advance_times(narrow, 4, efforts), advance_times(wide, 4, efforts)) for _ in range(repeats // 8 + 1)

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 INT, FLOAT, TRUTH = "int", "float", "truth"
 ELEMENTS = {"f64": FLOAT, "f32": FLOAT, "i64": INT, "u32": INT, "i8": INT}
 """Types of the elements of arrays, and the types as which they are loaded."""
+LANES = 8
+"""Lanes of a block, unless a target has narrower vectors: a power of two."""
 
 
 class Output(NamedTuple):
@@ -114,10 +116,13 @@ class Variable:
 
 
 class Kernel:
-    """A function that other programs call: its arguments by name, and the tree of its instructions."""
+    """A function that other programs call: its arguments by name, and the tree of its instructions.
 
-    def __init__(self, name: str, arguments: Mapping[str, str]) -> None:
-        self.name = name
+    ``lanes`` is the number of lanes of its blocks, in memory and in programs for all of them.
+    """
+
+    def __init__(self, name: str, arguments: Mapping[str, str], lanes: int = LANES) -> None:
+        self.name, self.lanes = name, lanes
         self.arguments = dict(arguments)
         self.functions: dict[str, LaneFunction] = {}
         self.body: list[Scalar] = []
@@ -226,10 +231,21 @@ class Kernel:
 
 @dataclass
 class Program:
-    """Kernels and the functions they call, for the first ``lanes`` of each block."""
+    """Kernels and the functions they call, for the first ``few`` lanes of each block if that is not 0."""
 
     kernels: list[Kernel]
-    lanes: int = 8
+    few: int = 0
+
+    @property
+    def width(self) -> int:
+        """Lanes of a block in memory."""
+        (lanes,) = {kernel.lanes for kernel in self.kernels}
+        return lanes
+
+    @property
+    def lanes(self) -> int:
+        """Lanes that it computes."""
+        return self.few or self.width
 
     @property
     def functions(self) -> dict[str, LaneFunction]:

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 from redundant_envs.backends import cache, llvm
+from redundant_envs.backends.processors import Processor
 from redundant_envs.model import programs
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import RECORDED
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
-CORTEX = llvm.Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
+CORTEX = Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
 QUICK = ("4R all rk8", "stops rk4, inelastic")
 """The part of the record that is checked, since all of it would take too long."""
 pytestmark = pytest.mark.skipif(

@@ -12,14 +12,14 @@ from compiled import compiled, on_columns
 
 from redundant_envs import algebra
 from redundant_envs.backends import llvm, llvm_kernels
+from redundant_envs.backends.processors import AVX2
 from redundant_envs.backends.torch import torch
-from redundant_envs.batch.blocks import LANES
 from redundant_envs.draws import uniform
 from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, Lifetime, traced
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.philox import philox
-from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 
 # ---- primitives ------------------------------------------------------------------------------------
@@ -87,7 +87,7 @@ def test_the_logarithms_of_arrays_are_those_of_every_machine():
 @pytest.mark.skipif(llvm.host().triple[:6] != "x86_64", reason="the other code is that of x86")
 def test_the_logarithms_of_another_processor_have_the_same_bits():
     x = np.ldexp(np.linspace(0.5, 1.0, 101)[:, None], np.arange(-1060, 1024, 7)).ravel()
-    with llvm.target(llvm.AVX2):
+    with llvm.target(AVX2):
         other = on_columns(algebra.log, x)
     np.testing.assert_array_equal(on_columns(algebra.log, x), other)
 
@@ -104,7 +104,7 @@ def test_the_exponentials_of_arrays_are_those_of_every_machine():
 def test_the_exponentials_of_another_processor_have_the_same_bits():
     x = np.concatenate([np.linspace(-50.0, 700.0, 20_001), np.linspace(-1.0, 1.0, 20_001)])
     for function in (algebra.exp, algebra.expm1):
-        with llvm.target(llvm.AVX2):
+        with llvm.target(AVX2):
             other = on_columns(function, x)
         np.testing.assert_array_equal(on_columns(function, x), other)
 
@@ -267,7 +267,7 @@ def probe():
 
 def test_llvm_has_its_own_order_again_afterwards():
     """The switch is global to LLVM: code that others compile must be the same as without us."""
-    text = str(llvm_kernels.module_of(probe(), False, llvm.host().triple))
+    text = str(llvm_kernels.module_of(probe(), llvm.host()._replace(features="+fma")))
 
     def by_others():
         return llvm.machine().emit_assembly(binding.parse_assembly(text))

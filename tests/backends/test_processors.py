@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from redundant_envs.backends import cache, llvm
+from redundant_envs.backends.processors import AVX2, Processor
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import RECORDED, SCENES
@@ -15,9 +16,9 @@ pytestmark = pytest.mark.skipif(
     platform.machine().lower() not in ("x86_64", "amd64"), reason="the processors are those of x86"
 )
 PROCESSORS = {
-    "AVX2": llvm.AVX2,
-    "128 bits": llvm.Processor("x86-64-v2", "+avx,+fma"),
-    "no fused multiply-add": llvm.Processor("x86-64-v2", ""),
+    "AVX2": AVX2,
+    "128 bits": Processor("x86-64-v2", "+avx,+fma"),
+    "no fused multiply-add": Processor("x86-64-v2", ""),
 }
 SOME = {"4R all rk8": "AVX2", "stops rk4, inelastic": "AVX2", "RPRP limit springs 1e-6": "128 bits"}
 """Motions that are checked, each with the code of one processor; the others take longer."""
@@ -101,7 +102,7 @@ def test_code_of_one_processor_or_effort_is_not_another_ones(made_for, monkeypat
 
 def test_programs_are_made_for_another_processor_as_long_as_it_is_chosen():
     before = key()
-    with llvm.target(llvm.AVX2):
+    with llvm.target(AVX2):
         assert key() != before
         assert not llvm.processor().wide
         assert llvm.processor().joins

@@ -7,9 +7,10 @@ from catalogue import GRAVITY, RPRP, assert_same_bits, stops
 
 import redundant_envs as rde
 from redundant_envs.batch import blocks
+from redundant_envs.tracing.flow import LANES
 from redundant_envs.verify.checks import random_states
 
-GROUP = blocks.LANES * blocks.GROUP
+GROUP = LANES * blocks.GROUP
 """Lanes that go through a step together."""
 COUNT = 2 * GROUP + 77
 MADE = {

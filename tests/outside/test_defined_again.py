@@ -10,6 +10,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.backends import llvm
+from redundant_envs.backends.processors import AVX2
 
 MODULE = "effect_defined_again"
 TEXT = """
@@ -105,7 +106,7 @@ def test_snapshots_of_another_processor_are_continued_to_the_same_bits():
     batch.advance()
     if not (llvm.processor().triple.startswith("x86_64") and llvm.processor().joins):
         pytest.skip("this machine cannot run code for AVX2")
-    with llvm.target(llvm.AVX2):
+    with llvm.target(AVX2):
         other = rde.BatchSimulator(scene, 8)
         other.restore(batch.save())
         other.advance()
