@@ -1,12 +1,13 @@
 # make test: set up and test.  make test-long: all tests, also those that compile many scenes.
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
+# make test-page: the tests of WebAssembly, which need Node.js; make test skips what it does not find.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test test-long fuzz mutation coverage train check clean
+.PHONY: test test-long test-page fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
@@ -22,6 +23,9 @@ test: $(VENV)/ready check
 
 test-long: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+
+test-page: $(VENV)/ready
+	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
 
 coverage: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --cov --cov-report=term

@@ -1,4 +1,4 @@
-"""Command line: python -m redundant_envs simulate | verify | study | scene | list."""
+"""Command line: python -m redundant_envs simulate | verify | study | scene | wasm | list."""
 
 from __future__ import annotations
 
@@ -114,6 +114,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
 
+    p = commands.add_parser("wasm", help="write the Reach environment of a scene for JavaScript")
+    p.add_argument("scene", metavar="NAME_OR_PATH")
+    p.add_argument("--out", type=Path, default=Path("runs/wasm"), metavar="FOLDER")
+    p.set_defaults(handler=write_wasm)
+
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
     p.set_defaults(handler=list_names)
     return top
@@ -225,6 +230,16 @@ def show_scene(options: argparse.Namespace) -> None:
         import yaml
 
         print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
+
+
+def write_wasm(options: argparse.Namespace) -> None:
+    """Write an environment as a WebAssembly module, its description and its host."""
+    from redundant_envs import ReachTask, load_scene
+    from redundant_envs.web import module
+
+    scene = load_scene(options.scene)
+    for path in module.write(scene, ReachTask(), Path(options.scene).stem, options.out):
+        print(f"{path} ({path.stat().st_size} bytes)")
 
 
 if __name__ == "__main__":

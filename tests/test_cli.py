@@ -53,6 +53,18 @@ def test_simulate_takes_a_file_and_a_state_and_draws_a_clip(tmp_path):
     assert imageio.imread(clip, index=None).shape[:3] == (6, 480, 480)
 
 
+def test_wasm_writes_a_module_and_its_host(tmp_path, capsys):
+    out = tmp_path / "made"
+    assert main(["wasm", "four_r_reach", "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == [
+        "four_r_reach.json",
+        "four_r_reach.wasm",
+        "kernel.js",
+    ]
+    assert (out / "four_r_reach.wasm").read_bytes()[:8] == b"\0asm\x01\0\0\0"
+    assert capsys.readouterr().out.count(" bytes)") == 3
+
+
 CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n"
 
 
@@ -71,6 +83,10 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("study effects --config nowhere.yaml", "no such file"),
         ("study effects Wind", "effect is 'Wind'; choose Armature, "),
         ("simulate --scene nowhere", ", ".join(scene_names())),
+        ("wasm nowhere", ", ".join(scene_names())),
+        ("wasm four_r_free", "scene has no EffortLimits"),
+        ("wasm four_r_reach --out chain.yaml", "chain.yaml"),
+        ("wasm four_r_reach --out chain.yaml/inner", "chain.yaml"),
     ],
 )
 def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):

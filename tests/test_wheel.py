@@ -105,6 +105,9 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
     assert "studies" not in named
     done = call(library, *["verify", "--quick", "--states", "64", "four_r_reach"], folder=tmp_path)
     assert done.returncode == 0, done.stderr
+    done = call(library, *["wasm", "four_r_reach", "--out", "made"], folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".js", ".json", ".wasm"}
     for name, words, said in (
         ("redundant-envs-train", "train rprp_reach_ppo", "pip install 'redundant-envs[train]'"),
         ("redundant-envs", "study accuracy --config mine.yaml", "in the source tree"),

@@ -29,6 +29,7 @@ EXCUSED = {
     "the scene has no range": "ranges scene_numbers",
     "what the scene has": "lane/features",
     "puts the parts of an interval together": "lane/interval",
+    "names the processor": "backends/processors",
     "asks which quantities move; the damping does not": "lane/kinks moving",
     "looks quantities up by name": "quantities",
     "decides on times": "lane/program lane/step_control numerics/error_control tracing/program tracing/ways",

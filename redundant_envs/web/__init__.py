@@ -1,0 +1,1 @@
+"""Simulators for JavaScript: modules of WebAssembly, and what drives them."""

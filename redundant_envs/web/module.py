@@ -1,0 +1,131 @@
+"""The simulator of an environment as a WebAssembly module, and what a host must know of it.
+
+The host is :file:`kernel.js`. It needs the arguments of the kernels, the sizes of the memories, and the names
+of their rows: with these it has the same blocks as a batch here, of two lanes, and no word of physics.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from redundant_envs import __version__
+from redundant_envs.backends import wasm
+from redundant_envs.backends.processors import WASM
+from redundant_envs.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
+from redundant_envs.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
+from redundant_envs.envs.core import first_memory, start_ranges
+from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.episode import TABLES, Episode
+from redundant_envs.lane.interval import Interval
+from redundant_envs.lane.memory import LOG, PARAMETER, STATE
+from redundant_envs.scene import Scene, check_scene
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.checks import check_task
+from redundant_envs.tracing.flow import Program
+from redundant_envs.tracing.graph import uncollected
+
+HOST = Path(__file__).with_name("kernel.js")
+"""The host of the modules, for browsers and Node."""
+FORMAT = 1
+"""Of the description; a host refuses others."""
+
+
+class Module(NamedTuple):
+    """A module and its description, which is plain JSON data."""
+
+    code: bytes
+    description: dict[str, Any]
+
+
+def environment_module(scene: Scene, task: Task, max_episode_steps: int | None = MAX_EPISODE_STEPS) -> Module:
+    """The environment of a scene and a task, as a module of two lanes.
+
+    Its kernels are ``environment``, which steps, resets and observes; ``prepare``, which computes what
+    follows from parameters and is to be called when one was changed; ``arm``, which tells positions, J, M, h
+    and G.
+
+    Raises
+    ------
+    ValueError
+        If the scene has no motors, or the task does not fit it.
+    """
+    check_scene(scene)
+    check_motors(scene)
+    check_task(task, scene)
+    with uncollected():
+        dynamics = Dynamics(scene)
+        episode = Episode(Interval(dynamics), task)
+        made = EnvironmentKernel(episode, WASM.lanes)
+        layout = made.blocks.layout
+        kernels = [
+            made.p,
+            prepare_kernel(dynamics, layout, WASM.lanes),
+            arm_kernel(dynamics, layout, WASM.lanes),
+        ]
+        code = wasm.module(Program(kernels))
+    memory = first_memory(episode, episode.layout(), start_ranges(scene, task), 1, max_episode_steps)
+    robot = scene.robot
+    description = {
+        "format": FORMAT,
+        "version": __version__,
+        "scene": scene.to_dict(),
+        "task": task.name,
+        "lanes": WASM.lanes,
+        "control_dt": scene.control_dt,
+        "substeps": scene.substeps,
+        "coordinates": list(robot.coordinates),
+        "rates": list(robot.rates),
+        "actions": len(episode.actions),
+        "observation": list(episode.observed),
+        "kernels": {kernel.name: kernel.arguments for kernel in kernels},
+        "operations": {one.name.lower(): int(one) for one in Operation},
+        "autoreset": {one.name.lower(): int(one) for one in Autoreset},
+        "episode_key": EPISODE_KEY,
+        "memories": {
+            **{str(kept): layout.size(kept) * WASM.lanes for kept in (STATE, PARAMETER, LOG)},
+            "scratch": made.blocks.scratch_size,
+            "queue": made.blocks.queue_size,
+        },
+        "rows": {str(kept): layout.rows[kept] for kept in (STATE, PARAMETER)},
+        "tables": {name: {"type": kind, "rows": list(episode.tables[name])} for name, kind in TABLES.items()},
+        "arm": list(arm_quantities(robot)),
+        "initial": {str(kept): memory.arrays[str(kept)][0, :, 0].tolist() for kept in (STATE, PARAMETER)},
+    }
+    return Module(code, description)
+
+
+def as_json(value: Any) -> str:
+    """Plain data as JSON text, which has no infinities: they are texts, as JavaScript's Number() reads
+    them."""
+    return json.dumps(_plain(value), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0.0 else "-Infinity"
+    return value
+
+
+def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
+    """Write NAME.wasm, NAME.json and their host; the paths.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be made or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / file for file in (HOST.name, f"{name}.wasm", f"{name}.json")]
+    paths[0].write_bytes(HOST.read_bytes())  # a folder that cannot be written is refused at once
+    made = environment_module(scene, task)
+    paths[1].write_bytes(made.code)
+    paths[2].write_text(f"{as_json(made.description)}\n", encoding="utf-8")
+    return paths
