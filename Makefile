@@ -1,6 +1,7 @@
 # make test: set up and test.  make test-long: all tests, also those that compile many scenes.
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
-# make test-page: the tests of WebAssembly, which need Node.js; make test skips what it does not find.
+# make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test skips
+# those whose program it does not find.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
@@ -25,6 +26,7 @@ test-long: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 test-page: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet 'playwright>=1.45'
 	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
 
 coverage: $(VENV)/ready

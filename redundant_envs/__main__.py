@@ -1,4 +1,4 @@
-"""Command line: python -m redundant_envs simulate | verify | study | scene | wasm | list."""
+"""Command line: python -m redundant_envs simulate | verify | study | scene | wasm | page | list."""
 
 from __future__ import annotations
 
@@ -118,6 +118,14 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("scene", metavar="NAME_OR_PATH")
     p.add_argument("--out", type=Path, default=Path("runs/wasm"), metavar="FOLDER")
     p.set_defaults(handler=write_wasm)
+
+    p = commands.add_parser("page", help="write a page in which the arms move, to be opened as a file")
+    p.add_argument("--out", type=Path, default=Path("runs/page"), metavar="FOLDER")
+    p.add_argument(
+        "--policies", type=Path, metavar="FOLDER",
+        help="with policies as agents export writes them; default: those of the source tree",
+    )  # fmt: skip
+    p.set_defaults(handler=write_page)
 
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
     p.set_defaults(handler=list_names)
@@ -240,6 +248,16 @@ def write_wasm(options: argparse.Namespace) -> None:
     scene = load_scene(options.scene)
     for path in module.write(scene, ReachTask(), Path(options.scene).stem, options.out):
         print(f"{path} ({path.stat().st_size} bytes)")
+
+
+def write_page(options: argparse.Namespace) -> None:
+    """Write a page with the arms of the Reach environments."""
+    from redundant_envs.web import page
+
+    written, learners = page.write(options.out, options.policies)
+    for path in written:
+        print(f"{path} ({path.stat().st_size} bytes)")
+    print(f"learners: {', '.join(learners) or 'none, because no policies were found'}")
 
 
 if __name__ == "__main__":

@@ -87,6 +87,8 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("wasm four_r_free", "scene has no EffortLimits"),
         ("wasm four_r_reach --out chain.yaml", "chain.yaml"),
         ("wasm four_r_reach --out chain.yaml/inner", "chain.yaml"),
+        ("page --policies nowhere", "nowhere, which is no folder"),
+        ("page --out chain.yaml", "chain.yaml"),
     ],
 )
 def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):

@@ -14,15 +14,16 @@
  * The bits are those of the same environment in Python.
  */
 
-const FORMAT = 1; // of descriptions
-const STACK = 1 << 18; // bytes; it is first in memory, so that a stack that is too long is an error
-const PAGE = 1 << 16;
-const ALIGNMENT = 64;
-const ARRAYS = { f64: Float64Array, f32: Float32Array, i64: BigInt64Array, u32: Uint32Array, i8: Int8Array };
-
 class Simulator {
+  static FORMAT = 1; // of descriptions
+  static STACK = 1 << 18; // bytes; it is first in memory, so that a stack that is too long is an error
+  static PAGE = 1 << 16;
+  static ALIGNMENT = 64;
+  static ARRAYS = { f64: Float64Array, f32: Float32Array, i64: BigInt64Array, u32: Uint32Array, i8: Int8Array };
+
   /* lanes: how many of the block's lanes are simulated, side by side */
   constructor(description, module, lanes = 1) {
+    const { FORMAT, STACK, PAGE, ALIGNMENT, ARRAYS } = Simulator;
     if (description.format !== FORMAT) {
       throw new Error(`the description has format ${description.format}; this kernel.js reads ${FORMAT}`);
     }
@@ -166,6 +167,11 @@ class Simulator {
     return this._arrays.state.filter((_, k) => k % this._width === lane);
   }
 
+  /* Take over all states of another simulator of the same module. */
+  follow(other) {
+    this._arrays.state.set(other._arrays.state);
+  }
+
   /* A result of the last step, reset or observation by its name in the tables of the description. */
   output(name, lane = 0) {
     const [array, place] = this._place("output", this._outputs, name, lane);
@@ -180,4 +186,136 @@ class Simulator {
   }
 }
 
-if (typeof module !== "undefined") module.exports = { Simulator };
+/* A trained policy: layers of weights and biases, one after the other, in single precision.
+ * sizes: numbers of inputs, of each hidden layer, and of actions. */
+class Policy {
+  static HIDDEN = {
+    silu: (x) => x * (0.5 + 0.5 * Math.tanh(0.5 * x)), tanh: Math.tanh, relu: (x) => Math.max(x, 0),
+  };
+  static OUTPUT = { tanh: Math.tanh, clip: (x) => Math.min(1, Math.max(-1, x)) };
+
+  constructor({ weights, sizes, activation, output }) {
+    this._hidden = Policy.HIDDEN[activation];
+    this._output = Policy.OUTPUT[output];
+    this._layers = [];
+    let at = 0;
+    for (let k = 0; k + 1 < sizes.length; k++) {
+      const matrix = weights.subarray(at, (at += sizes[k] * sizes[k + 1]));
+      this._layers.push([matrix, weights.subarray(at, (at += sizes[k + 1]))]);
+    }
+    if (!this._hidden || !this._output || at !== weights.length) {
+      throw new Error(`a policy of ${activation}, ${output} and ${sizes} does not have ${weights.length} numbers`);
+    }
+  }
+
+  /* The action for an observation. */
+  act(observation) {
+    return this._layers.reduce((inputs, [matrix, biases], k) => {
+      const apply = k + 1 < this._layers.length ? this._hidden : this._output, n = inputs.length;
+      return Float64Array.from(biases, (bias, i) => {
+        let sum = bias;
+        for (let j = 0; j < n; j++) sum += matrix[i * n + j] * inputs[j];
+        return apply(sum);
+      });
+    }, observation);
+  }
+}
+
+/* Computed torque along a minimum-jerk motion to a pose at the goal, as redundant_envs.control has it. */
+class ComputedTorque {
+  static DURATION = 1.3; // s
+  static FREQUENCY = 12; // rad/s
+  static ITERATIONS = 60; // of the search for a pose
+  static DAMPING = 1e-4;
+  static MARGIN = 0.02; // share of the travel kept free at its ends
+  static LARGEST_TURN = 0.3; // rad or m, of one iteration
+
+  /* model: a simulator of the same environment, whose state is this controller's to change */
+  constructor(model) {
+    this._model = model;
+    this._motors = model.description.motors;
+    if (!this._motors.limits) throw new Error("computed torque needs actions that are shares of effort limits");
+    this._at = Object.fromEntries(model.description.arm.map((name, k) => [name, k]));
+    this._dt = model.description.control_dt;
+  }
+
+  static product(vector, matrix) {
+    return matrix[0].map((_, j) => vector.reduce((sum, x, i) => sum + x * matrix[i][j], 0));
+  }
+
+  _evaluated(q, qd) {
+    const model = this._model;
+    model.coordinates.forEach((name, k) => model.set(name, q[k], 0));
+    model.rates.forEach((name, k) => model.set(name, qd[k], 0));
+    return model.arm();
+  }
+
+  /* A pose with the tip at the goal, near a pose: damped Gauss-Newton in the positions of the joints. */
+  _pose(q, goal) {
+    const { map, inverse, travel } = this._motors, n = q.length, model = this._model, at = this._at;
+    const product = ComputedTorque.product, still = new Array(n).fill(0);
+    const ranges = travel.map((names) => {
+      if (!names) return [-Infinity, Infinity];
+      const [low, high] = names.map((name) => model.get(name)), margin = ComputedTorque.MARGIN * (high - low);
+      return [low + margin, high - margin];
+    });
+    let phi = product(q, map), best = phi, least = Infinity;
+    for (let k = 0; k < ComputedTorque.ITERATIONS; k++) {
+      const arm = this._evaluated(product(phi, inverse), still);
+      const error = [goal[0] - arm[at.tip_x], goal[1] - arm[at.tip_y]], size = Math.hypot(...error);
+      if (size < least) [least, best] = [size, phi];
+      const jacobian = [1, 2].map((row) => {
+        const ofTip = q.map((_, j) => arm[at[`J${row}${j + 1}`]]);
+        return inverse.map((column) => column.reduce((sum, x, j) => sum + x * ofTip[j], 0));
+      });
+      const free = new Array(n).fill(1);
+      let step = still;
+      for (let pass = 0; pass < 3; pass++) { // joints at the end of their travel are held
+        const [a, b] = jacobian.map((row) => row.map((x, j) => x * free[j]));
+        const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0);
+        const aa = dot(a, a) + ComputedTorque.DAMPING, bb = dot(b, b) + ComputedTorque.DAMPING, ab = dot(a, b);
+        const x = (bb * error[0] - ab * error[1]) / (aa * bb - ab * ab);
+        const y = (aa * error[1] - ab * error[0]) / (aa * bb - ab * ab);
+        step = a.map((value, j) => value * x + b[j] * y);
+        step.forEach((change, j) => {
+          const [low, high] = ranges[j];
+          if (!((phi[j] > low || change > 0) && (phi[j] < high || change < 0))) free[j] = 0;
+        });
+      }
+      const largest = Math.max(1e-12, ...step.map(Math.abs));
+      const scale = Math.min(1, ComputedTorque.LARGEST_TURN / largest);
+      phi = phi.map((x, j) => Math.min(ranges[j][1], Math.max(ranges[j][0], x + scale * step[j])));
+    }
+    return product(best, inverse);
+  }
+
+  /* Plan a motion from coordinates to a goal [m]. */
+  begin(q, goal) {
+    this._start = q.slice();
+    this._end = this._pose(q, goal);
+    this._time = 0;
+  }
+
+  /* The action in a state, one control step after the previous one. */
+  act(q, qd) {
+    const T = ComputedTorque.DURATION, w = ComputedTorque.FREQUENCY, s = Math.min(1, this._time / T);
+    this._time += this._dt;
+    const acceleration = q.map((x, i) => {
+      const distance = this._end[i] - this._start[i];
+      const place = this._start[i] + distance * s ** 3 * (10 - 15 * s + 6 * s * s);
+      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T;
+      return (distance * 60 * s * (1 - 3 * s + 2 * s * s)) / (T * T) + 2 * w * (rate - qd[i]) + w * w * (place - x);
+    });
+    const arm = this._evaluated(q, qd), at = this._at, { map, inverse, limits, friction } = this._motors;
+    const forces = acceleration.map((_, i) => acceleration.reduce(
+      (sum, x, j) => sum + arm[at[`M${i + 1}${j + 1}`]] * x, arm[at[`h${i + 1}`]] + arm[at[`G${i + 1}`]]));
+    const rates = ComputedTorque.product(qd, map);
+    return inverse.map((row, i) => {
+      const needed = row.reduce((sum, x, j) => sum + x * forces[j], 0);
+      const opposed = friction ? this._model.get(friction[i]) * rates[i] : 0;
+      return Math.min(1, Math.max(-1, (needed + opposed) / this._model.get(limits[i])));
+    });
+  }
+}
+
+if (typeof module !== "undefined") module.exports = { Simulator, Policy, ComputedTorque };

@@ -11,11 +11,14 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from redundant_envs import __version__
 from redundant_envs.backends import wasm
 from redundant_envs.backends.processors import WASM
 from redundant_envs.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
 from redundant_envs.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
+from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
 from redundant_envs.lane.dynamics import Dynamics
@@ -81,6 +84,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "rates": list(robot.rates),
         "actions": len(episode.actions),
         "observation": list(episode.observed),
+        "motors": _motors(dynamics),
         "kernels": {kernel.name: kernel.arguments for kernel in kernels},
         "operations": {one.name.lower(): int(one) for one in Operation},
         "autoreset": {one.name.lower(): int(one) for one in Autoreset},
@@ -96,6 +100,28 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "initial": {str(kept): memory.arrays[str(kept)][0, :, 0].tolist() for kept in (STATE, PARAMETER)},
     }
     return Module(code, description)
+
+
+def _motors(dynamics: Dynamics) -> dict[str, Any]:
+    """What a controller needs of motors: B and its inverse, and the fields with the numbers of effort limits,
+    of viscous friction and of the ends of travel; None where there are none."""
+    scene, robot = dynamics.scene, dynamics.scene.robot
+    fields: dict[type[Effect], list[str]] = {
+        type(one): [dynamics.field_of(f"{one.key}.{name}") for name in one.parameters()]
+        for one in scene.effects
+    }
+    limits, units = fields.get(EffortLimits), [*map(dynamics.field_of, scene.action_units())]
+    travel = scene.travel()
+    return {
+        "map": robot.motor_map.tolist(),
+        "inverse": np.linalg.inv(robot.motor_map).tolist(),
+        "limits": limits if limits == units else None,
+        "friction": fields.get(ViscousFriction),
+        "travel": [
+            [*map(dynamics.field_of, travel[joint])] if joint in travel else None
+            for joint in range(len(robot.joints))
+        ],
+    }
 
 
 def as_json(value: Any) -> str:

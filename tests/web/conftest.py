@@ -7,6 +7,11 @@ import pytest
 
 REQUIRED = "REDUNDANT_ENVS_TEST_PAGE"
 """The variable with which a missing program is a failure: ``make test-page`` sets it."""
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+"""Of Chromium: it asks for nothing by itself."""
 
 
 def program(*names):
@@ -24,3 +29,20 @@ def program(*names):
 def node():
     """The path of Node.js."""
     return program("node", "nodejs")
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A browser of Playwright, without a network."""
+    path = program("chromium", "chromium-browser", "google-chrome", "chrome")
+    try:
+        from playwright.sync_api import sync_playwright
+    except ModuleNotFoundError:
+        missing = "playwright is not installed, which make test-page installs"
+        if os.environ.get(REQUIRED):
+            pytest.fail(missing)
+        pytest.skip(missing)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield browser
+        browser.close()

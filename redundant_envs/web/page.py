@@ -1,0 +1,265 @@
+"""A page in which the arms of the Reach environments move: files that a browser opens, without a server.
+
+All that the page shows of a scene is in its data: modules, names and ranges of numbers, bills, trained
+policies, and digests of this machine's bits. Its scripts know no scene.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import gzip
+import itertools
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.batch.environment import Autoreset
+from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.registration import SCENES, id_of
+from redundant_envs.lane.features import Fault
+from redundant_envs.model.listing import Operations, bill
+from redundant_envs.scene import Scene, load_scene
+from redundant_envs.tasks import ReachTask
+from redundant_envs.web.module import HOST, as_json, environment_module
+
+SOURCES = (Path(__file__).parent / "site" / "index.html", HOST, Path(__file__).parent / "site" / "page.js")
+"""Files of the page beside its data."""
+DATA = "data.js"
+ARMS = ("RPRP", "FourR")
+LEARNERS = ("sac", "ppo")
+"""Learners whose policies the page takes, from folders such as RPRPReach-v0-sac."""
+POLICIES = Path(__file__).parents[2] / "policies"
+"""Of the source tree; a wheel has none."""
+LARGEST_PUSH = 100.0
+"""N."""
+CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)
+"""Control steps whose digest is compared, and the key of their episode."""
+FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64
+"""Of the digest: FNV-1a on words of 64 bits."""
+HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")
+"""What layers of policies apply, between them and at the end."""
+FAULTS = {
+    Fault.NON_FINITE: "a state is no finite number",
+    Fault.BAD_ACTION: "the action was no finite number",
+    Fault.SPEED_BOUND: "a joint is faster than the task allows",
+    Fault.TOLERANCE_NOT_REACHED: "the most steps allowed did not suffice for the tolerance",
+    Fault.EVENT_BUDGET: "more events in a step than allowed",
+    Fault.NO_STEP_FOUND: "no step is short enough",
+    Fault.LARGE_ANGLE: "an angle has lost its last digits",
+}
+
+
+class Slider(NamedTuple):
+    """A number of the page that a reader may change, and the fields that it sets."""
+
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    fields: list[str]
+    factor: bool = False  # of the scene's own numbers
+    body: bool = False  # of the arm, not of an effect
+
+
+def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[str]]:
+    """Write the page; the paths of its files, and names of the policies in it.
+
+    ``policies`` is a folder with policies in folders such as ``RPRPReach-v0-sac``, each with a ``policy.npz``
+    as ``agents export`` writes it; by default those of the source tree, if it is there.
+
+    Raises
+    ------
+    OSError
+        If a folder cannot be read or written.
+    ValueError
+        If a policy does not fit its environment.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / source.name for source in SOURCES]
+    for path, source in zip(paths, SOURCES, strict=True):
+        path.write_bytes(source.read_bytes())
+    if policies is None and POLICIES.is_dir():
+        policies = POLICIES
+    elif policies is not None and not policies.is_dir():
+        raise ValueError(f"policies is {policies}, which is no folder; give one with policies")
+    # 4 bytes in 5 characters, in place of 3 in 4.
+    content, learners = _content(policies)
+    packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
+    data = folder / DATA
+    data.write_text(f'"use strict";\nconst DATA = "{packed}";\n', encoding="utf-8")
+    return [*paths, data], learners
+
+
+def _content(policies: Path | None) -> tuple[bytes, list[str]]:
+    """The data of the page: the length of a JSON text, this text, and the bytes to which it refers; and names
+    of the policies in it."""
+    parts: list[bytes] = []
+
+    def kept(part: bytes) -> list[int]:
+        """The place of some bytes behind the text, and their number."""
+        start = sum(map(len, parts))
+        parts.append(part)
+        return [start, len(part)]
+
+    arms = {arm: _of_arm(arm, policies, kept) for arm in ARMS}
+    text = as_json({
+        "arms": arms, "most_push": LARGEST_PUSH, "bill_columns": Operations._fields,
+        "faults": {int(fault): f"{fault.name}: {said}" for fault, said in FAULTS.items()},
+    }).encode()  # fmt: skip
+    learners = [f"{name} of {arm}" for arm, about in arms.items() for name in about["policies"]]
+    return struct.pack("<I", len(text)) + text + b"".join(parts), learners
+
+
+def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
+    scene = page_scene(arm)
+    code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
+    return {
+        "id": id_of(arm, "Reach"),
+        "description": description,
+        "code": kept(code),
+        "policies": {
+            name.upper(): {**about, "weights": kept(_planes(weights.astype("<f4")))}
+            for name, about, weights in _policies(arm, policies, description)
+        },
+        "sliders": [slider._asdict() for slider in _sliders(scene)],
+        "switches": _switches(scene),
+        "bills": {"+".join(off): bills for off, bills in _bills(scene)},
+        "check": {"key": CHECKED_KEY, "steps": CHECKED_STEPS, "digest": digest(scene)},
+    }
+
+
+def _planes(weights: NDArray[np.float32]) -> bytes:
+    """First bytes, second bytes and so on of numbers: alike ones together take less when they are packed."""
+    return np.ascontiguousarray(weights.view(np.uint8).reshape(-1, weights.itemsize).T).tobytes()
+
+
+def page_scene(arm: str) -> Scene:
+    """The scene of an arm's environments with a force at the tip, by which readers push it."""
+    scene = load_scene(SCENES[arm])
+    return dataclasses.replace(scene, effects=(*scene.effects, TipForce(step=(0.0, 0.0))))
+
+
+# ---- numbers and effects -------------------------------------------------------------------------------
+
+
+def _fields(scene: Scene, kind: type[Effect]) -> list[str]:
+    """Names of the numbers of an effect of a scene."""
+    return [
+        f"{one.key}.{name}" for one in scene.effects if isinstance(one, kind) for name in one.parameters()
+    ]
+
+
+def _sliders(scene: Scene) -> Iterator[Slider]:
+    """Numbers that a reader may change; each sets its fields to its value, or to this times their own."""
+    robot = scene.robot
+    gravity = [name for name in _fields(scene, Gravity) if name.endswith(".g")]
+    yield Slider("gravity", "m/s²", 0.0, 20.0, 0.01, gravity)
+    yield Slider("joint friction", "N m s", 0.0, 1.0, 0.01, _fields(scene, ViscousFriction))
+    yield Slider("motor strength", "×", 0.2, 2.0, 0.05, _fields(scene, EffortLimits), factor=True)
+    stops = [name for name in _fields(scene, PrismaticStop) if "restitution" in name]
+    if stops:
+        yield Slider("restitution", "", 0.0, 1.0, 0.05, stops)
+    for k in range(len(robot.masses)):
+        yield Slider(f"mass {k + 1}", "kg", 0.1, 2.0, 0.05, [f"m{k + 1}"], body=True)
+    for k in range(len(robot.lengths)):
+        yield Slider(f"length {k + 1}", "m", 0.1, 0.5, 0.01, [f"l{k + 1}"], body=True)
+
+
+def _switches(scene: Scene) -> list[dict[str, Any]]:
+    """Effects that a reader may switch off: the numbers that are 0 then."""
+    kinds = {"gravity": Gravity, "friction": ViscousFriction, "push": TipForce}
+    made = []
+    for label, kind in kinds.items():
+        (one,) = (effect for effect in scene.effects if isinstance(effect, kind))
+        named = _fields(scene, kind)
+        magnitude = [name for name in named if ".down" not in name and ".start" not in name]
+        made.append({"label": label, "key": one.key, "fields": magnitude})
+    return made
+
+
+def _bills(scene: Scene) -> Iterator[tuple[list[str], dict[str, list[int]]]]:
+    """Bills of the scene without each subset of the effects that can be off, and their keys."""
+    keys = [switch["key"] for switch in _switches(scene)]
+    for count in range(len(keys) + 1):
+        for off in itertools.combinations(keys, count):
+            rest = tuple(effect for effect in scene.effects if effect.key not in off)
+            found = bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
+            yield [*off], {owner: [*counts] for owner, counts in found.items()}
+
+
+# ---- the bits of this machine --------------------------------------------------------------------------
+
+
+def digest(scene: Scene) -> str:
+    """A digest of the states of an episode with actions that are the same everywhere, of this machine."""
+    core = Core(scene, 1, ReachTask())
+    core.keys[:], core.waiting[:] = CHECKED_KEY, True
+    core.begin(np.ones(1, dtype=bool), (None, []))
+    found, states = FNV_OFFSET, core.memory.arrays["state"][0]
+    for action in checked_actions(len(core.actions)):
+        core.step(action, Autoreset.DISABLED)
+        for word in np.ascontiguousarray(states[:, 0]).view(np.uint64).tolist():
+            found = (found ^ word) * FNV_PRIME % WORD
+    return f"{found:016x}"
+
+
+def checked_actions(joints: int) -> Iterator[NDArray[np.float32]]:
+    """The actions, (1, joints), of a linear congruential generator."""
+    number = 1
+    for _ in range(CHECKED_STEPS):
+        action = []
+        for _ in range(joints):
+            number = (number * 1664525 + 1013904223) % 2**32
+            action.append(number / 2**31 - 1.0)
+        yield np.array([action], dtype=np.float32)
+
+
+# ---- policies ------------------------------------------------------------------------------------------
+
+Weights = NDArray[np.float64]
+
+
+def _policies(
+    arm: str, folder: Path | None, description: dict[str, Any]
+) -> Iterator[tuple[str, dict[str, Any], Weights]]:
+    """Name, structure and all numbers of the policies of an arm in a folder."""
+    for learner in LEARNERS if folder is not None else ():
+        path = folder / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
+        if path.is_file():
+            yield learner, *policy(path, len(description["observation"]), description["actions"])
+
+
+def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], Weights]:
+    """Structure and numbers of a ``policy.npz`` with layers from some inputs to some actions."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = dict(file)
+        count = sum(name.startswith("weights_") for name in found)
+        layers = [(found[f"weights_{k}"], found[f"biases_{k}"]) for k in range(count)]
+        about = {"activation": str(found["activation"]), "output": str(found["output"])}
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
+    sizes = [inputs, *(len(biases) for _, biases in layers)]
+    fitting = all(
+        weights.shape == shape and biases.shape == shape[:1]
+        for (weights, biases), *shape_of in zip(layers, sizes[1:], sizes[:-1], strict=True)
+        for shape in [tuple(shape_of)]
+    )
+    if not layers or not fitting or sizes[-1] != actions:
+        shapes = [weights.shape for weights, _ in layers]
+        raise ValueError(
+            f"{path} has layers {shapes}; give a policy from {inputs} observed numbers to {actions} actions"
+        )
+    if about["activation"] not in HIDDEN or about["output"] not in OUTPUTS:
+        raise ValueError(f"{path} has {about}; known are {', '.join(HIDDEN)}, and {', '.join(OUTPUTS)}")
+    numbers = np.concatenate([part.astype(float).ravel() for layer in layers for part in layer])
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{path} has numbers that are not finite; export the policy again")
+    return {**about, "sizes": sizes}, numbers

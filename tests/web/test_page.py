@@ -1,0 +1,355 @@
+"""The page in a browser: a file, without a network."""
+
+import dataclasses
+import re
+import shutil
+
+import pytest
+
+import redundant_envs as rde
+from redundant_envs.__main__ import main
+from redundant_envs.tasks import ReachTask
+from redundant_envs.web import page
+
+MOST_BYTES = 250_000
+MOST_WORK = 4.0  # ms a picture, in the thread of the page
+LEAST_HELD = {"torque": 100, "learner": 98}
+BLUE, RED, GREEN = "#0072b2", "#d55e00", "#009e73"
+READY = "app.seen && app.seen.steps > 2 && app.seen.costs"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder of the page, with the policies of the source tree."""
+    folder = tmp_path_factory.mktemp("page")
+    assert main(["page", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def opened(chromium, site):
+    """Open the page at an address; at the end nothing was printed, and nothing but its files asked for."""
+    contexts, told = [], []
+
+    def open_page(address="", *, folder=site, ready=READY, init=None, **options):
+        context = chromium.new_context(**options)
+        contexts.append(context)
+        context.set_offline(True)
+        tab = context.new_page()
+        tab.on("console", lambda message: told.append(message.text))
+        tab.on("pageerror", lambda error: told.append(str(error)))
+        tab.on("request", lambda request: told.append(request.url) if not allowed(request.url) else None)
+        if init:
+            tab.add_init_script(init)
+        tab.goto(f"file://{folder}/index.html{address}")
+        if ready:
+            tab.wait_for_function(ready)
+        return tab
+
+    def allowed(url):
+        names = {"index.html", "kernel.js", "data.js", "page.js"}
+        own = url.startswith("file://") and url.partition("#")[0].rpartition("/")[2] in names
+        return own or url.startswith("blob:null/")
+
+    open_page.told = told
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert told == []
+
+
+def colours(tab):
+    """How many pixels of the picture have each colour."""
+    return tab.evaluate("""() => {
+      const view = document.getElementById("view"), counts = {};
+      const { data } = view.getContext("2d").getImageData(0, 0, view.width, view.height);
+      for (let k = 0; k < data.length; k += 4) {
+        const name = "#" + [0, 1, 2].map((j) => data[k + j].toString(16).padStart(2, "0")).join("");
+        counts[name] = (counts[name] || 0) + 1;
+      }
+      return counts;
+    }""")
+
+
+def screen(tab, point):
+    """Where a point of the plane, m, is in the window."""
+    box = tab.locator("#view").bounding_box()
+    x, y = tab.evaluate(f"app.place({list(point)})")
+    return box["x"] + x * box["width"] / 720, box["y"] + y * box["width"] / 720
+
+
+def goal(tab):
+    return tab.evaluate("app.seen.goal")
+
+
+def test_the_page_is_four_small_files(site):
+    files = sorted(path.name for path in site.iterdir())
+    assert files == ["data.js", "index.html", "kernel.js", "page.js"]
+    assert sum(path.stat().st_size for path in site.iterdir()) <= MOST_BYTES
+
+
+@pytest.mark.parametrize("arm", page.ARMS)
+def test_its_steps_have_the_bits_of_the_processor(arm, opened):
+    tab = opened(f"#arm={arm}")
+    tab.click("#check")
+    tab.wait_for_function("checked.textContent.includes('digest')")
+    expected = page.digest(page.page_scene(arm))
+    assert tab.inner_text("#checked") == (
+        f"1000 steps: digest {expected}, as on the processor that wrote this page."
+    )
+
+
+@pytest.mark.parametrize("policy", ["SAC", "PPO"])
+@pytest.mark.parametrize("arm", page.ARMS)
+def test_its_movers_hold_random_goals(arm, policy, opened):
+    tab = opened(f"#arm={arm}&who=race&policy={policy}")
+    tab.click("#trial")
+    tab.wait_for_function("/holds.*holds/.test(tried.textContent)", timeout=60_000)
+    held = re.findall(r"(learner|computed torque) holds (\d+) of 100", tab.inner_text("#tried"))
+    assert int(dict(held)["computed torque"]) >= LEAST_HELD["torque"]
+    assert int(dict(held)["learner"]) >= LEAST_HELD["learner"]
+
+
+def test_the_goal_is_dragged_and_stays_within_reach(opened):
+    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
+    tab.mouse.move(*screen(tab, (0.3, 0.4)))
+    tab.mouse.down()
+    tab.mouse.move(*screen(tab, (-0.2, 0.5)), steps=5)
+    tab.wait_for_function("Math.abs(app.seen.goal[0] + 0.2) < 0.01")
+    assert goal(tab) == pytest.approx([-0.2, 0.5], abs=0.01)
+    tab.mouse.move(*screen(tab, (1.05, 0.0)), steps=5)
+    tab.wait_for_function("app.seen.goal[0] > 0.9")
+    assert goal(tab) == pytest.approx([0.95, 0.0], abs=0.01)
+    tab.mouse.up()
+    assert "goal=0.95" in tab.evaluate("location.hash")
+
+
+def test_a_push_moves_the_tip(opened):
+    tab = opened("#arm=FourR&who=nobody&goal=0.3,0.4")
+    tab.click("#switch_gravity")
+    tab.wait_for_timeout(1500)
+    before = tab.evaluate("app.seen.points[0].at(-1)")
+    tab.mouse.move(*screen(tab, (before[0], before[1] + 0.3)))
+    tab.mouse.down()
+    tab.wait_for_timeout(400)
+    push = tab.evaluate("app.push")
+    tab.mouse.up()
+    after = tab.evaluate("app.seen.points[0].at(-1)")
+    assert 0.0 < sum(x * x for x in push) <= 100.0**2 * 1.000001
+    assert sum((a - b) ** 2 for a, b in zip(after, before, strict=True)) > 0.05**2
+    assert tab.evaluate("app.push") == [0, 0]
+
+
+def test_a_push_that_is_off_does_nothing(opened):
+    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
+    tab.click("#switch_tip_force")
+    tab.mouse.move(*screen(tab, (-0.5, -0.5)))
+    tab.mouse.down()
+    assert tab.evaluate("app.push") == [0, 0]
+    assert "Off: push" in tab.inner_text("#off")
+    tab.mouse.up()
+
+
+def test_all_can_be_done_from_the_keyboard(opened):
+    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
+    tab.focus("#view")
+    for key in ("ArrowLeft", "ArrowLeft", "ArrowUp"):
+        tab.keyboard.press(key)
+    tab.wait_for_function("Math.abs(app.seen.goal[1] - 0.42) < 1e-3")
+    assert goal(tab) == pytest.approx([0.26, 0.42], abs=1e-3)
+    tab.keyboard.down("Shift")
+    tab.keyboard.down("ArrowRight")
+    assert tab.evaluate("app.push") == [50, 0]
+    tab.keyboard.up("ArrowRight")
+    assert tab.evaluate("app.push") == [0, 0]
+    tab.keyboard.up("Shift")
+    tab.keyboard.press("Space")
+    assert tab.inner_text("#pause") == "Go on"
+    steps = tab.evaluate("app.seen.steps")
+    tab.wait_for_timeout(200)
+    assert tab.evaluate("app.seen.steps") <= steps + 5
+    tab.keyboard.press("n")
+    tab.wait_for_function("app.seen.steps === 0")
+    reached = set()
+    tab.focus("#arm")
+    for _ in range(30):
+        reached.add(tab.evaluate("document.activeElement.id || document.activeElement.tagName"))
+        tab.keyboard.press("Tab")
+    wanted = {
+        "arm",
+        "who",
+        "pause",
+        "new",
+        "next",
+        "accuracy",
+        "switch_gravity",
+        "gravity",
+        "SUMMARY",
+        "check",
+        "trial",
+    }
+    assert wanted <= reached
+
+
+def test_every_control_has_a_label(opened):
+    tab = opened()
+    unnamed = tab.evaluate("""[...document.querySelectorAll("input, select, button, canvas")].filter(
+      (one) => !(one.labels && one.labels.length) && !one.textContent.trim() && !one.ariaLabel).length""")
+    assert unnamed == 0
+
+
+def test_the_picture_shows_links_and_goal_and_takes_little_work(opened):
+    tab = opened("#arm=RPRP&who=race&goal=0.3,0.4")
+    seen = colours(tab)
+    assert all(seen.get(colour, 0) > 100 for colour in (BLUE, RED, GREEN))
+    tab.evaluate("app.work = app.pictures = 0")
+    tab.wait_for_timeout(2000)
+    pictures, work = tab.evaluate("[app.pictures, app.work]")
+    print(f"{pictures / 2:.0f} pictures a second, {work / pictures:.2f} ms of work each")
+    assert work / pictures <= MOST_WORK
+    seen = colours(opened("#arm=RPRP&who=nobody"))
+    assert seen.get(BLUE, 0) + seen.get(RED, 0) == 0
+
+
+def test_the_address_restores_a_view(opened):
+    tab = opened("#arm=FourR&who=race&goal=0.3,0.4&accuracy=9")
+    assert tab.evaluate("[app.seen.arm, String(app.seen.kinds)]") == ["FourR", "learner,torque"]
+    assert goal(tab) == [0.3, 0.4]
+    assert tab.inner_text("#accuracy_shown") == "1e-9 m"
+    assert tab.inner_text("#trouble") == ""
+    tab.evaluate("location.hash = '#arm=RPRP&who=torque&goal=-0.2,0.3'")
+    tab.wait_for_function("app.seen.arm === 'RPRP' && app.seen.goal[0] === -0.2")
+    assert tab.input_value("#who") == "torque"
+
+
+@pytest.mark.parametrize(
+    ("address", "named"),
+    [
+        ("#arm=Scara", "arm=Scara (known: RPRP, FourR)"),
+        ("#who=me", "who=me (known: learner, torque, nobody, race)"),
+        ("#policy=DQN", "policy=DQN (known: SAC, PPO)"),
+        ("#accuracy=99", "accuracy=99 (known: 2, 3, "),
+        ("#accuracy=six", "accuracy=six"),
+        ("#goal=5,0", "goal=5,0 (two numbers, 0.1 to 0.95 m from the base)"),
+        ("#goal=0.3", "goal=0.3"),
+        ("#goal=NaN,x", "goal=NaN,x"),
+        ("#speed=2", "speed (no such word)"),
+        ("#who=me&accuracy=0", "who=me (known: learner, torque, nobody, race); accuracy=0"),
+        ("#%E0%A4%A&arm=<b>", "arm=<b>"),
+    ],
+)
+def test_values_of_an_address_that_cannot_be_are_named(address, named, opened):
+    tab = opened(address)
+    assert named in tab.inner_text("#trouble")
+    assert "the default is used" in tab.inner_text("#trouble")
+    assert tab.input_value("#arm") == "RPRP"
+
+
+def test_a_browser_without_vectors_is_told(opened):
+    tab = opened(ready="trouble.textContent", init="WebAssembly.validate = () => false;")
+    assert "no WebAssembly vectors" in tab.inner_text("#trouble")
+
+
+def test_a_browser_without_webassembly_is_told(opened):
+    tab = opened(ready="trouble.textContent", init="delete globalThis.WebAssembly;")
+    assert "no WebAssembly" in tab.inner_text("#trouble")
+
+
+@pytest.mark.parametrize("damage", ["changed", "cut", "missing"])
+def test_damaged_data_is_told(damage, opened, site, tmp_path):
+    folder = tmp_path / "page"
+    shutil.copytree(site, folder)
+    text = (folder / "data.js").read_text()
+    middle = len(text) // 2
+    if damage == "changed":
+        text = text[:middle] + ("A" if text[middle] != "A" else "B") + text[middle + 1 :]
+    (folder / "data.js").write_text(text if damage == "changed" else text[:middle])
+    if damage == "missing":
+        (folder / "data.js").unlink()
+    tab = opened(folder=folder, ready="trouble.textContent")
+    assert "data.js is damaged or missing" in tab.inner_text("#trouble")
+    opened.told.clear()  # the browser itself says that the script is none
+
+
+HOPELESS = {
+    "an endless push": """app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", Infinity]]})""",
+    "an impossible accuracy": """app.send({do: "set", values: {...app.values(), tip_tolerance: 1e-16}});
+      for (let k = 0; k < 3; k++) app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", 1e6]]})""",
+}
+
+
+@pytest.mark.parametrize("what", HOPELESS)
+def test_a_hopeless_step_is_named_and_a_new_episode_begins(what, opened):
+    tab = opened("#arm=RPRP&who=nobody&accuracy=12")
+    tab.evaluate(f"app.waiting = performance.now(); app.pictures = 0; {HOPELESS[what]}")
+    tab.wait_for_timeout(300)
+    assert tab.evaluate("app.pictures") >= 3  # it goes on drawing meanwhile
+    tab.wait_for_function("trouble.textContent.startsWith('numerics: ')", timeout=30_000)
+    assert re.search(r"numerics: [A-Z_]+: ", tab.inner_text("#trouble"))
+    tab.wait_for_function("app.seen.steps > 2", timeout=30_000)
+    assert all(abs(x) < 2.0 for place in tab.evaluate("app.seen.points[0]") for x in place)
+
+
+def test_sliders_and_switches_change_the_simulation_and_the_bill(opened):
+    tab = opened("#arm=RPRP&who=nobody")
+    tab.click("#pause")
+    tab.fill("#gravity", "3.7")
+    assert tab.evaluate("app.values()['gravity.g']") == 3.7
+    tab.fill("#motor_strength", "0.5")
+    assert tab.evaluate("app.values()['effort_limits.limits[1]']") == 16.0
+    tab.click("summary")
+    tab.fill("#length_2", "0.4")
+    tab.wait_for_function("Math.abs(app.seen.reach - 1.15) > -1")
+    tab.click("#new")
+    tab.wait_for_function("Math.abs(app.seen.reach - 1.15) < 1e-9")
+    scene = page.page_scene("RPRP")
+    for off in ([], ["gravity"], ["gravity", "tip_force"]):
+        for key in ("gravity", "viscous_friction", "tip_force"):
+            tab.set_checked(f"#switch_{key}", key not in off)
+        rest = tuple(effect for effect in scene.effects if effect.key not in off)
+        expected = rde.bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
+        shown = tab.evaluate(
+            "[...bill.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
+        )
+        assert {name: [*map(int, counts)] for name, *counts in shown[:-1]} == {
+            owner.replace("_", " "): [*counts] for owner, counts in expected.items()
+        }
+        assert [tab.evaluate(f"app.values()['{key}']") for key in ("gravity.g",)] == [0 if off else 3.7]
+
+
+def test_accuracy_costs_evaluations_and_errors_are_small(opened):
+    found = {}
+    for accuracy in (2, 12):
+        tab = opened(f"#arm=FourR&who=nobody&accuracy={accuracy}")
+        tab.wait_for_function("app.seen.steps > 15 && app.seen.steps < 60")
+        found[accuracy] = tab.evaluate("app.seen.costs[0]")
+        assert found[accuracy]["error"] <= 10.0**-accuracy
+    assert found[2]["evaluations"] == 12 < found[12]["evaluations"]
+
+
+def test_it_is_paused_for_readers_who_ask_for_less_motion(opened):
+    tab = opened(ready="app.seen", reduced_motion="reduce")
+    tab.wait_for_timeout(300)
+    assert tab.evaluate("app.seen.steps") == 0
+    assert tab.inner_text("#pause") == "Go on"
+    tab.click("#pause")
+    tab.wait_for_function("app.seen.steps > 3")
+
+
+def test_it_fits_a_narrow_screen(opened):
+    tab = opened(viewport={"width": 360, "height": 640})
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+def test_without_policies_it_has_no_learner_and_says_so(opened, tmp_path):
+    empty = tmp_path / "none"
+    empty.mkdir()
+    _, learners = page.write(tmp_path / "page", empty)
+    assert learners == []
+    tab = opened("#arm=FourR&goal=0.3,0.4", folder=tmp_path / "page")
+    assert tab.evaluate("app.seen.kinds") == ["torque"]
+    tab.wait_for_function("said.textContent.includes('it has no learner')")
+    assert [option.inner_text() for option in tab.locator("#who option").all()] == [
+        "computed torque",
+        "nobody",
+    ]
