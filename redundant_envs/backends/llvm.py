@@ -88,7 +88,7 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
     if not made_for.joins and not made_for.is_wasm:
         warnings.warn(
             "this processor cannot multiply and add with one rounding (FMA); simulations have the same bits "
-            "as elsewhere, many times slower",
+            "as elsewhere, and take some 50 times as long",
             stacklevel=2,
         )
     with uncollected():

@@ -7,6 +7,7 @@ but for the names of the kernels, which become exports.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 
 from redundant_envs.backends import llvm
@@ -16,6 +17,8 @@ from redundant_envs.tracing.flow import Program
 MEMORY, STACK_POINTER = "__linear_memory", "__stack_pointer"
 IMPORTS = {("env", MEMORY), ("env", STACK_POINTER)}
 """What the modules import: a memory, and a global that holds the address at which the stack ends."""
+IDENTITY = "identity"
+"""Name of the custom section by which a host knows the module of a description."""
 CUSTOM, TYPES, IMPORTED, FUNCTIONS, EXPORTS, CODE = 0, 1, 2, 3, 7, 10
 OTHERS = {4: "a table", 5: "a memory", 6: "globals", 8: "a start", 9: "elements", 11: "data", 12: "data"}
 """Sections that our objects do not have."""
@@ -32,7 +35,18 @@ def module(program: Program) -> bytes:
     kernels, which take the address of a frame as those of other back ends do."""
     with llvm.target(WASM):
         code = llvm.object_code(program)
-    return linked(code, [kernel.name for kernel in program.kernels])
+    made = linked(code, [kernel.name for kernel in program.kernels])
+    section = _text(IDENTITY) + identity(made).encode()
+    return made + bytes([CUSTOM]) + _leb(len(section)) + section
+
+
+def identity(code: bytes) -> str:
+    """The digest of a module: the section that says it is the last one, and not part of it."""
+    for number, content in _sections(code):
+        reader = _Reader(content)
+        if number == CUSTOM and reader.text() == IDENTITY:
+            return content[reader.at :].decode()
+    return hashlib.sha256(code).hexdigest()
 
 
 def linked(code: bytes, names: list[str]) -> bytes:

@@ -21,11 +21,16 @@ class Simulator {
   static ALIGNMENT = 64;
   static ARRAYS = { f64: Float64Array, f32: Float32Array, i64: BigInt64Array, u32: Uint32Array, i8: Int8Array };
 
-  /* lanes: how many of the block's lanes are simulated, side by side */
+  /* module: compiled, such as new WebAssembly.Module(bytes); lanes: how many of the block's lanes are simulated,
+   * side by side */
   constructor(description, module, lanes = 1) {
     const { FORMAT, STACK, PAGE, ALIGNMENT, ARRAYS } = Simulator;
     if (description.format !== FORMAT) {
       throw new Error(`the description has format ${description.format}; this kernel.js reads ${FORMAT}`);
+    }
+    const identity = WebAssembly.Module.customSections(module, "identity")[0];
+    if (!identity || String.fromCharCode(...new Uint8Array(identity)) !== description.identity) {
+      throw new Error("the description is of another module; give the two files of one command");
     }
     if (!(Number.isInteger(lanes) && lanes >= 1 && lanes <= description.lanes)) {
       throw new Error(`lanes is ${lanes}; give 1 to ${description.lanes}`);
@@ -62,18 +67,19 @@ class Simulator {
     for (const [kernel, given] of Object.entries(description.kernels)) {
       const names = Object.keys(given), place = places[`frame of ${kernel}`];
       const values = new BigInt64Array(memory.buffer, place, names.length);
-      names.forEach((name, k) => { values[k] = BigInt(name in places ? places[name] : numbers[name]); });
+      names.forEach((name, k) => { values[k] = BigInt(Object.hasOwn(places, name) ? places[name] : numbers[name]); });
       this._frames[kernel] = { place, values, names };
     }
     this._operation = this._frames.environment.names.indexOf("operation");
-    this._rows = {};
+    this._rows = new Map();
     for (const [space, rows] of Object.entries(description.rows)) {
-      for (const [name, row] of Object.entries(rows)) this._rows[name] = [this._arrays[space], row * width];
+      for (const [name, row] of Object.entries(rows)) this._rows.set(name, [this._arrays[space], row * width]);
     }
-    this._outputs = {};
+    this._outputs = new Map();
     for (const [table, { rows }] of Object.entries(description.tables)) {
-      rows.forEach((name, row) => { this._outputs[name] = [this._arrays[table], row * width]; });
+      rows.forEach((name, row) => this._outputs.set(name, [this._arrays[table], row * width]));
     }
+    this._parameters = new Set(description.parameters);
     this.restart();
   }
 
@@ -103,12 +109,24 @@ class Simulator {
     this._call("environment");
   }
 
-  _place(kind, places, name, lane) {
-    if (!(name in places)) {
-      throw new Error(`${kind} is ${name}; this environment has ${Object.keys(places).join(", ")}`);
+  _lane(lane) {
+    if (!(Number.isInteger(lane) && lane >= 0 && lane < this.lanes)) {
+      throw new Error(`lane is ${lane}; give ${this.lanes === 1 ? "0" : `0 to ${this.lanes - 1}`}`);
     }
-    const [array, first] = places[name];
-    return [array, first + lane];
+    return lane;
+  }
+
+  _place(kind, places, name, lane) {
+    if (!places.has(name)) {
+      throw new Error(`${kind} is ${String(name)}; this environment has ${[...places.keys()].join(", ")}`);
+    }
+    const [array, first] = places.get(name);
+    return [array, first + this._lane(lane)];
+  }
+
+  _part(array, count, lane) {
+    this._lane(lane);
+    return array.subarray(lane * count, (lane + 1) * count);
   }
 
   /* All numbers as before the first episode, and those that follow from parameters. */
@@ -117,20 +135,42 @@ class Simulator {
       const array = this._arrays[space];
       values.forEach((value, row) => array.fill(Number(value), row * this._width, (row + 1) * this._width));
     }
+    this._arrays.actions.fill(0);
+    this._begun = new Set();
+    this._run("observe");
   }
 
-  /* Begin an episode, in one lane or in all: from a key, four whole numbers of 32 bits. */
-  reset(key, lane = null) {
-    const length = this.description.episode_key, keys = this._arrays.episode_keys;
-    if (key.length !== length - 1) throw new Error(`key has ${key.length} numbers; give ${length - 1}`);
-    const lanes = lane === null ? [...Array(this.lanes).keys()] : [lane];
-    for (const k of lanes) keys.set([...key, 1], k * length);
+  /* Begin an episode, in one lane or, with equal starts and goals, in all: from a key, four whole numbers of 32
+   * bits. As with the options of reset() in Python, q, qd and goal replace what was drawn. */
+  reset(key, lane = null, { q, qd, goal } = {}) {
+    const length = this.description.episode_key, keys = this._arrays.episode_keys, words = Array.from(key);
+    if (words.length !== length - 1 || !words.every((x) => Number.isInteger(x) && x >= 0 && x < 2 ** 32)) {
+      throw new Error(`key is ${words.join(", ")}; give ${length - 1} whole numbers from 0 to 2^32 - 1`);
+    }
+    const lanes = lane === null ? [...Array(this.lanes).keys()] : [this._lane(lane)];
+    const given = [[this.coordinates, q, "q"], [this.rates, qd, "qd"], [["goal_x", "goal_y"], goal, "goal"]];
+    for (const [names, values, what] of given) {
+      if (values && (values.length !== names.length || !Array.from(values).every(Number.isFinite))) {
+        throw new Error(`${what} is ${values}; give ${names.length} finite numbers`);
+      }
+    }
+    for (const k of lanes) keys.set([...words, 1], k * length);
     this._run("reset");
-    for (const k of lanes) keys[k * length + length - 1] = 0;
+    for (const [names, values] of given.filter((one) => one[1])) {
+      names.forEach((name, i) => lanes.forEach((k) => this.set(name, values[i], k)));
+    }
+    if (q || qd || goal) this._run("begin_states"); // and observe
+    for (const k of lanes) {
+      keys[k * length + length - 1] = 0;
+      this._begun.add(k);
+    }
   }
 
   /* Take a control step with actions() in all lanes. */
-  step() { this._run("step"); }
+  step() {
+    if (this._begun.size < this.lanes) throw new Error("a lane has no episode yet; call reset() before step()");
+    this._run("step");
+  }
 
   /* Compute observation and outputs again, after set(). */
   observe() { this._run("observe"); }
@@ -140,13 +180,11 @@ class Simulator {
 
   /* The actions of a lane for the next step, to be filled. */
   actions(lane = 0) {
-    const n = this.description.actions;
-    return this._arrays.actions.subarray(lane * n, (lane + 1) * n);
+    return this._part(this._arrays.actions, this.description.actions, lane);
   }
 
   observation(lane = 0) {
-    const n = this.description.observation.length;
-    return this._arrays.obs.subarray(lane * n, (lane + 1) * n);
+    return this._part(this._arrays.obs, this.description.observation.length, lane);
   }
 
   /* A state or a parameter by its name in the description. */
@@ -155,21 +193,34 @@ class Simulator {
     return array[place];
   }
 
-  /* Set it in one lane, or in all; after parameters prepare() has to be called. */
+  /* Set a state, or one of description.parameters, in one lane or in all; after parameters prepare() has to be
+   * called. Episodes then do not draw this parameter. Whether it is one that Python would accept is not checked. */
   set(name, value, lane = null) {
     const [array, place] = this._place("field", this._rows, name, lane ?? 0);
-    if (lane === null) array.fill(value, place, place + this._width);
-    else array[place] = value;
+    if (typeof value !== "number" || Number.isNaN(value)) throw new Error(`${name} is ${value}; give a number`);
+    if (array === this._arrays.parameter) {
+      if (!this._parameters.has(name)) throw new Error(`${name} follows from others; set one of description.parameters`);
+      const fixed = `fixed ${name.replace(/^own_/, "")}`;
+      if (this._rows.has(fixed)) this._fill(...this._rows.get(fixed), 1, lane);
+    }
+    this._fill(array, place - (lane ?? 0), value, lane);
+  }
+
+  _fill(array, row, value, lane) {
+    if (lane === null) array.fill(value, row, row + this._width);
+    else array[row + lane] = value;
   }
 
   /* The states of a lane, in the order of the rows. */
   states(lane = 0) {
+    this._lane(lane);
     return this._arrays.state.filter((_, k) => k % this._width === lane);
   }
 
   /* Take over all states of another simulator of the same module. */
   follow(other) {
     this._arrays.state.set(other._arrays.state);
+    this._begun = new Set(other._begun);
   }
 
   /* A result of the last step, reset or observation by its name in the tables of the description. */
@@ -181,8 +232,7 @@ class Simulator {
   /* The arm in the present state: numbers with the names in description.arm. */
   arm(lane = 0) {
     this._call("arm");
-    const n = this.description.arm.length;
-    return this._arrays.out.subarray(lane * n, (lane + 1) * n);
+    return this._part(this._arrays.out, this.description.arm.length, lane);
   }
 }
 

@@ -56,9 +56,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
     ValueError
         If the scene has no motors, or the task does not fit it.
     """
-    check_scene(scene)
-    check_motors(scene)
-    check_task(task, scene)
+    check(scene, task)
     with uncollected():
         dynamics = Dynamics(scene)
         episode = Episode(Interval(dynamics), task)
@@ -77,6 +75,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "version": __version__,
         "scene": scene.to_dict(),
         "task": task.name,
+        "identity": wasm.identity(code),
         "lanes": WASM.lanes,
         "control_dt": scene.control_dt,
         "substeps": scene.substeps,
@@ -84,6 +83,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "rates": list(robot.rates),
         "actions": len(episode.actions),
         "observation": list(episode.observed),
+        "parameters": [*dynamics.parameters, *task.parameters(), "limit"],
         "motors": _motors(dynamics),
         "kernels": {kernel.name: kernel.arguments for kernel in kernels},
         "operations": {one.name.lower(): int(one) for one in Operation},
@@ -100,6 +100,13 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "initial": {str(kept): memory.arrays[str(kept)][0, :, 0].tolist() for kept in (STATE, PARAMETER)},
     }
     return Module(code, description)
+
+
+def check(scene: Scene, task: Task) -> None:
+    """ValueError unless an environment may have a scene and a task."""
+    check_scene(scene)
+    check_motors(scene)
+    check_task(task, scene)
 
 
 def _motors(dynamics: Dynamics) -> dict[str, Any]:
@@ -148,6 +155,7 @@ def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
     OSError
         If the folder cannot be made or written.
     """
+    check(scene, task)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / file for file in (HOST.name, f"{name}.wasm", f"{name}.json")]
     paths[0].write_bytes(HOST.read_bytes())  # a folder that cannot be written is refused at once

@@ -11,6 +11,8 @@ import dataclasses
 import gzip
 import itertools
 import struct
+import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -81,14 +83,14 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
     ValueError
         If a policy does not fit its environment.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / source.name for source in SOURCES]
-    for path, source in zip(paths, SOURCES, strict=True):
-        path.write_bytes(source.read_bytes())
     if policies is None and POLICIES.is_dir():
         policies = POLICIES
     elif policies is not None and not policies.is_dir():
         raise ValueError(f"policies is {policies}, which is no folder; give one with policies")
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / source.name for source in SOURCES]
+    for path, source in zip(paths, SOURCES, strict=True):
+        path.write_text(_flat(source.read_text(encoding="utf-8")), encoding="utf-8")
     # 4 bytes in 5 characters, in place of 3 in 4.
     content, learners = _content(policies)
     packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
@@ -135,6 +137,11 @@ def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
     }
 
 
+def _flat(text: str) -> str:
+    """A script or page without indentation, which is 5 kB of the four files."""
+    return "".join(f"{line.lstrip()}\n" for line in text.splitlines())
+
+
 def _planes(weights: NDArray[np.float32]) -> bytes:
     """First bytes, second bytes and so on of numbers: alike ones together take less when they are packed."""
     return np.ascontiguousarray(weights.view(np.uint8).reshape(-1, weights.itemsize).T).tobytes()
@@ -161,7 +168,9 @@ def _sliders(scene: Scene) -> Iterator[Slider]:
     robot = scene.robot
     gravity = [name for name in _fields(scene, Gravity) if name.endswith(".g")]
     yield Slider("gravity", "m/s²", 0.0, 20.0, 0.01, gravity)
-    yield Slider("joint friction", "N m s", 0.0, 1.0, 0.01, _fields(scene, ViscousFriction))
+    friction, units = _fields(scene, ViscousFriction), scene.units()
+    unit = " or ".join(dict.fromkeys(units[name].replace("/rad", "") for name in friction))
+    yield Slider("joint friction", unit, 0.0, 1.0, 0.01, friction)
     yield Slider("motor strength", "×", 0.2, 2.0, 0.05, _fields(scene, EffortLimits), factor=True)
     stops = [name for name in _fields(scene, PrismaticStop) if "restitution" in name]
     if stops:
@@ -242,9 +251,12 @@ def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], Weigh
         with np.load(path, allow_pickle=False) as file:
             found = dict(file)
         count = sum(name.startswith("weights_") for name in found)
-        layers = [(found[f"weights_{k}"], found[f"biases_{k}"]) for k in range(count)]
+        layers = [
+            tuple(np.asarray(found[f"{part}_{k}"], dtype=np.float64) for part in ("weights", "biases"))
+            for k in range(count)
+        ]
         about = {"activation": str(found["activation"]), "output": str(found["output"])}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
     sizes = [inputs, *(len(biases) for _, biases in layers)]
     fitting = all(

@@ -43,6 +43,8 @@ def chromium():
             pytest.fail(missing)
         pytest.skip(missing)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        # Playwright's flag would let a page change its address as often as it likes; browsers do not.
+        own = ["--disable-ipc-flooding-protection"]
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS, ignore_default_args=own)
         yield browser
         browser.close()

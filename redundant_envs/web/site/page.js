@@ -4,10 +4,10 @@
 /* ---- the worker: its text, with the classes of kernel.js, becomes a Blob, which works in files, too ------------- */
 
 function work() {
-  const TIMED_STEPS = 20, TIME_EVERY = 500, QUICK = 5, REFERENCE = 1e-13, TRIAL_STEPS = 100;
+  const TIMED_STEPS = 20, TIMED_FOR = 5, TIME_EVERY = 500, QUICK = 5, REFERENCE = 1e-13, TRIAL_STEPS = 100;
   const arms = {};
   let now = null; // the arm, its simulators and its movers
-  let numbers = {}, timedAt = 0, microseconds = null;
+  let numbers = {}, timedAt = 0, microseconds = null, tried = null;
 
   const state = (simulator, lane) => [simulator.coordinates, simulator.rates].map(
     (names) => names.map((name) => simulator.get(name, lane)));
@@ -52,24 +52,45 @@ function work() {
     return { name, arm, main, reference, timed, kinds, movers: kinds.map((kind) => movers[kind](arm, policy)) };
   }
 
-  function aimed() {
+  /* The movers plan again; the goal stays within reach. */
+  function plan() {
+    const goal = goalOf(now.main), [inner, outer] = range(), distance = Math.hypot(...goal) || 1e-9;
+    const scale = Math.min(outer, Math.max(inner, distance)) / distance;
+    if (scale !== 1) ["goal_x", "goal_y"].forEach((axis, k) => now.main.set(axis, goal[k] * scale));
     now.main.observe();
     now.movers.forEach((mover, lane) => mover.begin(now.main, lane));
+  }
+
+  /* A goal is new: how long it takes counts from now on. */
+  function aimed() {
+    plan();
+    now.main.set("hold", 0);
     now.steps = 0;
     now.held = now.kinds.map(() => null);
   }
+
+  function reach() {
+    const { rows, motors } = now.arm.about.description;
+    const upper = motors.travel.filter(Boolean).map(([, name]) => name);
+    const lengths = Object.keys(rows.parameter).filter((name) => /^l\d+$/.test(name));
+    return [...lengths, ...upper].reduce((sum, name) => sum + now.main.get(name), 0);
+  }
+
+  const range = () => ["inner", "outer"].map((name) => now.main.get(name) * reach());
 
   /* Time the step that begins in the states of the reference: clocks of browsers are too coarse for one. */
   function timed() {
     const { reference, timed: copy } = now;
     for (let lane = 0; lane < now.kinds.length; lane++) copy.actions(lane).set(reference.actions(lane));
     const start = performance.now();
-    for (let k = 0; k < TIMED_STEPS; k++) {
+    let count = 0;
+    while (count < TIMED_STEPS && (count === 0 || performance.now() - start < TIMED_FOR)) {
       copy.follow(reference);
       copy.step();
+      count += 1;
     }
     timedAt = performance.now();
-    microseconds = (1000 * (timedAt - start)) / TIMED_STEPS;
+    microseconds = (1000 * (timedAt - start)) / count;
   }
 
   /* One control step of all movers, and of the reference from the same states. */
@@ -108,13 +129,10 @@ function work() {
       for (let k = 1; at.includes(`x${k}`); k++) places.push([values[at.indexOf(`x${k}`)], values[at.indexOf(`y${k}`)]]);
       return places;
     });
-    const upper = description.motors.travel.filter(Boolean).map(([, name]) => main.get(name));
-    const lengths = Object.keys(description.rows.parameter).filter((name) => /^l\d+$/.test(name));
-    const reach = [...lengths.map((name) => main.get(name)), ...upper].reduce((a, b) => a + b);
     return {
-      arm: now.name, kinds: now.kinds, points, goal: goalOf(main), reach, held: now.held, steps: now.steps,
-      range: ["inner", "outer"].map((name) => main.get(name) * reach), dt: description.control_dt,
-      tolerance: main.get("goal_tolerance") * reach, costs: now.costs, microseconds,
+      arm: now.name, kinds: now.kinds, points, goal: goalOf(main), reach: reach(), held: now.held, steps: now.steps,
+      range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
+      costs: now.costs, microseconds, episode: now.episode, order: now.order,
     };
   }
 
@@ -122,27 +140,31 @@ function work() {
     load({ name, about, code }) {
       arms[name] = { about, module: new WebAssembly.Module(code) };
     },
-    begin({ name, kinds, policy, key, goal, values }) {
+    begin({ name, kinds, policy, key, goal, values, episode, order }) {
       if (!now || now.name !== name || String([now.kinds, now.policy]) !== String([kinds, policy])) {
         now = made(name, kinds, policy);
         now.policy = policy;
       }
       numbers = values;
       apply(all());
-      now.main.reset(key);
-      if (goal) ["goal_x", "goal_y"].forEach((axis, k) => now.main.set(axis, goal[k]));
-      now.costs = null;
-      now.faults = [];
+      now.main.reset(key, null, goal ? { goal } : {});
+      Object.assign(now, { costs: null, faults: [], episode, order });
+      microseconds = null;
       aimed();
       return told();
     },
-    set({ values }) {
+    set({ values, order }) {
       numbers = values;
       apply(all());
-      aimed();
+      Object.assign(now, { costs: null, order });
+      microseconds = null;
+      timedAt = 0;
+      plan();
+      return told();
     },
-    aim({ goal }) {
+    aim({ goal, order }) {
       ["goal_x", "goal_y"].forEach((axis, k) => now.main.set(axis, goal[k]));
+      now.order = order;
       aimed();
       return told();
     },
@@ -151,12 +173,17 @@ function work() {
       for (let k = 0; k < steps && !ended; k++) ended = step(push);
       return { ...told(), faults: now.faults, ended };
     },
-    /* Hold as many goals as possible, one after the other. */
-    trial({ name, kind, policy, goals, values }) {
-      const arm = arms[name], mover = movers[kind](arm, policy);
-      const simulator = new Simulator(arm.about.description, arm.module);
-      numbers = values;
-      apply([[simulator], ...(mover.model ? [[mover.model]] : [])]);
+    /* Hold as many goals as possible, one after the other: a few for each message, so that others are heard. */
+    trial({ name, kind, policy, goals, values, first }) {
+      if (first) {
+        const arm = arms[name], mover = movers[kind](arm, policy);
+        const simulator = new Simulator(arm.about.description, arm.module), kept = numbers;
+        numbers = values;
+        apply([[simulator], ...(mover.model ? [[mover.model]] : [])]);
+        numbers = kept;
+        tried = { simulator, mover };
+      }
+      const { simulator, mover } = tried;
       let held = 0;
       for (let k = 0; k < goals; k++) {
         simulator.reset(crypto.getRandomValues(new Uint32Array(4)));
@@ -167,7 +194,7 @@ function work() {
         }
         held += simulator.output("is_success");
       }
-      return { kind, held, goals };
+      return { held };
     },
     /* A digest of the states of an episode: FNV-1a on words of 64 bits. */
     check({ name }) {
@@ -238,20 +265,31 @@ async function unpacked(text) {
 
 const COLORS = { learner: "#0072b2", torque: "#d55e00", nobody: "#5b6570", goal: "#009e73", push: "#b0307a" };
 const NAMES = { learner: "learner", torque: "computed torque", nobody: "nobody", race: "race" };
-const SIZE = 720, MOST_STEPS = 5, SLOW = 300, PAUSE_WHEN_HELD = 50, TRIAL_GOALS = 100;
-const MOVE = 0.02, KEY_PUSH = 50, PUSH_PER_METRE = 150, ARROW = 330, GRAB = 26, TRAIL = 60;
-const DEFAULTS = { arm: "RPRP", who: "race", policy: "SAC", accuracy: 6 };
+const SIGNS = {
+  additions: "+ −", products: "×", divisions: "÷", roots: "√", sine_pairs: "sin cos", comparisons: "<", selections: "?:",
+  bytes: "bytes",
+};
+const MOST_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_EVERY = 200, WRITE_EVERY = 500;
+const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MOST_FAULTS = 3, FAULTS_WITHIN = 10_000;
+const MOVE = 0.02, KEY_PUSH = 50, PUSH_PER_METRE = 150, ARROW = 330, GRAB = 22, TRAIL = 60, MARGIN = 1.12;
+const DEFAULTS = { arm: "RPRP", who: "race", policy: "SAC", accuracy: "6" };
 const byId = (id) => document.getElementById(id);
+const made = (tag, properties, ...children) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
 
 const app = {
-  data: null, worker: null, seen: null, goal: null, waiting: null, running: true, due: 0, last: null, push: [0, 0], drag: null,
-  trail: [], settings: {}, off: new Set(), note: "", pictures: 0, work: 0, answers: {},
+  data: null, worker: null, seen: null, goal: null, waiting: null, running: true, due: 0, last: null, push: [0, 0],
+  drag: null, pressed: new Map(), trail: [], settings: {}, off: new Set(), note: "", episode: 0, order: 0, slow: false,
+  answers: {}, faults: [], costsAt: 0, writing: null, told: "", size: 0, pictures: 0, work: 0,
 
   send(message) {
     this.worker.postMessage(message);
   },
 
-  /* A message whose answer is waited for. */
+  /* A message whose answer is waited for; it has "failed" if the worker could not do it. */
   ask(message) {
     return new Promise((resolve) => {
       (this.answers[message.do] ??= []).push(resolve);
@@ -259,19 +297,33 @@ const app = {
     });
   },
 
-  get arm() { return this.data.arms[byId("arm").value]; },
+  get name() { return byId("arm").value; },
+  get arm() { return this.data.arms[this.name]; },
+  get policies() { return Object.keys(this.arm.policies); },
   get pushed() { return this.arm.switches.find(({ label }) => label === "push"); },
   get kinds() { return byId("who").value === "race" ? ["learner", "torque"] : [byId("who").value]; },
 
-  trouble(text) { byId("trouble").textContent = text; },
+  trouble(text) { if (byId("trouble").textContent !== text) byId("trouble").textContent = text; },
+
+  /* The value of a parameter in the scene. */
+  own(name) {
+    const { rows, initial } = this.arm.description;
+    return Number(initial.parameter[rows.parameter[name]]);
+  },
+
+  /* Least and largest distance of goals from the base in the scene, m. */
+  get ownRange() {
+    const { motors, rows } = this.arm.description, upper = motors.travel.filter(Boolean).map(([, name]) => name);
+    const lengths = Object.keys(rows.parameter).filter((name) => /^l\d+$/.test(name));
+    const reach = [...lengths, ...upper].reduce((sum, name) => sum + this.own(name), 0);
+    return ["inner", "outer"].map((name) => this.own(name) * reach);
+  },
 
   /* Values of all fields that sliders, switches and the tolerance set. */
   values() {
-    const { rows, initial } = this.arm.description, values = { tip_tolerance: 10 ** -byId("accuracy").value };
+    const values = { tip_tolerance: 10 ** -byId("accuracy").value };
     this.arm.sliders.forEach(({ fields, factor }, k) => {
-      for (const name of fields) {
-        values[name] = this.settings[k] * (factor ? Number(initial.parameter[rows.parameter[name]]) : 1);
-      }
+      for (const name of fields) values[name] = this.settings[k] * (factor ? this.own(name) : 1);
     });
     for (const { key, fields } of this.arm.switches) {
       if (this.off.has(key)) for (const name of fields) values[name] = 0;
@@ -280,23 +332,36 @@ const app = {
   },
 
   set() {
-    this.send({ do: "set", values: this.values() });
+    this.order += 1;
+    this.send({ do: "set", values: this.values(), order: this.order });
+    this.clear();
     this.remember();
   },
 
   begin(goal = null) {
+    this.episode += 1;
+    this.order += 1;
     this.trail = [];
-    this.push = [0, 0];
     this.waiting = performance.now();
-    const key = crypto.getRandomValues(new Uint32Array(4)), [name, policy] = [byId("arm").value, byId("policy").value];
-    this.send({ do: "begin", name, kinds: this.kinds, policy, key, goal, values: this.values() });
+    const key = crypto.getRandomValues(new Uint32Array(4)), { name, kinds, episode, order } = this;
+    const policy = byId("policy").value;
+    this.send({ do: "begin", name, kinds, policy, key, goal, values: this.values(), episode, order });
+  },
+
+  /* A new start, and what was said of the one before is gone. */
+  fresh(goal = null) {
+    this.trouble("");
+    this.faults = [];
+    this.begin(goal);
+    this.remember();
   },
 
   aim([x, y]) {
     const [inner, outer] = this.seen.range, distance = Math.hypot(x, y) || 1e-9;
     const scale = Math.min(outer, Math.max(inner, distance)) / distance;
     this.goal = [x * scale, y * scale];
-    this.send({ do: "aim", goal: this.goal });
+    this.order += 1;
+    this.send({ do: "aim", goal: this.goal, order: this.order });
     this.remember(this.goal);
   },
 
@@ -307,15 +372,24 @@ const app = {
 
   /* ---- the address ---- */
 
+  /* Write the address, a little later: browsers do not take many changes at once. */
   remember(goal = null) {
-    const words = { arm: byId("arm").value, who: byId("who").value, accuracy: byId("accuracy").value };
-    if (this.kinds.includes("learner")) words.policy = byId("policy").value;
-    if (goal) words.goal = goal.map((x) => x.toFixed(3)).join(",");
-    const text = Object.entries(words).map(([name, value]) => `${name}=${value}`).join("&");
-    history.replaceState(null, "", `#${text}`);
+    clearTimeout(this.writing);
+    this.writing = setTimeout(() => {
+      const words = { arm: this.name, who: byId("who").value, accuracy: byId("accuracy").value };
+      if (this.kinds.includes("learner")) words.policy = byId("policy").value;
+      const [inner, outer] = this.ownRange;
+      if (goal && Math.hypot(...goal) >= inner && Math.hypot(...goal) <= outer) {
+        words.goal = goal.map((x) => x.toFixed(3)).join(",");
+      }
+      const text = Object.entries(words).map(([name, value]) => `${name}=${value}`).join("&");
+      try {
+        history.replaceState(null, "", `#${text}`);
+      } catch { /* the view goes on without its address */ }
+    }, WRITE_EVERY);
   },
 
-  /* Take over the address; the goal it asks for, and what it says that cannot be. */
+  /* Take over the address; the goal it asks for. What it says that cannot be is named. */
   restore() {
     const given = new URLSearchParams(location.hash.slice(1)), wrong = [];
     const choose = (name, known, otherwise) => {
@@ -323,152 +397,157 @@ const app = {
       if (value !== null && !known.includes(value)) wrong.push(`${name}=${value} (known: ${known.join(", ")})`);
       return known.includes(value) ? value : otherwise;
     };
+    clearTimeout(this.writing);
     byId("arm").value = choose("arm", Object.keys(this.data.arms), DEFAULTS.arm);
-    const policies = Object.keys(this.arm.policies);
-    const whos = policies.length ? ["learner", "torque", "nobody", "race"] : ["torque", "nobody"];
-    this.fill("who", whos.map((who) => [who, NAMES[who]]));
-    this.fill("policy", policies.map((name) => [name, name]));
-    byId("who").value = choose("who", whos, policies.length ? DEFAULTS.who : "torque");
-    byId("policy").value = choose("policy", policies, policies.includes(DEFAULTS.policy) ? DEFAULTS.policy : policies[0]);
+    this.controls();
+    const whos = [...byId("who").options].map((option) => option.value);
+    byId("who").value = choose("who", whos, whos.includes(DEFAULTS.who) ? DEFAULTS.who : whos[0]);
+    byId("policy").value = choose("policy", this.policies, byId("policy").value);
     const exponents = Array.from({ length: 11 }, (_, k) => String(k + 2));
     byId("accuracy").value = choose("accuracy", exponents, DEFAULTS.accuracy);
     for (const name of given.keys()) {
       if (!["arm", "who", "policy", "accuracy", "goal"].includes(name)) wrong.push(`${name} (no such word)`);
     }
-    let goal = given.has("goal") ? given.get("goal").split(",").map(Number) : null;
-    const { initial, rows } = this.arm.description, number = (name) => Number(initial.parameter[rows.parameter[name]]);
-    if (goal) {
-      const travel = this.arm.description.motors.travel.filter(Boolean).map(([, name]) => number(name));
-      const lengths = Object.keys(rows.parameter).filter((name) => /^l\d+$/.test(name)).map(number);
-      const reach = [...lengths, ...travel].reduce((a, b) => a + b), far = Math.hypot(...goal);
-      if (goal.length !== 2 || !(far >= number("inner") * reach && far <= number("outer") * reach)) {
-        wrong.push(`goal=${given.get("goal")} (two numbers, ${number("inner") * reach} to ${number("outer") * reach} m from the base)`);
-        goal = null;
-      }
-    }
+    const [inner, outer] = this.ownRange, text = given.get("goal"), number = "[-+]?(\\d+\\.?\\d*|\\.\\d+)";
+    let goal = text !== null && new RegExp(`^${number},${number}$`).test(text) ? text.split(",").map(Number) : null;
+    if (goal && (Math.hypot(...goal) < inner || Math.hypot(...goal) > outer)) goal = null;
+    if (text !== null && !goal) wrong.push(`goal=${text} (two numbers, ${inner} to ${outer} m from the base)`);
     byId("next").checked = goal === null; // a goal of the address stays
+    this.labels();
     this.trouble(wrong.length ? `The address says ${wrong.join("; ")}: the default is used.` : "");
-    this.controls();
-    return goal;
-  },
-
-  fill(id, options) {
-    byId(id).replaceChildren(...options.map(([value, label]) => new Option(label, value)));
+    this.faults = [];
+    this.begin(goal);
   },
 
   /* ---- controls ---- */
 
-  /* Sliders, switches and bill of the arm. */
+  fill(id, options) {
+    const before = byId(id).value, values = options.map(([value]) => value);
+    byId(id).replaceChildren(...options.map(([value, label]) => new Option(label, value)));
+    if (values.includes(before)) byId(id).value = before;
+  },
+
+  /* Sliders and switches of the arm, as in its scene. */
   controls() {
-    const { description, sliders, switches, policies } = this.arm;
+    const { sliders, switches } = this.arm, learns = this.policies.length > 0;
+    const whos = learns ? ["learner", "torque", "nobody", "race"] : ["torque", "nobody"];
+    this.fill("who", whos.map((who) => [who, NAMES[who]]));
+    this.fill("policy", this.policies.map((name) => [name, name]));
+    this.note = learns ? "" : "This page was written without policies, so it has no learner.";
     this.settings = {};
     this.off = new Set();
     byId("sliders").replaceChildren();
     byId("bodies").replaceChildren();
     sliders.forEach((slider, k) => {
-      const own = Number(description.initial.parameter[description.rows.parameter[slider.fields[0]]]);
-      const row = document.createElement("div"), label = document.createElement("label");
-      const input = document.createElement("input"), output = document.createElement("output");
-      const id = slider.label.replaceAll(" ", "_");
-      Object.assign(row, { className: "slider" });
-      Object.assign(label, { htmlFor: id, textContent: slider.label });
-      Object.assign(input, { type: "range", id, min: slider.low, max: slider.high, step: slider.step });
-      input.value = slider.factor ? 1 : own;
+      const id = slider.label.replaceAll(" ", "_"), output = made("output", { ariaLive: "off" });
+      const input = made("input", { type: "range", id, min: slider.low, max: slider.high, step: slider.step });
+      input.value = slider.factor ? 1 : this.own(slider.fields[0]);
       const show = () => {
         this.settings[k] = Number(input.value);
         output.textContent = `${this.settings[k].toFixed(2)} ${slider.unit}`;
-        input.setAttribute("aria-valuetext", output.textContent);
+        input.ariaValueText = output.textContent;
       };
       input.addEventListener("input", () => { show(); this.set(); });
       show();
-      row.append(label, input, output);
-      byId(slider.body ? "bodies" : "sliders").append(row);
+      const label = made("label", { htmlFor: id, textContent: slider.label });
+      byId(slider.body ? "bodies" : "sliders").append(made("div", { className: "slider" }, label, input, output));
     });
     byId("switches").replaceChildren(...switches.map(({ label, key }) => {
-      const made = document.createElement("label"), box = document.createElement("input");
-      Object.assign(box, { type: "checkbox", checked: true, id: `switch_${key}` });
+      const box = made("input", { type: "checkbox", checked: true, id: `switch_${key}` });
       box.addEventListener("change", () => {
         box.checked ? this.off.delete(key) : this.off.add(key);
-        this.press(this.push);
+        this.press();
         this.bill();
         this.set();
       });
-      made.append(box, ` ${label}`);
-      return made;
+      return made("label", {}, box, ` ${label}`);
     }));
-    const learns = Object.keys(policies).length > 0;
-    byId("policy_label").hidden = !this.kinds.includes("learner");
-    this.note = learns ? "" : "This page was written without policies, so it has no learner.";
-    byId("accuracy_shown").textContent = `1e-${byId("accuracy").value} m`;
     this.bill();
+    this.clear();
+  },
+
+  /* What depends on the choices. */
+  labels() {
+    byId("policy_label").hidden = !this.kinds.includes("learner");
+    const tolerance = `1e-${byId("accuracy").value} m`;
+    byId("accuracy_shown").textContent = byId("accuracy").ariaValueText = tolerance;
+  },
+
+  /* Results of tests are of the choices they were made with. */
+  clear() {
+    byId("tried").textContent = byId("checked").textContent = "";
+    byId("cost").tBodies[0].replaceChildren();
+    this.costsAt = 0;
   },
 
   bill() {
-    const off = this.arm.switches.filter(({ key }) => this.off.has(key));
+    const { switches, sliders, bills } = this.arm, off = switches.filter(({ key }) => this.off.has(key));
+    const [its, it] = off.length === 1 ? ["Its", "it"] : ["Their", "them"];
     byId("off").textContent = off.length
-      ? `Off: ${off.map(({ label }) => label).join(", ")}. Here its numbers are 0; the bill below is of a scene without it.`
+      ? `Off: ${off.map(({ label }) => label).join(", ")}. ${its} numbers are 0 here; the bill below is of a scene without ${it}.`
       : "";
-    const counts = this.arm.bills[off.map(({ key }) => key).join("+")], rows = Object.entries(counts);
-    const cells = (tag, texts) => texts.map((text, k) => {
-      const cell = document.createElement(k ? tag : "th");
-      cell.textContent = text;
-      cell.scope = k ? (tag === "th" ? "col" : "") : tag === "th" ? "col" : "row";
-      return cell;
-    });
-    const line = (tag, texts) => {
-      const row = document.createElement("tr");
-      row.append(...cells(tag, texts));
-      return row;
-    };
-    byId("bill").tHead.replaceChildren(line("th", ["", ...this.data.bill_columns.map((name) => name.replace("_", " "))]));
-    const sums = this.data.bill_columns.map((_, k) => rows.reduce((sum, [, numbers]) => sum + numbers[k], 0));
-    byId("bill").tBodies[0].replaceChildren(
-      ...[...rows, ["all", sums]].map(([name, numbers]) => line("td", [name.replaceAll("_", " "), ...numbers])));
+    const zero = new Set(off.flatMap(({ fields }) => fields));
+    sliders.forEach(({ label, fields }) => { byId(label.replaceAll(" ", "_")).disabled = zero.has(fields[0]); });
+    const columns = this.data.bill_columns, rows = Object.entries(bills[off.map(({ key }) => key).join("+")]);
+    const sums = columns.map((_, k) => rows.reduce((sum, [, counts]) => sum + counts[k], 0));
+    const heads = columns.map((name) => made("th", { scope: "col" }, made("abbr", {
+      title: name.replace("_", " "), textContent: SIGNS[name] ?? name, ariaLabel: name.replace("_", " "),
+    })));
+    byId("bill").tHead.replaceChildren(made("tr", {}, made("th", { scope: "col", textContent: "part" }), ...heads));
+    byId("bill").tBodies[0].replaceChildren(...[...rows, ["all", sums]].map(([name, counts]) => made("tr", {},
+      made("th", { scope: "row", textContent: name.replaceAll("_", " ") }),
+      ...counts.map((count) => made("td", { textContent: count })))));
   },
 
   costs() {
     const { kinds, costs, microseconds } = this.seen;
-    byId("cost").tBodies[0].replaceChildren(...kinds.map((kind, lane) => {
-      const row = document.createElement("tr"), cost = costs && costs[lane];
-      const texts = [
-        NAMES[kind], cost ? cost.evaluations : "", microseconds === null ? "" : `${microseconds.toFixed(0)} µs`,
-        cost ? cost.estimate.toExponential(1) : "", cost ? cost.error.toExponential(1) : "",
-      ];
-      texts.forEach((text, k) => {
-        const cell = document.createElement(k ? "td" : "th");
-        cell.textContent = text;
-        row.append(cell);
-      });
-      return row;
-    }));
+    const time = microseconds === null ? "" : `${microseconds.toFixed(0)} µs${kinds.length > 1 ? " for both" : ""}`;
+    byId("cost").tBodies[0].replaceChildren(...kinds.map((kind, lane) => made("tr", {},
+      made("th", { scope: "row", textContent: NAMES[kind] }),
+      ...[costs[lane].evaluations, lane ? "" : time, costs[lane].estimate.toExponential(1),
+        costs[lane].error.toExponential(1)].map((text) => made("td", { textContent: text })))));
+    this.costsAt = performance.now();
   },
 
   say() {
-    const { kinds, held, goal, steps, dt } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
+    const { kinds, held, steps, dt } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
     const movers = kinds.filter((kind) => kind !== "nobody").map((kind) => {
       const when = held[kinds.indexOf(kind)];
       return `${NAMES[kind]} ${when === null ? `does not hold it yet (${seconds(steps)})` : `holds it after ${seconds(when)}`}`;
     });
     const slow = this.waiting !== null && performance.now() - this.waiting > SLOW;
-    const parts = [`Goal ${goal.map((x) => x.toFixed(2)).join(", ")} m`, ...movers].join("; ");
+    const parts = [`Goal ${this.goal.map((x) => x.toFixed(2)).join(", ")} m`, ...movers].join("; ");
     byId("said").textContent = slow ? "A hard step: still computing ..." : `${parts}. ${this.note}`;
+    const news = movers.filter((text) => text.includes("holds it")).join("; ");
+    if (news !== this.told) this.told = byId("news").textContent = news; // for screen readers, once
   },
 
   /* ---- picture ---- */
 
+  get scale() { return this.size / 2 / (MARGIN * this.seen.reach); },
+
+  /* Where a point of the plane [m] is in the picture, in pixels of the page. */
   place([x, y]) {
-    const scale = SIZE / 2 / (1.12 * this.seen.reach);
-    return [SIZE / 2 + scale * x, SIZE / 2 - scale * y];
+    return [this.size / 2 + this.scale * x, this.size / 2 - this.scale * y];
   },
 
   point(event) {
-    const box = byId("view").getBoundingClientRect(), scale = SIZE / 2 / (1.12 * this.seen.reach);
-    const [u, v] = [event.clientX - box.left, event.clientY - box.top].map((x) => (x * SIZE) / box.width);
-    return { pixels: [u, v], metres: [(u - SIZE / 2) / scale, (SIZE / 2 - v) / scale] };
+    const box = byId("view").getBoundingClientRect(), [u, v] = [event.clientX - box.left, event.clientY - box.top];
+    return { pixels: [u, v], metres: [(u - this.size / 2) / this.scale, (this.size / 2 - v) / this.scale] };
+  },
+
+  /* The canvas has as many dots as the screen. */
+  fit() {
+    const view = byId("view"), fine = window.devicePixelRatio || 1, dots = Math.round(view.clientWidth * fine);
+    if (view.width !== dots) view.width = view.height = dots;
+    this.size = dots / fine;
+    view.getContext("2d").setTransform(fine, 0, 0, fine, 0, 0);
   },
 
   draw() {
-    const { kinds, points, reach, tolerance } = this.seen, { goal } = this, pen = byId("view").getContext("2d");
+    this.fit();
+    const { kinds, points, reach, tolerance } = this.seen, { size, scale, goal } = this;
+    const pen = byId("view").getContext("2d"), travel = this.data.arms[this.seen.arm].description.motors.travel;
     const circle = (at, radius, fill) => {
       pen.beginPath();
       pen.arc(...this.place(at), radius, 0, 2 * Math.PI);
@@ -480,13 +559,22 @@ const app = {
       pen.lineTo(...this.place(to));
       pen.stroke();
     };
-    const pixels = this.place([1, 0])[0] - SIZE / 2;
-    Object.assign(pen, { fillStyle: "#ffffff", lineCap: "round", lineWidth: 1.5, strokeStyle: "#d8dce0" });
-    pen.fillRect(0, 0, SIZE, SIZE);
-    circle([0, 0], reach * pixels);
+    const write = (text, x, y) => {
+      const width = pen.measureText(text).width;
+      Object.assign(pen, { strokeStyle: "#ffffff", lineWidth: 4 });
+      const at = [Math.max(4, Math.min(x, size - width - 8)), Math.max(18, Math.min(y, size - 8))];
+      pen.strokeText(text, ...at);
+      pen.fillText(text, ...at);
+    };
+    Object.assign(pen, {
+      fillStyle: "#ffffff", lineCap: "round", lineJoin: "round", lineWidth: 1.5, strokeStyle: "#d8dce0",
+      font: "600 15px system-ui, sans-serif",
+    });
+    pen.fillRect(0, 0, size, size);
+    circle([0, 0], reach * scale);
     Object.assign(pen, { fillStyle: COLORS.goal, strokeStyle: COLORS.goal, lineWidth: 3 });
-    circle(goal, Math.max(5, tolerance * pixels), true);
-    circle(goal, 15);
+    circle(goal, Math.max(5, tolerance * scale), true);
+    circle(goal, 13);
     pen.lineWidth = 2;
     this.trail.forEach((tips, k) => tips.forEach((tip, lane) => {
       if (!k || !this.trail[k - 1][lane]) return;
@@ -495,32 +583,34 @@ const app = {
     }));
     pen.globalAlpha = 1;
     for (let lane = kinds.length - 1; lane >= 0; lane--) {
-      const places = points[lane], slides = this.data.arms[this.seen.arm].description.motors.travel;
+      const places = points[lane];
       for (let k = 0; k + 1 < places.length; k++) {
-        Object.assign(pen, { strokeStyle: COLORS[kinds[lane]], lineWidth: slides[k] ? 7 : 15 - 2 * k });
+        Object.assign(pen, { strokeStyle: COLORS[kinds[lane]], lineWidth: travel[k] ? 6 : 13 - 2 * k });
         line(places[k], places[k + 1]);
         if (lane) { // of two arms the second has a light line inside, for those who see no colours
           Object.assign(pen, { strokeStyle: "#ffffff", lineWidth: 2 });
           line(places[k], places[k + 1]);
         }
       }
-      Object.assign(pen, { fillStyle: "#1d2329" });
-      places.forEach((place) => circle(place, 4.5, true));
-      if (kinds.length > 1) {
-        Object.assign(pen, { fillStyle: COLORS[kinds[lane]], font: "600 17px system-ui, sans-serif" });
-        const [x, y] = this.place(places.at(-1));
-        pen.fillText(NAMES[kinds[lane]], Math.min(x + 14, SIZE - 140), Math.max(20, y - 12 + 26 * lane));
-      }
+      pen.fillStyle = "#1d2329";
+      places.forEach((place) => circle(place, 4, true));
       if (this.push[0] || this.push[1]) {
         const tip = places.at(-1), end = tip.map((x, k) => x + this.push[k] / ARROW); // N per metre of the arrow
         Object.assign(pen, { strokeStyle: COLORS.push, fillStyle: COLORS.push, lineWidth: 4 });
         line(tip, end);
-        circle(end, 6, true);
+        circle(end, 5, true);
       }
     }
+    if (kinds.length > 1) {
+      kinds.forEach((kind, lane) => {
+        const [x, y] = this.place(points[lane].at(-1));
+        pen.fillStyle = COLORS[kind];
+        write(NAMES[kind], x + 14, y - 10 + 22 * lane);
+      });
+    }
     if (this.push[0] || this.push[1]) {
-      pen.font = "600 17px system-ui, sans-serif";
-      pen.fillText(`push ${Math.hypot(...this.push).toFixed(0)} N`, 12, SIZE - 14);
+      pen.fillStyle = COLORS.push;
+      write(`push ${Math.hypot(...this.push).toFixed(0)} N`, 12, size - 14);
     }
   },
 
@@ -528,12 +618,11 @@ const app = {
     const start = performance.now();
     if (this.seen) {
       const { dt } = this.seen, passed = this.last === null ? 0 : time - this.last;
-      this.due = this.running ? Math.min(this.due + passed / 1000, MOST_STEPS * dt) : 0;
+      this.due = this.running ? Math.min(this.due + passed / 1000, (this.slow ? 1 : MOST_STEPS) * dt) : 0;
       if (this.waiting === null && this.due >= dt) {
-        const steps = Math.floor(this.due / dt);
+        const steps = Math.floor(this.due / dt + 1e-9), { fields } = this.pushed;
         this.due -= steps * dt;
         this.waiting = performance.now();
-        const { fields } = this.pushed;
         this.send({ do: "advance", steps, push: fields.map((name, k) => [name, this.push[k]]) });
       }
       this.draw();
@@ -547,110 +636,173 @@ const app = {
 
   hear(answer) {
     const start = performance.now();
-    this.answers[answer.did]?.shift()?.(answer);
-    if (answer.did === "failed") this.trouble(`The simulator failed in ${answer.what}: ${answer.message}`);
-    if (answer.points) {
+    const of = answer.did === "failed" ? answer.what : answer.did;
+    this.answers[of]?.shift()?.({ failed: answer.did === "failed", ...answer });
+    if (answer.did === "failed") {
+      this.trouble(`The simulator failed in ${answer.what}: ${answer.message}`);
+      this.waiting = null;
+    }
+    if (answer.points && answer.episode === this.episode) { // answers to an older start are late
       this.seen = answer;
-      if (answer.did === "begin") this.goal = answer.goal;
-      if (answer.did !== "aim") this.waiting = null;
+      if (answer.order === this.order) this.goal = answer.goal;
+      if (answer.did === "begin" || answer.did === "advance") {
+        this.slow = this.waiting !== null && start - this.waiting > SLOW_ANSWER;
+        this.waiting = null;
+      }
       if (answer.did === "advance") {
         this.trail.push(answer.points.map((places) => places.at(-1)));
         if (this.trail.length > TRAIL) this.trail.shift();
-        if (this.pictures % 10 === 0 || !answer.steps) this.costs();
+        if (answer.costs && start - this.costsAt > COSTS_EVERY) this.costs();
         this.judge(answer);
-      }
+      } else this.clearCosts();
     }
     this.work += performance.now() - start;
   },
 
+  clearCosts() {
+    if (!this.seen.costs) byId("cost").tBodies[0].replaceChildren();
+    this.costsAt = 0;
+  },
+
   /* After steps: faults, and the next goal. */
   judge({ faults, ended, held, steps, kinds }) {
-    const known = Object.entries(this.data.faults);
-    const named = known.filter(([bit]) => faults.some((fault) => fault & bit)).map(([, text]) => text);
+    const named = Object.entries(this.data.faults)
+      .filter(([bit]) => faults.some((fault) => fault & bit)).map(([, text]) => text);
     if (named.length) this.trouble(`numerics: ${named.join("; ")}.${ended ? " A new episode begins." : ""}`);
-    if (ended) this.begin();
-    const done = held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
-    if (!ended && done && byId("next").checked && !this.drag && !kinds.includes("nobody")) {
-      if (!named.length) this.trouble("");
-      this.begin();
+    const keep = byId("next").checked ? null : this.goal;
+    if (ended) {
+      const now = performance.now();
+      this.faults = [...this.faults.filter((time) => now - time < FAULTS_WITHIN), now];
+      this.begin(keep);
+      if (this.faults.length > MOST_FAULTS) {
+        this.run(false);
+        this.faults = [];
+        this.trouble(`numerics: ${named.join("; ")}. Paused after ${MOST_FAULTS + 1} faults in a row.`);
+      }
+      return;
     }
+    const done = held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
+    if (done && byId("next").checked && !this.drag && !kinds.includes("nobody")) this.fresh();
   },
 
   /* ---- input ---- */
 
   pull({ metres }) {
     if (this.drag === "goal") return this.aim(metres);
-    const tip = this.seen.points[0].at(-1), most = this.data.most_push;
-    const force = metres.map((x, k) => PUSH_PER_METRE * (x - tip[k])), size = Math.hypot(...force);
-    this.press(force.map((x) => x * Math.min(1, most / Math.max(size, 1e-9))));
+    const tip = this.seen.points[0].at(-1);
+    return this.press(metres.map((x, k) => PUSH_PER_METRE * (x - tip[k])));
   },
 
-  press(force) {
-    this.push = this.off.has(this.pushed.key) ? [0, 0] : force;
+  /* Push the tip, by the force of a drag or of the keys that are held. */
+  press(force = null) {
+    const wanted = force ?? [0, 1].map((k) => [...this.pressed.values()].reduce((sum, way) => sum + KEY_PUSH * way[k], 0));
+    const size = Math.hypot(...wanted), share = Math.min(1, this.data.most_push / Math.max(size, 1e-9));
+    this.push = this.off.has(this.pushed.key) ? [0, 0] : wanted.map((x) => x * share);
+  },
+
+  release() {
+    this.drag = null;
+    this.pressed.clear();
+    this.press();
   },
 
   listen() {
-    const view = byId("view"), fresh = () => { this.trouble(""); this.begin(); };
+    const view = byId("view");
     view.addEventListener("pointerdown", (event) => {
-      if (!this.seen) return;
+      if (!this.seen || this.drag || event.button !== 0 || !event.isPrimary) return;
       const point = this.point(event), goal = this.place(this.goal);
       view.setPointerCapture(event.pointerId);
       this.drag = Math.hypot(...goal.map((x, k) => x - point.pixels[k])) < GRAB ? "goal" : "push";
       this.pull(point);
     });
-    view.addEventListener("pointermove", (event) => { if (this.drag) this.pull(this.point(event)); });
-    for (const end of ["pointerup", "pointercancel"]) {
-      view.addEventListener(end, () => { this.drag = null; this.push = [0, 0]; });
+    view.addEventListener("pointermove", (event) => {
+      if (this.drag && event.isPrimary) this.pull(this.point(event));
+    });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      view.addEventListener(end, (event) => { if (event.isPrimary) this.release(); });
     }
     const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     view.addEventListener("keydown", (event) => {
       const way = ways[event.key];
       if (event.ctrlKey || event.altKey || event.metaKey || !this.seen) return;
-      if (way && event.shiftKey) this.press(way.map((x) => KEY_PUSH * x));
-      else if (way) this.aim(this.goal.map((x, k) => x + MOVE * way[k]));
-      else if (event.key === " ") this.run(!this.running);
-      else if (event.key.toLowerCase() === "n") fresh();
+      if (way && (event.shiftKey || this.pressed.has(event.key))) {
+        this.pressed.set(event.key, way);
+        this.press();
+      } else if (way) this.aim(this.goal.map((x, k) => x + MOVE * way[k]));
+      else if (event.key === " ") { if (!event.repeat) this.run(!this.running); }
+      else if (event.key.toLowerCase() === "n") { if (!event.repeat) this.fresh(); }
       else return;
       event.preventDefault();
     });
-    view.addEventListener("keyup", (event) => { if (ways[event.key] || event.key === "Shift") this.push = [0, 0]; });
-    view.addEventListener("blur", () => { this.push = [0, 0]; });
+    view.addEventListener("keyup", (event) => {
+      if (this.pressed.delete(event.key)) this.press();
+    });
+    view.addEventListener("blur", () => this.release());
     byId("pause").addEventListener("click", () => this.run(!this.running));
-    byId("new").addEventListener("click", fresh);
+    byId("new").addEventListener("click", () => this.fresh());
     byId("accuracy").addEventListener("input", () => {
-      byId("accuracy_shown").textContent = `1e-${byId("accuracy").value} m`;
+      this.labels();
       this.set();
     });
-    for (const id of ["arm", "who", "policy"]) {
+    byId("arm").addEventListener("change", () => {
+      this.controls();
+      this.labels();
+      this.fresh();
+    });
+    for (const id of ["who", "policy"]) {
       byId(id).addEventListener("change", () => {
-        this.remember();
-        this.restore();
-        fresh();
+        this.clear();
+        this.labels();
+        this.fresh();
       });
     }
-    byId("check").addEventListener("click", async () => {
-      byId("checked").textContent = "computing ...";
-      const { steps, here, there } = await this.ask({ do: "check", name: byId("arm").value });
-      byId("checked").textContent = here === there
-        ? `${steps} steps: digest ${here}, as on the processor that wrote this page.`
-        : `${steps} steps: digest ${here} here, ${there} on the processor that wrote this page. They differ.`;
-    });
-    byId("trial").addEventListener("click", async () => {
-      const told = [];
-      for (const kind of this.kinds.filter((one) => one !== "nobody")) {
-        byId("tried").textContent = "computing ...";
-        const [name, policy, values] = [byId("arm").value, byId("policy").value, this.values()];
-        const { held, goals } = await this.ask({ do: "trial", name, kind, policy, goals: TRIAL_GOALS, values });
-        told.push(`${NAMES[kind]} holds ${held} of ${goals}`);
+    byId("check").addEventListener("click", () => this.check());
+    byId("trial").addEventListener("click", () => this.trial());
+    window.addEventListener("hashchange", () => this.restore());
+  },
+
+  async check() {
+    const { name } = this;
+    byId("checked").textContent = "computing ...";
+    const { failed, steps, here, there } = await this.ask({ do: "check", name });
+    if (name !== this.name) return;
+    byId("checked").textContent = failed ? "failed." : here === there
+      ? `${steps} steps: digest ${here}, as on the processor that wrote this page.`
+      : `${steps} steps: digest ${here} here, ${there} on the processor that wrote this page. They differ.`;
+  },
+
+  /* How many goals the movers hold, with the numbers of now. */
+  async trial() {
+    const { name } = this, policy = byId("policy").value, values = this.values(), told = [];
+    const kinds = this.kinds.filter((one) => one !== "nobody"), output = byId("tried"), button = byId("trial");
+    button.disabled = true;
+    output.textContent = kinds.length ? "" : "Nobody holds a goal.";
+    search: for (const kind of kinds) {
+      let held = 0;
+      for (let goals = 0; goals < TRIAL_GOALS; goals += TRIAL_SLICE) {
+        const shown = [...told, `${kind === "learner" ? policy : NAMES[kind]}: ${held} of ${goals}`].join("; ");
+        output.textContent = `${shown} ...`;
+        const message = { do: "trial", name, kind, policy, values, goals: TRIAL_SLICE, first: goals === 0 };
+        const answer = await this.ask(message);
+        if (answer.failed || output.textContent !== `${shown} ...`) { // something else was chosen meanwhile
+          output.textContent = answer.failed ? "failed." : output.textContent;
+          told.length = 0;
+          break search;
+        }
+        held += answer.held;
       }
-      byId("tried").textContent = told.length ? `${told.join(", ")}.` : "nobody holds a goal.";
-    });
-    window.addEventListener("hashchange", () => this.begin(this.restore()));
+      told.push(`${kind === "learner" ? policy : NAMES[kind]} holds ${held} of ${TRIAL_GOALS}`);
+    }
+    if (told.length) output.textContent = `${told.join(", ")} goals (${name}).`;
+    button.disabled = false;
   },
 
   async start() {
     if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
       return this.trouble("This browser has no WebAssembly, or cannot unpack data; use a newer one.");
+    }
+    if (typeof Simulator !== "function") {
+      return this.trouble("The file kernel.js is damaged or missing; write the page again: python -m redundant_envs page.");
     }
     try {
       this.data = await unpacked(DATA);
@@ -662,13 +814,17 @@ const app = {
       return this.trouble("This browser has no WebAssembly vectors (SIMD), which the simulator needs; use a newer one.");
     }
     const source = `${[Simulator, Policy, ComputedTorque].map(String).join("\n")}\n(${work})();`;
-    this.worker = new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
+    try {
+      this.worker = new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
+    } catch (error) {
+      return this.trouble(`This browser starts no worker from a file: ${error.message}`);
+    }
     this.worker.onmessage = ({ data }) => this.hear(data);
     this.worker.onerror = (event) => this.trouble(`The simulator cannot start: ${event.message}`);
     for (const [name, { code, ...about }] of arms) this.send({ do: "load", name, about, code });
     this.fill("arm", arms.map(([name]) => [name, name === "FourR" ? "4R" : name]));
     this.listen();
-    this.begin(this.restore());
+    this.restore();
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.run(false);
     requestAnimationFrame((time) => this.frame(time));
   },
