@@ -11,6 +11,9 @@ from gymnasium.utils.seeding import np_random
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.envs.core import Core
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.memory import PARAMETER
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 
@@ -35,6 +38,7 @@ SCENES = {
     "gears": dataclasses.replace(
         REACH, effects=(*REACH.effects, e.GearBacklash(gap=0.01, stiffness=200.0, inertia=0.01, damping=1.0))
     ),
+    "motors": rde.load_scene("slow_motors"),
 }
 
 
@@ -47,10 +51,10 @@ def told(node, tmp_path_factory):
         if name not in folders:
             folders[name] = tmp_path_factory.mktemp(name)
             module.write(SCENES[name], ReachTask(), "arm", folders[name])
-        command = [node, "-e", BEGIN + program]
         done = subprocess.run(
-            command, capture_output=True, text=True, check=True, cwd=folders[name], timeout=120
-        )
+            [node, "-"], input=BEGIN + program, cwd=folders[name],
+            capture_output=True, text=True, check=True, timeout=120,
+        )  # fmt: skip
         return json.loads(done.stdout)
 
     return run
@@ -214,3 +218,26 @@ def test_kernels_write_into_their_arrays_alone(name, told):
       }
       tell(guards.length > 10 && guards.every((name) => s._arrays[name].every((x) => x === 0xdeadbeef)));
     """)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["stops", "motors"])
+def test_what_follows_from_parameters_has_the_bits_of_python(name, told):
+    scene, rng = SCENES[name], np.random.default_rng(21)
+    dynamics, one = Dynamics(scene), lambda: rng.uniform(0.7, 9.0)
+    nominal = {dynamics.field_of(n): v for n, v in scene.parameters().items()}
+    sets = [{n: v * one() for n, v in nominal.items()} for _ in range(100)]
+    found = told(name, f"""
+      const s = made();
+      tell({json.dumps(sets)}.map((set) => {{
+        for (const [name, value] of Object.entries(set)) s.set(name, value);
+        s.prepare();
+        return Object.keys(description.rows.parameter).map((name) => String(s.get(name)));
+      }}));
+    """)  # fmt: skip
+    core = Core(scene, 1, ReachTask())
+    columns = core.memory.layout.rows[PARAMETER]
+    for row, numbers in zip(found, sets, strict=True):
+        core.memory.write([*numbers], [*numbers.values()])
+        core.memory.prepare()
+        theirs = dict(zip(columns, map(float, row), strict=True)) | {"limit": np.inf}
+        assert {n: core.memory.column(n)[0, 0] for n in columns} == theirs
