@@ -2,13 +2,14 @@
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
 # make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test skips
 # those whose program it does not find.
+# make docs: the site of the documentation, in build/site/html; it needs no network.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test test-long test-page fuzz mutation coverage train check clean
+.PHONY: test test-long test-page docs fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
 $(VENV)/ready: pyproject.toml constraints.txt
@@ -16,7 +17,7 @@ $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 \
-	  --editable '.[train,plot,human,verify,onnx,ray,tune,dev]'
+	  --editable '.[train,plot,human,verify,onnx,ray,tune,docs,dev]'
 	touch $@
 
 test: $(VENV)/ready check
@@ -28,6 +29,9 @@ test-long: $(VENV)/ready
 test-page: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet 'playwright>=1.45'
 	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
+
+docs: $(VENV)/ready
+	$(BIN)/python docs/site/make.py --out build/site
 
 coverage: $(VENV)/ready
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --cov --cov-report=term

@@ -49,7 +49,9 @@ class DCMotor(Effect):
     Its command u is a voltage, at most that of the supply; actions are shares of the supply's voltage. The
     inertia of its rotor is an :class:`~redundant_envs.effects.Armature`.
 
-    Parameters, each a number for all joints or a sequence of one for each
+    Each parameter is a number for all joints, or a sequence of one for each.
+
+    Parameters
     ----------
     resistance : float
         R of the winding, ohm, positive.

@@ -63,7 +63,9 @@ class GearBacklash(Effect):
     All numbers are those at the joint: a motor's inertia times the gear ratio squared, its angle divided by
     the ratio. At the start of a motion the motor is in the middle of the gap, and turns as the joint does.
 
-    Parameters, each a number for all joints or a sequence of one for each
+    Each parameter is a number for all joints, or a sequence of one for each.
+
+    Parameters
     ----------
     gap : float
         Whole width between the teeth, rad (revolute) or m (prismatic), not negative.

@@ -56,10 +56,12 @@ class LuGre(Effect):
     """Friction of bristles: stiff and elastic before it slips, and weaker when it slips fast.
 
     With the deflection z of the bristles of a joint of rate v the friction is
-    sigma0 z + sigma1 z' + sigma2 v, where z' = v - sigma0 |v| z / g(v) and
+    sigma0 z + sigma1 z' + sigma2 v, where z' = v - sigma0 abs(v) z / g(v) and
     g(v) = F_C + (F_S - F_C) exp(-(v / v_S)^2).
 
-    Parameters, each a number for all joints or a sequence of one for each
+    Each parameter is a number for all joints, or a sequence of one for each.
+
+    Parameters
     ----------
     stiffness : float
         sigma0 of the bristles, N m/rad (revolute) or N/m (prismatic), positive.

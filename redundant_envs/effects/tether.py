@@ -42,8 +42,8 @@ def slope(damping):
 class Tether(Effect):
     """A spring without a length of its own, and a damper, from a point mass of the arm to a post.
 
-    The force on the point is k (post - p) - c p': the spring has the potential k |p - post|^2 / 2, and the
-    power of the damper counts as work.
+    The force on the point is k (post - p) - c p': the spring has the potential k d^2 / 2 of the
+    distance d from the post, and the power of the damper counts as work.
 
     Parameters
     ----------

@@ -191,7 +191,7 @@ def column_norms(l1, l2, l3, l4):
 def mobility_bounds(m1, m2, m3, m4, l1, l2, l3, l4):
     """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2).
 
-    A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
+    A mobility is 1 over the least sum of m a^2 with which its joint accelerates by 1 while the
     other joints move freely. Each bound keeps the two links of the joint, as bars that are
     free except at the base, and halves the mass they share.
     """

@@ -154,7 +154,7 @@ def column_norms(l1, l2, r1, r2):
 def mobility_bounds(m1, m2, m3, m4, l1, l2):
     """Upper bounds of the joint mobilities, diag(B^T M^-1 B), in every pose; 1/(kg m^2) or 1/kg.
 
-    A mobility is 1 over the least sum m |a|^2 with which its joint accelerates by 1 while the
+    A mobility is 1 over the least sum of m a^2 with which its joint accelerates by 1 while the
     other joints move freely; each bound leaves out masses or lets them move more freely.
     """
     return (

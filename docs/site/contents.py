@@ -1,0 +1,60 @@
+"""The order of the site: its tables of contents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SECTIONS = {
+    "Start": ["Install, and ten lines that run <self>"],
+    "Tutorials": ["tutorials/third_arm", "tutorials/moving_target"],
+    "How to": [
+        "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "gradients",
+        "models", "browser", "trouble",
+    ],
+    "Reference": [
+        "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
+        "reference/api", "command_line", "how_it_works", "errata", "changelog", "contributing",
+    ],
+    "Results": [
+        "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",
+        "energy", "fuzzing", "mutation", "gallery",
+    ],
+    "Decisions": ["decisions/*"],
+}  # fmt: skip
+"""Sections of the site, and their pages in order."""
+BELOW = {"effects/README": "effects/*", "scenes/index": "scenes/*"}
+"""Pages with further ones below them."""
+DOOR = """
+<p><a href="page/index.html"><b>See the arms move in this browser</b></a></p>
+"""
+"""On the first page, a link to the page of the arms."""
+
+
+def written(site: Path) -> None:
+    """Add the tables of contents to the first page, and to those with others below them."""
+    tables = [_table(_found(site, pages), caption) for caption, pages in SECTIONS.items()]
+    index = site / "index.md"
+    title, _, rest = index.read_text(encoding="utf-8").partition("\n")
+    index.write_text("\n".join([title, DOOR, rest, *tables]), encoding="utf-8")
+    for name, pattern in BELOW.items():
+        file = site / f"{name}.md"
+        own = name.rpartition("/")[2]
+        pages = [page.rpartition("/")[2] for page in _found(site, [pattern])]
+        table = _table([page for page in pages if page != own])
+        file.write_text(f"{file.read_text(encoding='utf-8')}\n{table}", encoding="utf-8")
+
+
+def _found(site: Path, pages: list[str]) -> list[str]:
+    """Names of pages, patterns replaced by the pages that they fit."""
+    found = []
+    for page in pages:
+        if "*" in page:
+            found += [p.relative_to(site).with_suffix("").as_posix() for p in sorted(site.glob(f"{page}.md"))]
+        else:
+            found.append(page)
+    return found
+
+
+def _table(pages: list[str], caption: str = "") -> str:
+    about = f":caption: {caption}\n" if caption else ""
+    return "\n".join(["```{toctree}", f"{about}:hidden:", "", *pages, "```", ""])

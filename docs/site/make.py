@@ -1,0 +1,54 @@
+"""Build the site of the documentation: python docs/site/make.py --out build/site
+
+Sphinx makes it of the pages of docs/, and of pages that are written from the code. It needs the extra docs,
+and no network.
+"""
+
+import argparse
+import shutil
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import contents
+import reference
+import sources
+from sphinx.cmd.build import build_main
+
+from redundant_envs.web import page
+
+HERE = Path(__file__).parent
+
+
+def assembled(folder: Path) -> Path:
+    """Write the sources of the site to a folder that is made anew."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    with ProcessPoolExecutor(2) as pool:
+        arms = pool.submit(page.write, folder / "_extra" / "page")
+        sources.copied(folder)
+        reference.written(folder, pool)
+        contents.written(folder)
+        arms.result()
+    shutil.copytree(
+        sources.DOCS / "figures", folder / "_extra" / "figures", ignore=shutil.ignore_patterns("*.py")
+    )
+    return folder
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("build/site"), help="default: %(default)s")
+    out, start = parser.parse_args().out, time.perf_counter()
+    source = assembled(out / "sources")
+    print(f"sources: {time.perf_counter() - start:.0f} s", file=sys.stderr)
+    words = ["-b", "html", "-c", str(HERE), "-W", "--keep-going", "--fresh-env", "-q", "-j", "auto"]
+    words += ["-D", f"html_extra_path={(source / '_extra').resolve()}"]
+    status = build_main([*words, str(source), str(out / "html")])
+    print(f"{out / 'html' / 'index.html'}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
+    return int(status)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,296 @@
+"""Pages from the code: environments, tasks, bills of effects, integrators, scenes, the API; and a gallery."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from pathlib import Path
+
+import gymnasium as gym
+import imageio.v3 as imageio
+import numpy as np
+from sources import DOCS, ROOT
+
+import redundant_envs as rde
+from redundant_envs.envs.named import page as page_of
+from redundant_envs.envs.registration import HOMES, IDS, SCENES
+from redundant_envs.envs.schematic import save_schematic
+from redundant_envs.files import config_folder
+from redundant_envs.model.listing import Operations
+from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scene import scene_names
+from redundant_envs.studies.effects import Study, load_study
+from redundant_envs.tables import markdown
+
+sys.path.insert(0, str(DOCS / "examples"))
+from play_with_numpy import load
+
+OWN_IDS = [
+    env_id for env_id, (arm, task) in IDS.items()
+    if not HOMES.get(("the arm", arm)) and not HOMES.get(("the task", task))
+]  # fmt: skip
+"""Ids of the package: a process may have registered others."""
+POLICIES = {
+    "RPRPReach-v0": "RPRPReach-v0-sac", "FourRReach-v0": "FourRReach-v0-sac",
+    "RPRPGoalReach-v0": "RPRPGoalReach-v0-her", "FourRGoalReach-v0": "FourRGoalReach-v0-her",
+}  # fmt: skip
+"""Shipped policies that the clips show."""
+SEED, FRAMES, EVERY, FPS = 6, 50, 2, 25
+HEADS = [name.replace("_", " ") for name in Operations._fields]
+COMMANDS = {
+    "figures/page.png": "python docs/figures/picture_of_page.py",
+    "figures/": "python docs/figures/remake.py",
+    "hard_cases/": "python -m tests.hard_cases --pictures",
+    "results/accuracy/": "python -m redundant_envs study accuracy",
+    "results/policy/": "python -m agents study policy",
+}
+"""Figures of docs/, and the commands that make them."""
+
+
+def written(site: Path, pool: Executor) -> None:
+    """Write all of them; bills are counted by the processes of a pool."""
+    bills = [*pool.map(bill_of_effect, study().entries)]
+    for name, text in pages(pool.map).items():
+        (site / name).parent.mkdir(parents=True, exist_ok=True)
+        (site / name).write_text(text.rstrip() + "\n", encoding="utf-8")
+    pictures(site)
+    for name, bill in dict(reversed(bills)).items():
+        with (site / "effects" / f"{name}.md").open("a", encoding="utf-8") as file:
+            file.write(f"\n## Bill\n\n{bill}\n")
+
+
+def pages(each: Callable[..., Iterable[str]] = map) -> dict[str, str]:
+    """The pages of their own, by their places in the site."""
+    return {
+        **environments(), **tasks(), **scenes(each), "reference/integrators.md": integrators(),
+        "reference/api.md": api(), "gallery.md": gallery(),
+    }  # fmt: skip
+
+
+def pictures(site: Path) -> None:
+    """Clips of the environments, and drawings of the arms."""
+    for env_id in OWN_IDS:
+        frames = played(env_id)
+        imageio.imwrite(
+            site / "environments" / f"{env_id.partition('/')[2]}.gif", frames, duration=1000 // FPS, loop=0
+        )
+    for kind in sorted({rde.load_scene(name).robot.kind for name in scene_names()}):
+        save_schematic(site / "scenes" / f"{kind}.svg", [kind])
+
+
+# ---- environments and tasks ----------------------------------------------------------------------------
+
+
+def environments() -> dict[str, str]:
+    """A page for each id, in the order of Gymnasium's pages."""
+    made = {}
+    for env_id in OWN_IDS:
+        name, arm = env_id.partition("/")[2], IDS[env_id].arm
+        env = gym.make(env_id)
+        spaces = {"Action space": env.action_space, "Observation space": env.observation_space}
+        rows = [("Import", f'`gymnasium.make("{env_id}")`'), *((k, f"`{v}`") for k, v in spaces.items())]
+        text = inspect.cleandoc(page_of(type(env.unwrapped), SCENES[arm]))
+        first, _, rest = text.partition("\n\n## Description")
+        made[f"environments/{name}.md"] = f"""# {name}
+
+{first}
+
+![{name}: a trained policy reaches for its goal]({name}.gif)
+
+{markdown(("", ""), rows)}
+
+![The arm {arm}, with its angles, lengths and masses](../scenes/{arm}.svg)
+
+```python
+import gymnasium as gym
+import redundant_envs  # registers the ids
+
+env = gym.make("{env_id}")
+observation, info = env.reset(seed=0)
+observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+```
+
+## Description{rest}
+"""
+    return made
+
+
+def played(env_id: str) -> np.ndarray:
+    """Frames of an episode with a shipped policy, run by NumPy."""
+    act = load(ROOT / "policies" / POLICIES[env_id.partition("/")[2]] / "policy.npz")
+    env = gym.make(env_id, render_mode="rgb_array")
+    observation, _ = env.reset(seed=SEED)
+    frames = []
+    for _ in range(FRAMES):
+        frames.append(env.render())
+        for _ in range(EVERY):
+            several = isinstance(observation, dict)
+            seen = {k: v[None] for k, v in observation.items()} if several else observation[None]
+            observation, _, terminated, truncated, _ = env.step(act(seen)[0])
+        if terminated or truncated:
+            break
+    env.close()
+    return np.stack(frames)
+
+
+def tasks() -> dict[str, str]:
+    """A page for each task, and one for the protocol of all."""
+    made = {}
+    for kind in (rde.ReachTask, rde.GoalReachTask):
+        scene = rde.load_scene("four_r_reach")
+        terms = kind().reward_functions(scene)
+        rows = [(f.__name__.removesuffix("_term"), f"`{inspect.getdoc(f).splitlines()[0]}`") for f in terms]
+        ids = [env_id for env_id in OWN_IDS if IDS[env_id].task == kind.name]
+        made[f"tasks/{kind.__name__}.md"] = f"""# {kind.__name__}
+
+Environments: {", ".join(f"[{i.partition('/')[2]}](../environments/{i.partition('/')[2]}.md)" for i in ids)}.
+
+## Reward
+
+The sum of these terms in every step:
+
+{markdown(("term", "value"), rows)}
+
+{kind().reward_note()}
+
+## Numbers
+
+```{{eval-rst}}
+.. autoclass:: redundant_envs.{kind.__name__}
+   :no-members:
+```
+"""
+    made["tasks/Task.md"] = """# The protocol of a task
+
+[Tutorial: a moving target](../tutorials/moving_target.md) makes one.
+
+```{eval-rst}
+.. autoclass:: redundant_envs.Task
+   :members:
+```
+"""
+    return made
+
+
+# ---- effects, integrators, scenes ----------------------------------------------------------------------
+
+
+def page_name(effect: rde.effects.Effect) -> str:
+    """The page of an effect: its key, without the part that tells several of a scene apart."""
+    return effect.key.partition(".")[0]
+
+
+def bill_of_scene(name: str) -> str:
+    """Operations of a step of a named scene by owner, as a table."""
+    found = rde.bill(rde.load_scene(name))
+    return markdown(("of", *HEADS), [(owner, *counts) for owner, counts in found.items()])
+
+
+@functools.cache
+def study() -> Study:
+    """The study of what effects cost: it has an effect of each kind."""
+    return load_study(config_folder("studies") / "effects.yaml")
+
+
+def bill_of_effect(name: str) -> tuple[str, str]:
+    """The page of an effect of the study, and what the effect adds to a step."""
+    entry = study().entries[name]
+    counts = rde.bill(entry.pair.scene)[entry.effect.key]
+    return page_name(entry.effect), (
+        f"What `{entry.effect}` adds to one step of the arm {entry.arm.robot.kind}, stages as often as they "
+        f"are evaluated:\n\n{markdown(HEADS, [counts])}"
+    )
+
+
+def integrators() -> str:
+    """A page of all methods."""
+    rows = [
+        (f"`{name}`", m.order, m.stages, "yes" if m.error5 is not None else "no")
+        for name, m in METHODS.items()
+    ]
+    return f"""# Integrators
+
+A scene names one of these explicit Runge-Kutta methods, `integrator: rk8`. With a `tolerance`, steps are
+chosen by the estimated error, which takes a method with weights of an error. [Accuracy](../accuracy.md)
+measures what they cost and how exact they are.
+
+{markdown(("name", "order", "evaluations a step", "estimates its error"), rows)}
+
+A method of your own is a [`Tableau`](api.md), registered by `rde.register_integrator`
+([how](../extending.md)).
+"""
+
+
+def scenes(each: Callable[..., Iterable[str]]) -> dict[str, str]:
+    """A page for each named scene, with its file, its arm and its bill, and a list of them."""
+    made, rows = {}, []
+    for name, bill in zip(scene_names(), each(bill_of_scene, scene_names()), strict=True):
+        scene, file = rde.load_scene(name), config_folder("scenes") / f"{name}.yaml"
+        effects = [f"[{type(one).__name__}](../effects/{page_name(one)}.md)" for one in scene.effects]
+        rows.append((f"[{name}]({name}.md)", scene.robot.kind, ", ".join(effects)))
+        made[f"scenes/{name}.md"] = f"""# {name}
+
+Effects: {", ".join(effects) or "none"}.
+
+```python
+import redundant_envs as rde
+
+scene = rde.load_scene("{name}")
+```
+
+## File
+
+```yaml
+{file.read_text(encoding="utf-8").rstrip()}
+```
+
+## Arm
+
+![The arm {scene.robot.kind}, with its angles, lengths and masses]({scene.robot.kind}.svg)
+
+## Bill
+
+Operations of one step, stages as often as they are evaluated, and bytes of memory:
+
+{bill}
+"""
+    made["scenes/index.md"] = f"""# Named scenes
+
+{markdown(("scene", "arm", "effects"), rows)}
+
+[Scenes](../scenes.md) says how to write one, [six of them](../example_scenes.md) show effects at work.
+"""
+    return made
+
+
+def api() -> str:
+    """What the package exports, from docstrings."""
+    parts = ["# API\n\nWhat `import redundant_envs as rde` has.\n\n```{eval-rst}"]
+    for name in rde.__all__:
+        value = getattr(rde, name)
+        if inspect.ismodule(value):
+            continue
+        if inspect.isclass(value):
+            parts.append(f".. autoclass:: redundant_envs.{name}\n   :members:\n")
+        else:
+            parts.append(f".. autofunction:: redundant_envs.{name}\n")
+    parts.append("```\n\n## Effects, and the hooks by which they attach\n\n```{eval-rst}")
+    parts += [f".. autoclass:: redundant_envs.effects.{name}\n" for name in rde.effects.__all__]
+    return "\n".join([*parts, "```"])
+
+
+def gallery() -> str:
+    """Figures of docs/ with the commands that make them."""
+    made: dict[str, list[Path]] = {command: [] for command in COMMANDS.values()}
+    for path in sorted(DOCS.rglob("*")):
+        if path.suffix in (".png", ".gif") or path.name == "arms.svg":
+            where = path.relative_to(DOCS)
+            made[next(c for start, c in COMMANDS.items() if where.as_posix().startswith(start))].append(where)
+    parts = ["# Gallery", "The figures of this manual, and the commands that make them."]
+    for command, paths in made.items():
+        parts.append(f"## `{command}`")
+        parts += [f"![{path.stem.replace('_', ' ')}]({path.as_posix()})" for path in paths]
+    return "\n\n".join(parts)
