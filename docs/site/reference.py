@@ -205,23 +205,35 @@ def bill_of_effect(name: str) -> tuple[str, str]:
     )
 
 
+ABOUT = {
+    "euler": "Semi-implicit: velocities first, then positions with the new velocities.",
+    "rk4": "The classical method.",
+    "rk8": "The twelve stages of DOP853 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, "
+    "2nd ed.), in steps of one length, or of 1, 2, 4, ... equal ones under a tolerance.",
+    "dop853": "The same stages in steps of any length, each as long as its error allows: errors stay near "
+    "rounding.",
+}
+"""Sentences about the methods."""
+
+
 def integrators() -> str:
-    """A page of all methods."""
-    rows = [
-        (f"`{name}`", m.order, m.stages, "yes" if m.error5 is not None else "no")
-        for name, m in METHODS.items()
-    ]
-    return f"""# Integrators
+    """A page of all methods, with the numbers of each."""
+    parts = [
+        """# Integrators
 
 A scene names one of these explicit Runge-Kutta methods, `integrator: rk8`. With a `tolerance`, steps are
-chosen by the estimated error, which takes a method with weights of an error. [Accuracy](../accuracy.md)
-measures what they cost and how exact they are.
-
-{markdown(("name", "order", "evaluations a step", "estimates its error"), rows)}
-
-A method of your own is a [`Tableau`](api.md), registered by `rde.register_integrator`
-([how](../extending.md)).
-"""
+chosen by the estimated error, which takes a method that estimates it. [Accuracy](../accuracy.md) measures
+what they cost and how exact they are. A method of your own is a [`Tableau`](api.md), registered by
+`rde.register_integrator` ([how](../extending.md))."""
+    ]
+    rows = [(f"[`{n}`](#{n})", m.order, m.stages, "yes" if m.error5 else "no") for n, m in METHODS.items()]
+    parts.append(markdown(("name", "order", "evaluations a step", "estimates its error"), rows))
+    for name, method in METHODS.items():
+        numbers = [
+            (k + 1, f"{c:.6g}", f"{b:.6g}") for k, (c, b) in enumerate(zip(method.c, method.b, strict=True))
+        ]
+        parts += [f"## {name}", ABOUT.get(name, ""), markdown(("stage", "node", "weight"), numbers)]
+    return "\n\n".join(parts)
 
 
 def scenes(each: Callable[..., Iterable[str]]) -> dict[str, str]:

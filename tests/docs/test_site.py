@@ -66,7 +66,10 @@ def test_every_id_scene_and_method_has_its_page_or_line(pages, parts):
     assert len(own) == 4
     assert {f"environments/{env_id.partition('/')[2]}.md" for env_id in own} <= pages.keys()
     assert {f"scenes/{name}.md" for name in scene_names()} <= pages.keys()
-    assert all(f"`{name}`" in pages["reference/integrators.md"] for name in METHODS)
+    methods = pages["reference/integrators.md"]
+    assert all(f"\n## {name}\n" in methods for name in METHODS)
+    assert "| 4 | 4 | no |" in methods
+    assert methods.count("| 8 | 12 | yes |") == 2
     assert all(f"redundant_envs.{name}\n" in api for name in rde.__all__ if name != "effects")
     assert all(f"redundant_envs.effects.{name}\n" in api for name in rde.effects.__all__)
     for env_id in own:
