@@ -2,7 +2,7 @@
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
 # make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test skips
 # those whose program it does not find.
-# make docs: the site of the documentation, in build/site/html; it needs no network.
+# make docs: the site of the documentation, in build/site/html; once Sphinx is there, it needs no network.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
@@ -17,7 +17,7 @@ $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 \
-	  --editable '.[train,plot,human,verify,onnx,ray,tune,docs,dev]'
+	  --editable '.[train,plot,human,verify,onnx,ray,tune,dev]'
 	touch $@
 
 test: $(VENV)/ready check
@@ -31,6 +31,7 @@ test-page: $(VENV)/ready
 	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
 
 docs: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
 	$(BIN)/python docs/site/make.py --out build/site
 
 coverage: $(VENV)/ready

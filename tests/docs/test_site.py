@@ -10,13 +10,12 @@ import pytest
 from markdown import ROOT
 
 HERE = ROOT / "docs" / "site"
-MOST_SECONDS = 120
 
 
 @pytest.fixture(scope="module")
 def parts():
     """The modules of the site."""
-    for needed in ("sphinx", "imageio", "matplotlib"):
+    for needed in ("imageio", "matplotlib"):
         pytest.importorskip(needed)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(HERE))
@@ -112,6 +111,7 @@ class Page(html.parser.HTMLParser):
 
 @pytest.mark.long
 def test_the_site_is_built_without_warnings_and_its_links_lead_somewhere(parts, tmp_path):
+    pytest.importorskip("sphinx", reason="Sphinx is not installed, which make docs installs")
     start = time.perf_counter()
     command = [sys.executable, str(HERE / "make.py"), "--out", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
