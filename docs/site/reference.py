@@ -16,7 +16,7 @@ from sources import DOCS, ROOT
 
 import redundant_envs as rde
 from redundant_envs.envs.named import page as page_of
-from redundant_envs.envs.registration import HOMES, IDS, SCENES
+from redundant_envs.envs.registration import IDS, SCENES, id_of
 from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.files import config_folder
 from redundant_envs.model.listing import Operations
@@ -28,10 +28,8 @@ from redundant_envs.tables import markdown
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
 
-OWN_IDS = [
-    env_id for env_id, (arm, task) in IDS.items()
-    if not HOMES.get(("the arm", arm)) and not HOMES.get(("the task", task))
-]  # fmt: skip
+TASKS = (rde.ReachTask, rde.GoalReachTask)
+OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR") for task in TASKS]
 """Ids of the package: a process may have registered others."""
 POLICIES = {
     "RPRPReach-v0": "RPRPReach-v0-sac", "FourRReach-v0": "FourRReach-v0-sac",
@@ -139,7 +137,7 @@ def played(env_id: str) -> np.ndarray:
 def tasks() -> dict[str, str]:
     """A page for each task, and one for the protocol of all."""
     made = {}
-    for kind in (rde.ReachTask, rde.GoalReachTask):
+    for kind in TASKS:
         scene = rde.load_scene("four_r_reach")
         terms = kind().reward_functions(scene)
         rows = [(f.__name__.removesuffix("_term"), f"`{inspect.getdoc(f).splitlines()[0]}`") for f in terms]
