@@ -1,4 +1,4 @@
-"""Command line: python -m redundant_envs simulate | verify | study | scene | wasm | page | list."""
+"""Command line: python -m redundant_envs simulate | verify | study | scene | export | wasm | page | list."""
 
 from __future__ import annotations
 
@@ -113,6 +113,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
     p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
+
+    p = commands.add_parser(
+        "export", help="write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
+    )
+    p.add_argument("scene", metavar="NAME_OR_PATH")
+    p.add_argument("--format", required=True, metavar="mjcf|urdf|casadi|c")
+    p.add_argument("--out", type=Path, required=True, metavar="FILE")
+    p.add_argument(
+        "--approximate", action="store_true",
+        help="leave out what the format cannot express, or write what comes near to it, with a comment",
+    )  # fmt: skip
+    p.set_defaults(handler=export)
 
     p = commands.add_parser("wasm", help="write the Reach environment of a scene for JavaScript")
     p.add_argument("scene", metavar="NAME_OR_PATH")
@@ -238,6 +250,18 @@ def show_scene(options: argparse.Namespace) -> None:
         import yaml
 
         print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
+
+
+def export(options: argparse.Namespace) -> None:
+    """Write a scene in a format of other programs, and say what the file leaves out."""
+    from redundant_envs import load_scene
+    from redundant_envs.exports import files
+
+    notes = files.write(
+        load_scene(options.scene), options.format, options.out, options.approximate, Path(options.scene).stem
+    )
+    print(f"{options.out} ({options.out.stat().st_size} bytes)")
+    print("\n".join(f"  {note}" for note in notes), end="\n" if notes else "")
 
 
 def write_wasm(options: argparse.Namespace) -> None:

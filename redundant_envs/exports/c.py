@@ -1,0 +1,94 @@
+"""The accelerations of a scene as a function in C99, written from the traced equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.motion import quantities_of, smooth_scene
+from redundant_envs.scene import Scene
+from redundant_envs.tracing.graph import COMPARISONS, Graph, Operation, Value, located, reached
+from redundant_envs.tracing.number import Number, value_of
+
+INPUTS = "q", "qd", "efforts"
+INFIX = {**{name: name for name in ("+", "-", "*", "/", *COMPARISONS)}, "and": "&&", "or": "||", "xor": "!="}
+"""Operations between two values."""
+CALLS = {
+    **{name: name for name in ("sqrt", "floor", "exp", "expm1", "log", "sin", "cos")},
+    "abs": "fabs", "neg": "-", "not": "!",
+}  # fmt: skip
+"""Operations on one value."""
+UNNAMED = {"lane", "tracing"}
+"""Folders whose functions are no equations."""
+TRUTHS = {*COMPARISONS, "and", "or", "xor", "not"}
+"""Operations whose results are conditions."""
+
+
+def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
+    """A C file with one function, ``accelerations``; it needs math.h alone.
+
+    Raises
+    ------
+    ValueError
+        If effects have states or jumps, and the result is not to be ``approximate``.
+    """
+    smooth, notes = smooth_scene(scene, "C", approximate)
+    n = len(scene.robot.joints)
+    with located():
+        graph = Graph(whole=True)
+        inputs = ([Number(graph, graph.load(name, k)) for k in range(n)] for name in INPUTS)
+        qdd, _ = quantities_of(smooth, *inputs)
+        results = [value_of(x) for x in qdd]
+    about = [
+        f"q: {', '.join(scene.robot.coordinates)} [rad, and m of sliders]; qd: their rates.",
+        "efforts: commands of the motors [N m, and N of sliders]; qdd: the second derivatives of q.",
+    ]
+    comment = "\n   ".join(heading.lines(about, notes)).replace("*/", "* /").replace("/*", "/ *")
+    head = f"void accelerations({', '.join(f'const double {name}[{n}]' for name in INPUTS)}, double qdd[{n}])"
+    body = "\n".join(f"  {line}" for line in _statements(results))
+    text = f"/* {comment} */\n\n#include <math.h>\n\n{head};\n\n{head} {{\n{body}\n}}\n"
+    return Document(text, notes)
+
+
+def _statements(results: list[Value]) -> Iterator[str]:
+    """Operations in their order, under the functions of the equations that they come from."""
+    names: dict[Operation, str] = {}
+    source = ""
+    for operation in reached(results):
+        if operation.name == "load":
+            array, k = operation.extra
+            names[operation] = f"{array}[{k}]"
+            continue
+        origin = operation.origin
+        if origin is not None and Path(origin.file).parent.name not in UNNAMED:
+            before, source = source, f"{origin.function}, {Path(origin.file).name}"
+            yield from [f"/* {source} */"] if source != before else []
+        kind, letter = ("int", "c") if operation.name in TRUTHS else ("double", "x")
+        name = f"{letter}{len(names)}"
+        yield f"const {kind} {name} = {_expression(operation, [*_shown(operation.arguments, names)])};"
+        names[operation] = name
+    yield from (f"qdd[{k}] = {text};" for k, text in enumerate(_shown(results, names)))
+
+
+def _expression(operation: Operation, given: list[str]) -> str:
+    if operation.name == "select":
+        return "{} ? {} : {}".format(*given)
+    if operation.name in INFIX:
+        return f"{given[0]} {INFIX[operation.name]} {given[1]}"
+    return f"{CALLS[operation.name]}({given[0]})"
+
+
+def _shown(values: Iterable[Value], names: dict[Operation, str]) -> Iterator[str]:
+    for value in values:
+        if isinstance(value, Operation):
+            yield names[value]
+        elif isinstance(value, bool):
+            yield str(int(value))
+        elif math.isnan(value):
+            yield "NAN"
+        elif math.isinf(value):
+            yield "INFINITY" if value > 0.0 else "(-INFINITY)"
+        else:
+            yield repr(value) if math.copysign(1.0, value) > 0.0 else f"({value!r})"

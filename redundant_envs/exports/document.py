@@ -1,0 +1,52 @@
+"""A file of another program's format: its text, its head, and what it cannot express."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Note(NamedTuple):
+    """An effect without an exact counterpart, why, and what the file has of it."""
+
+    name: str
+    reason: str
+    written: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.written} ({self.reason})"
+
+
+class Document(NamedTuple):
+    """The content of a file, and what it leaves out or approximates."""
+
+    content: str | bytes
+    notes: Sequence[Note]
+
+
+class Heading(NamedTuple):
+    """What a file is made of."""
+
+    scene: str
+    version: str
+    drawn: bool  # whether episodes draw some of its numbers
+
+    def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
+        """The head of a file, line by line."""
+        scene = "".join(c if c.isprintable() else "?" for c in self.scene)  # a name of a user's file
+        made = [f"Made by redundant-envs {self.version} from the scene {scene}.", *about]
+        made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
+        return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
+
+
+def settled(notes: Sequence[Note], form: str, approximate: bool) -> None:
+    """ValueError with all notes, unless the document may be approximate."""
+    if notes and not approximate:
+        by_reason: dict[str, list[str]] = {}
+        for note in notes:
+            by_reason.setdefault(note.reason, []).append(note.name)
+        listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
+        raise ValueError(
+            f"scene has what {form} cannot express exactly: {listed}; leave it out of the scene, or give "
+            "--approximate to have it noted in the file"
+        )

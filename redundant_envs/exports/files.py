@@ -1,0 +1,63 @@
+"""Formats by their names, and files of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import NamedTuple
+
+from redundant_envs import __version__
+from redundant_envs.exports.document import Document, Heading, Note
+from redundant_envs.scene import Scene, check_scene
+
+
+class Format(NamedTuple):
+    """A format: what it is called, how its files end, and the function that writes it."""
+
+    name: str
+    suffix: str
+    writer: str
+
+
+FORMATS = {
+    "mjcf": Format("MJCF", ".xml", "mjcf:mjcf"),
+    "urdf": Format("URDF", ".urdf", "urdf:urdf"),
+    "casadi": Format("CasADi", ".casadi", "casadi:serialised"),
+    "c": Format("C", ".c", "c:c_code"),
+}
+
+
+def document(scene: Scene, form: str, approximate: bool = False, name: str = "") -> Document:
+    """A scene in a format, "mjcf", "urdf", "casadi" or "c".
+
+    Parameters
+    ----------
+    scene : Scene
+    form : str
+    approximate : bool
+        Leave out what has no exact counterpart, or write what comes near to it; comments in the file name it.
+    name : str
+        Of the scene, in the file.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, or if it cannot express the scene exactly and ``approximate`` is not set;
+        the message names each effect.
+    MissingPackage
+        If the format needs CasADi, which is not installed.
+    """
+    check_scene(scene)
+    if form not in FORMATS:
+        raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
+    write: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form].writer}")
+    return write(scene, Heading(name or scene.robot.kind, __version__, bool(scene.randomize)), approximate)
+
+
+def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
+    """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done."""
+    made = document(scene, form, approximate, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(made.content if isinstance(made.content, bytes) else made.content.encode())
+    return made.notes

@@ -1,0 +1,108 @@
+"""A scene as MJCF, the format of MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.mechanism import Mechanism, mechanism
+from redundant_envs.exports.xml import comment, numbers, text_of
+from redundant_envs.scene import Scene
+
+LEAST = 2e-15
+"""Least mass [kg] and moment of inertia [kg m^2] of a body: MuJoCo requires more than 1e-15."""
+STEPS = 10
+"""Steps of MuJoCo in a control interval."""
+COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"
+"""Of links and of point masses."""
+
+
+def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
+    """A scene as an MJCF model.
+
+    Joint positions are those of the scene's arm, B^T q: the angle between a link and the one before it, the
+    travel of a slider. A control is a share of the motor's limit from -1 to 1, or the effort [N m or N] of a
+    motor without one.
+    """
+    made = mechanism(scene, "MJCF", approximate, LEAST)
+    root = ET.Element("mujoco", model=scene.robot.kind)
+    about = [
+        "Positions are those of the joints: a link's angle to the one before it, the travel of a slider.",
+        f"A control interval of {scene.control_dt:g} s takes {STEPS} steps.",
+        f"Bodies of point masses have {LEAST:g} kg m^2, because MuJoCo requires them to have some.",
+    ]
+    root.append(comment(heading.lines(about, made.notes)))
+    exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")
+    exact |= dict.fromkeys(("inertiafromgeom", "balanceinertia"), "false")
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true", **exact)
+    ET.SubElement(
+        root, "option", timestep=numbers(scene.control_dt / STEPS), integrator="RK4",
+        gravity=numbers(*made.gravity, 0.0),
+    )  # fmt: skip
+    world = ET.SubElement(root, "worldbody")
+    above = numbers(0.0, 0.0, 3.0 * made.reach)
+    ET.SubElement(world, "light", pos=above, dir="0 0 -1")
+    ET.SubElement(world, "camera", name="above", pos=above, xyaxes="1 0 0 0 1 0")
+    _chain(world, made)
+    _motors(root, made)
+    return Document(text_of(root), made.notes)
+
+
+def _chain(world: ET.Element, made: Mechanism) -> None:
+    parent, radius = world, made.thickness / 2.0
+    ends = [*(body.link.place for body in made.bodies[1:]), made.tip]
+    for k, (body, end) in enumerate(zip(made.bodies, ends, strict=True)):
+        link = body.link
+        parent = ET.SubElement(parent, "body", name=f"link{k + 1}", pos=numbers(*link.place, 0.0))
+        axis = numbers(*link.axis, 0.0) if link.slides else "0 0 1"
+        joint = ET.SubElement(
+            parent, "joint", name=link.joint, type="slide" if link.slides else "hinge", axis=axis
+        )
+        for name, value in (("damping", made.damping), ("armature", made.armature)):
+            if value[k] != 0.0:
+                joint.set(name, numbers(value[k]))
+        if made.stiffness[k] != 0.0:
+            joint.set("stiffness", numbers(made.stiffness[k]))
+            joint.set("springref", numbers(made.rest[k]))
+        if k in made.travel:
+            joint.set("range", numbers(*made.travel[k]))
+        if k in made.friction:
+            joint.set("frictionloss", numbers(made.friction[k]))
+        inertia = numbers(*[body.inertia] * 3)
+        mass = numbers(body.mass)
+        ET.SubElement(parent, "inertial", pos=numbers(*body.centre, 0.0), mass=mass, diaginertia=inertia)
+        drawn: dict[str, Any] = {"contype": "0", "conaffinity": "0"}
+        if np.hypot(*end) > radius:
+            along = numbers(0.0, 0.0, 0.0, *end, 0.0)
+            ET.SubElement(
+                parent, "geom", type="capsule", fromto=along, size=numbers(radius), rgba=COLOURS[0], **drawn
+            )
+        for offset in link.points.values():
+            ball = numbers(1.5 * radius)
+            at = numbers(*offset, 0.0)
+            ET.SubElement(parent, "geom", type="sphere", pos=at, size=ball, rgba=COLOURS[1], **drawn)
+    ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip, 0.0), size=numbers(radius))
+
+
+def _motors(root: ET.Element, made: Mechanism) -> None:
+    """Motors at the joints, or on coordinates, which are sums of joint positions."""
+    joints = [body.link.joint for body in made.bodies]
+    places: Sequence[tuple[str, str]] = [("joint", name) for name in joints]
+    if made.coordinates is not None:
+        tendons = ET.SubElement(root, "tendon")
+        places = [("tendon", f"coordinate{k + 1}") for k in range(len(joints))]
+        for (_, name), shares in zip(places, made.coordinates, strict=True):
+            tendon = ET.SubElement(tendons, "fixed", name=name)
+            for joint, share in zip(joints, shares, strict=True):
+                if share != 0.0:
+                    ET.SubElement(tendon, "joint", joint=joint, coef=numbers(share))
+    motors = ET.SubElement(root, "actuator")
+    for k, (kind, name) in enumerate(places):
+        motor = ET.SubElement(motors, "motor", {"name": f"motor{k + 1}", kind: name})
+        if made.limits is not None and np.isfinite(made.limits[k]):
+            motor.set("gear", numbers(made.limits[k]))
+            motor.set("ctrlrange", "-1 1")

@@ -1,0 +1,95 @@
+"""A scene as URDF, which ROS, PyBullet, Pinocchio, Drake, Isaac and MuJoCo read."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.hooks import Force, Inertia
+from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.mechanism import Mechanism, mechanism, of_link, stiffness_of
+from redundant_envs.exports.xml import comment, numbers, text_of
+from redundant_envs.scene import Scene
+
+LEAST = 1e-14
+"""Least mass [kg] and moment of inertia [kg m^2] of a body: MuJoCo requires as much of a URDF model."""
+FREE = 1e9
+"""Ends of travel, efforts and rates of joints that have no limit: URDF requires these numbers."""
+
+
+def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
+    """A scene as a URDF model. Gravity is set by the program that reads it."""
+    if scene.actuation != "joint":
+        raise ValueError(
+            f"scene.actuation is {scene.actuation!r}; URDF has motors at joints alone: set it to 'joint'"
+        )
+    made = mechanism(scene, "URDF", approximate, LEAST, _lacks)
+    x, y = made.gravity.tolist()
+    root = ET.Element("robot", name=scene.robot.kind)
+    about = [
+        f"URDF has no gravity: set it to ({x!r}, {y!r}, 0) m/s^2 where the model is loaded.",
+        f"Bodies of point masses have {LEAST:g} kg m^2, because programs require them to have some.",
+    ]
+    root.append(comment(heading.lines(about, made.notes)))
+    ET.SubElement(root, "link", name="base")
+    for k, body in enumerate(made.bodies):
+        link = ET.SubElement(root, "link", name=f"link{k + 1}")
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=numbers(*body.centre, 0.0))
+        ET.SubElement(inertial, "mass", value=numbers(body.mass))
+        own = numbers(body.inertia)
+        ET.SubElement(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
+        _draw(link, made, k)
+        _joint(root, made, k)
+    ET.SubElement(root, "link", name="tip")
+    fixed = ET.SubElement(root, "joint", name="fixed_tip", type="fixed")
+    ET.SubElement(fixed, "parent", link=f"link{len(made.bodies)}")
+    ET.SubElement(fixed, "child", link="tip")
+    ET.SubElement(fixed, "origin", xyz=numbers(*made.tip, 0.0))
+    return Document(text_of(root), made.notes)
+
+
+def _draw(link: ET.Element, made: Mechanism, k: int) -> None:
+    """A bar from the joint of a link to the next one, and a ball for each point mass."""
+    ends = [*(body.link.place for body in made.bodies[1:]), made.tip]
+    radius = made.thickness / 2.0
+    length = float(np.hypot(*ends[k]))
+    if length > radius:
+        visual = ET.SubElement(link, "visual")
+        turn = numbers(0.0, 0.0, np.arctan2(ends[k][1], ends[k][0]))
+        ET.SubElement(visual, "origin", xyz=numbers(*ends[k] / 2.0, 0.0), rpy=turn)
+        ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=numbers(length, radius, radius))
+    for offset in made.bodies[k].link.points.values():
+        visual = ET.SubElement(link, "visual")
+        ET.SubElement(visual, "origin", xyz=numbers(*offset, 0.0))
+        ET.SubElement(ET.SubElement(visual, "geometry"), "sphere", radius=numbers(1.5 * radius))
+
+
+def _joint(root: ET.Element, made: Mechanism, k: int) -> None:
+    own = made.bodies[k].link
+    turning = "revolute" if k in made.travel else "continuous"
+    joint = ET.SubElement(root, "joint", name=own.joint, type="prismatic" if own.slides else turning)
+    ET.SubElement(joint, "parent", link=f"link{k}" if k else "base")
+    ET.SubElement(joint, "child", link=f"link{k + 1}")
+    ET.SubElement(joint, "origin", xyz=numbers(*own.place, 0.0))
+    ET.SubElement(joint, "axis", xyz=numbers(*own.axis, 0.0) if own.slides else "0 0 1")
+    lower, upper = made.travel.get(k, (-FREE, FREE))
+    effort = FREE if made.limits is None else min(made.limits[k], FREE)
+    ends: dict[str, Any] = {"lower": numbers(lower), "upper": numbers(upper)}
+    if joint.get("type") == "continuous":
+        ends = {}
+    ET.SubElement(joint, "limit", effort=numbers(effort), velocity=numbers(FREE), **ends)
+    friction = made.friction.get(k, 0.0)
+    ET.SubElement(joint, "dynamics", damping=numbers(made.damping[k]), friction=numbers(friction))
+
+
+def _lacks(scene: Scene, a: Attached[Any]) -> str:
+    """Why URDF has no counterpart of a hook that a mechanism has; "" if it has one."""
+    if isinstance(a.hook, Inertia) and not of_link(a.hook, scene.robot.prismatic):
+        return "URDF has no inertias of rotors"
+    if isinstance(a.hook, Force) and stiffness_of(scene, a) != 0.0:
+        return "URDF has no springs"
+    return ""

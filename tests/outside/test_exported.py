@@ -1,0 +1,37 @@
+"""Arms from outside in MuJoCo."""
+
+import numpy as np
+import pytest
+import relative_two_r
+import rrp
+import three_r
+from foreign import largest_difference, model_of, mujoco, states
+
+import redundant_envs as rde
+
+e = rde.effects
+GRAVITY = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.7)
+
+
+@pytest.mark.parametrize("actuation", ["joint", "generalized"])
+@pytest.mark.parametrize(
+    "arm",
+    [
+        three_r.ThreeR((0.5, 0.4, 0.3), (0.4, 0.35, 0.25)),
+        rrp.RRP((2.0, 1.5, 1.0), (0.3, 0.5)),
+        relative_two_r.RelativeTwoR((0.5, 0.4), (0.4, 0.3)),
+        rde.Chain("PRPPR", (1.0, 0.8, 0.6, 0.5, 0.4), (0.3, 0.2)),
+        rde.Chain("R", (0.5,), (0.4,)),
+    ],
+    ids=lambda arm: arm.kind if not isinstance(arm, str) else arm,
+)
+def test_other_arms_are_chains_of_links_too(arm, actuation):
+    friction = e.ViscousFriction(tuple(np.linspace(0.1, 0.3, len(arm.joints))))
+    scene = rde.Scene(arm, (GRAVITY, friction), actuation=actuation)
+    model = model_of(scene, "mjcf")
+    assert largest_difference(scene, model, True) < 1e-10
+    data = mujoco.MjData(model)
+    for q in states(scene, 5)[0]:
+        data.qpos[:] = q @ arm.motor_map
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.site("tip").xpos[:2], arm.forward_kinematics(q), atol=1e-13)
