@@ -20,7 +20,7 @@ from redundant_envs.values import shown
 from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
-from ..pages import page, plain, results_table
+from ..pages import MEASURES, page, plain, results_table
 from ..policies import load_policy
 from ..report import PACKAGES
 from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
@@ -38,6 +38,8 @@ ORIGIN = {
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
+CARD_RESULTS = 4
+"""Results of a policy in its card."""
 MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
 """Packages of classes that are not stable-baselines3's."""
 OPSET = 17  # old enough for every runtime since 2022
@@ -155,7 +157,8 @@ def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
     scene: str,
 ) -> str:  # fmt: skip
-    """The card of a policy, Markdown: its task, training, results and limits, and how to load it.
+    """The card of a policy, Markdown: its task, training, results and limits, and how to load it; before it
+    front matter as that of models on Hugging Face.
 
     ``worst`` is the largest difference of each file's actions from those of the weights in double precision.
     ``scene`` is the name of the scene, or its file in the folder of the policy; empty for that of the
@@ -167,15 +170,35 @@ def card(
         updates = learned * settings.gradient_steps / settings.train_freq
     # An old run may name a package that the present code does not use.
     found = evaluation["versions"].items()
-    return page(
+    return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3")) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
         updates=updates, origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
         parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],
-        results=results_table(evaluation, "", "this policy", 4),
+        results=results_table(evaluation, "", "this policy", CARD_RESULTS),
     )  # fmt: skip
+
+
+def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str) -> str:
+    """Front matter of a model card of Hugging Face (https://huggingface.co/docs/hub/model-cards), with the
+    results of the card's table, unit by unit."""
+    metrics = []
+    for label, key, scale, digits, unit in MEASURES[:CARD_RESULTS]:
+        if evaluation.get(key) is not None:
+            name = f"{label} [{unit.strip()}]"
+            value = round(scale * float(evaluation[key]), digits)
+            metrics.append({"type": label.replace(" ", "_"), "name": name, "value": value})
+    kind = "reinforcement-learning"
+    dataset = {"name": f"{config.env}, scene {scene}" if scene else config.env, "type": config.env}
+    results = [{"task": {"type": kind, "name": kind}, "dataset": dataset, "metrics": metrics}]
+    data = {
+        "library_name": library.replace("_", "-"), "license": "mit", "pipeline_tag": kind,
+        "tags": ["deep-reinforcement-learning", kind, library.replace("_", "-"), config.env],
+        "model-index": [{"name": config.label, "results": results}],
+    }  # fmt: skip
+    return f"---\n{yaml.safe_dump(data, sort_keys=False)}---\n\n"
 
 
 def write_onnx(policy: Any, inputs: dict[str, int], path: Path, about: dict[str, str]) -> None:

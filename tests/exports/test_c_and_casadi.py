@@ -1,0 +1,185 @@
+"""Accelerations in C and in CasADi: they are those of the scene, and what they cannot express is refused."""
+
+import ctypes
+import dataclasses
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from catalogue import FOUR_R, RPRP, SCENES
+from refusals import refusal, short
+
+import redundant_envs as rde
+from redundant_envs.exports.files import document, write
+from redundant_envs.exports.motion import quantities_of, smooth_scene
+from redundant_envs.scene import scene_names
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+WARNINGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-O1"]
+NEEDS_C = pytest.mark.skipif(COMPILER is None, reason="no C compiler was found")
+e = rde.effects
+
+
+def smooth_catalogue():
+    """Scenes of the catalogue and the shipped ones, without what is no function of the motion."""
+    every = {**SCENES, **{name: rde.load_scene(name) for name in scene_names()}}
+    smooth = {name: smooth_scene(scene, "C", True)[0] for name, scene in every.items()}
+    alike = {(scene.robot, scene.effects, scene.actuation): name for name, scene in smooth.items()}
+    return {name: smooth[name] for name in alike.values()}
+
+
+def states(arm, count, seed=5):
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-np.pi, np.pi, (count, len(arm.joints)))
+    q[:, arm.sliders()] = rng.uniform(-0.1, 0.4, (count, len(arm.sliders())))
+    return q, rng.uniform(-5.0, 5.0, q.shape), rng.uniform(-30.0, 30.0, q.shape)
+
+
+def ours(scene, *state):
+    """Accelerations, on Python's floats."""
+    qdd, _ = quantities_of(scene, *([float(x) for x in column] for column in state))
+    return [float(x) for x in qdd]
+
+
+def difference(found, expected):
+    gap = np.abs(np.subtract(found, expected)).max()
+    return gap / max(np.abs(expected).max(), 1e-300)
+
+
+def compiled(folder, text):
+    """The library of a C file, which has to compile without a warning."""
+    (folder / "arm.c").write_text(text, encoding="utf-8")
+    command = [COMPILER, *WARNINGS, "-shared", "-fPIC", "arm.c", "-o", "arm.so", "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return ctypes.CDLL(str(folder / "arm.so"))
+
+
+def called(function, *state):
+    row = ctypes.c_double * len(state[0])
+    result = row()
+    function(*(row(*column) for column in state), result)
+    return list(result)
+
+
+@NEEDS_C
+def test_c_has_the_accelerations_of_every_scene_and_compiles_without_a_warning(tmp_path):
+    scenes = smooth_catalogue()
+    text = "".join(
+        document(scene, "c").content.replace("accelerations(", f"accelerations_{k}(")
+        for k, scene in enumerate(scenes.values())
+    )
+    library = compiled(tmp_path, text)
+    for k, (name, scene) in enumerate(scenes.items()):
+        for state in zip(*states(scene.robot, 20), strict=True):
+            found = called(library[f"accelerations_{k}"], *state)
+            assert difference(found, ours(scene, *state)) < 1e-12, name
+
+
+@NEEDS_C
+def test_c_finds_the_accelerations_of_both_arms_in_a_thousand_states(tmp_path):
+    for arm in (FOUR_R, RPRP):
+        folder = tmp_path / arm.kind
+        folder.mkdir()
+        library = compiled(folder, document(rde.Scene(arm, (e.Gravity(),)), "c").content)
+        q, qd, efforts = states(arm, 1000)
+        expected = arm.forward_dynamics(q, qd, efforts @ arm.motor_map.T)
+        found = [called(library.accelerations, *state) for state in zip(q, qd, efforts, strict=True)]
+        assert max(map(difference, found, expected)) < 1e-12
+
+
+@NEEDS_C
+def test_no_name_breaks_the_comment_of_a_c_file(tmp_path):
+    write(SCENES["4R gravity rk4"], "c", tmp_path / "out.c", name='a*/ b /*\\\n??/ "\ud800')
+    compiled(tmp_path, (tmp_path / "out.c").read_text(encoding="utf-8"))
+
+
+def test_c_says_under_which_function_of_the_equations_an_operation_stands():
+    text = document(SCENES["4R gravity rk4"], "c").content
+    assert "/* forward_dynamics, four_r.py */" in text
+    assert "sincos" not in text
+
+
+@pytest.fixture(scope="module")
+def ca():
+    return pytest.importorskip(
+        "casadi", reason="CasADi is not installed: pip install 'redundant-envs[export]'"
+    )
+
+
+def test_casadi_has_the_accelerations_of_every_scene(ca, tmp_path):
+    for name, scene in smooth_catalogue().items():
+        write(scene, "casadi", tmp_path / "arm.casadi")
+        function = ca.Function.load(str(tmp_path / "arm.casadi"))
+        assert (function.name_in(), function.name_out()) == (
+            ["q", "qd", "efforts"],
+            ["qdd", "M", "h", "G", "tip", "J"],
+        )
+        for state in zip(*states(scene.robot, 5), strict=True):
+            found = np.array(function(*state)[0]).ravel()
+            assert difference(found, ours(scene, *state)) < 1e-12, name
+
+
+def test_casadi_finds_mass_matrix_and_bias_forces_to_the_last_bit(ca):
+    from redundant_envs.exports.casadi import casadi_function
+
+    for arm in (FOUR_R, RPRP):
+        function = casadi_function(rde.Scene(arm, (e.Gravity(),)))
+        for q, qd, efforts in zip(*states(arm, 200), strict=True):
+            _, M, h, G, tip, J = (np.array(x) for x in function(q, qd, efforts))
+            np.testing.assert_array_equal(M, arm.mass_matrix(q))
+            np.testing.assert_array_equal(h.ravel(), arm.bias_forces(q, qd))
+            np.testing.assert_allclose(G.ravel(), arm.gravity_forces(q), rtol=0, atol=1e-13)
+            np.testing.assert_allclose(tip.ravel(), arm.forward_kinematics(q), rtol=0, atol=1e-15)
+            np.testing.assert_allclose(J, arm.jacobian(q), rtol=0, atol=1e-15)
+
+
+def test_casadi_differentiates_a_scene(ca):
+    from redundant_envs.exports.casadi import casadi_function
+
+    arm = FOUR_R
+    function = casadi_function(rde.Scene(arm, (e.Gravity(),)))
+    slope = function.factory("slope", ["q", "qd", "efforts"], ["jac:qdd:efforts"])
+    q, qd, efforts = (column[0] for column in states(arm, 1))
+    expected = np.linalg.solve(arm.mass_matrix(q), arm.motor_map)
+    np.testing.assert_allclose(np.array(slope(q, qd, efforts)), expected, rtol=1e-9)
+
+
+SPRING = e.LimitSpring("r1", 0.0, 0.2, 500.0, 5.0)
+
+
+@pytest.mark.parametrize("form", ["c", "casadi"])
+@pytest.mark.parametrize(
+    "effect",
+    [
+        e.PrismaticStop((0.0, 0.0), (0.2, 0.2)), e.CoulombFriction(0.1), e.CommandDelay(0.01, 0.02), e.Lag(0.05),
+        e.SensorNoise(0.01, 0.01), e.SensorBias(0.01, 0.01), e.PickUp(0.1, 1.0), e.MovingBase((0.1, 0.1), 2.0),
+    ],
+    ids=lambda effect: type(effect).__name__,
+)  # fmt: skip
+def test_what_is_no_function_of_the_motion_is_refused_by_name_or_noted(form, effect):
+    if form == "casadi":
+        pytest.importorskip("casadi", reason="CasADi is not installed")
+    scene, name = rde.Scene(SCENES["RPRP free rk4"].robot, (SPRING, effect)), type(effect).__name__
+    message = refusal(document, scene, form)
+    assert message is not None
+    assert f"{name} (" in message
+    assert "LimitSpring" not in message  # its law is a function of the motion
+    assert short(message)
+    made = document(scene, form, approximate=True)
+    assert [note.name for note in made.notes] == [name]
+    if form == "c":
+        assert f"Approximate:\n     {name}: left out" in made.content
+
+
+def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():
+    scene = dataclasses.replace(SCENES["4R gravity rk4"], randomize={"gravity.g": {"uniform": [5.0, 12.0]}})
+    text = document(scene, "c").content
+    assert "Numbers that episodes draw have their nominal values." in text
+    assert text.count("9.81") == document(SCENES["4R gravity rk4"], "c").content.count("9.81")
+
+
+def test_an_unknown_format_lists_the_valid_ones():
+    with pytest.raises(ValueError, match="format is 'sdf'; choose mjcf, urdf, casadi, c"):
+        document(SCENES["4R gravity rk4"], "sdf")
