@@ -65,6 +65,17 @@ def test_wasm_writes_a_module_and_its_host(tmp_path, capsys):
     assert capsys.readouterr().out.count(" bytes)") == 3
 
 
+@pytest.mark.parametrize("form", ["mjcf", "urdf", "c"])
+def test_export_writes_a_file_and_says_what_it_lacks(form, tmp_path, capsys):
+    path = tmp_path / "new" / "arm.file"
+    assert main(["export", "four_r_reach", "--format", form, "--out", str(path)]) == 0
+    assert "from the scene four_r_reach." in path.read_text(encoding="utf-8")
+    assert capsys.readouterr().out == f"{path} ({path.stat().st_size} bytes)\n"
+    assert main(["export", "rprp_reach", "--approximate", "--format", form, "--out", str(path)]) == 0
+    assert "  PrismaticStop: " in capsys.readouterr().out
+    assert "PrismaticStop: " in path.read_text(encoding="utf-8")
+
+
 CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n"
 
 
@@ -87,6 +98,12 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("wasm four_r_free", "scene has no EffortLimits"),
         ("wasm four_r_reach --out chain.yaml", "chain.yaml"),
         ("wasm four_r_reach --out chain.yaml/inner", "chain.yaml"),
+        ("export nowhere --format c --out a.c", ", ".join(scene_names())),
+        ("export four_r_reach --format sdf --out a", "format is 'sdf'; choose mjcf, urdf, casadi, c"),
+        ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are soft there"),
+        ("export four_r_reach --format c --out chain.yaml/inner", "chain.yaml"),
+        ("export four_r_reach --format c --out .", "Is a directory"),
+        ("export four_r_reach --format c", "--out"),
         ("page --policies nowhere", "nowhere, which is no folder"),
         ("page --out chain.yaml", "chain.yaml"),
     ],

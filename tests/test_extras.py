@@ -82,12 +82,13 @@ MISSING = {
         ],
     ),
     "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
+    "casadi": ("export", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
     "mujoco": ("verify", [f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)"]),
     "scipy": ("verify", [f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)"]),
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [
-    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("rl_zoo3", "sympy", "mujoco", "scipy"),
+    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("rl_zoo3", "sympy", "mujoco", "scipy", "casadi"),
     *(
         pytest.param(packages, marks=pytest.mark.long)
         for packages in (

@@ -9,7 +9,7 @@ SECTIONS = {
     "Tutorials": ["tutorials/third_arm", "tutorials/moving_target"],
     "How to": [
         "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "gradients",
-        "models", "browser", "trouble",
+        "models", "browser", "other_programs", "trouble",
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",

@@ -19,10 +19,11 @@ FOLDERS = sorted((ROOT / "policies").iterdir())
 def rows():
     """Evaluations of all published runs, by environment, learner, scene and seed."""
     runs = [run for table in ("runs", "baselines", "weak") for run in read_runs([RESULTS / f"{table}.csv"])]
+    scenes = [(run.settings.get("env_kwargs") or {}).get("scene") for run in runs]
     return {
-        (run.env, run.settings["algo"], (run.settings.get("env_kwargs") or {}).get("scene"), run.evaluation["seed"]):
-        run.evaluation for run in runs
-    }  # fmt: skip
+        (run.env, run.settings["algo"], scene, run.evaluation["seed"]): run.evaluation
+        for run, scene in zip(runs, scenes, strict=True)
+    }
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

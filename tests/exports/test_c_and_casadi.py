@@ -153,8 +153,9 @@ SPRING = e.LimitSpring("r1", 0.0, 0.2, 500.0, 5.0)
 @pytest.mark.parametrize(
     "effect",
     [
-        e.PrismaticStop((0.0, 0.0), (0.2, 0.2)), e.CoulombFriction(0.1), e.CommandDelay(0.01, 0.02), e.Lag(0.05),
-        e.SensorNoise(0.01, 0.01), e.SensorBias(0.01, 0.01), e.PickUp(0.1, 1.0), e.MovingBase((0.1, 0.1), 2.0),
+        e.PrismaticStop((0.0, 0.0), (0.2, 0.2)), e.CoulombFriction(0.1), e.CommandDelay(0.01, 0.02),
+        e.Lag(0.05), e.SensorNoise(0.01, 0.01), e.SensorBias(0.01, 0.01), e.PickUp(0.1, 1.0),
+        e.MovingBase((0.1, 0.1), 2.0),
     ],
     ids=lambda effect: type(effect).__name__,
 )  # fmt: skip
