@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects.attached import Attached, field_of
-from redundant_envs.effects.effort_limits import saturate
+from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
     SPEED,
@@ -113,48 +113,50 @@ def mechanism(
         If the arm is no chain of rigid links, or effects have no exact counterpart and the result is not to
         be ``approximate``.
     """
-    arm, attached = scene.robot, scene.attached
-    links = links_of(arm)
+    links = links_of(scene.robot)
     unfit = dict(reversed([*_unfit(scene, lacks)]))  # the first reason of each
-    bodies, armature = _bodies(scene, links, unfit, least)
-    changed = least * _mobility(scene)
-    notes = [
-        Note(type(effect).__name__, unfit[effect.key], _counterpart(scene, effect))
-        for effect in scene.effects
-        if effect.key in unfit
-    ]
-    if changed > MOST_CHANGED:
-        reason = (
-            f"a body there has {least:g} kg m^2 at least, which may change accelerations by {changed:.1g}"
-        )
-        notes.append(Note(f"the light arm {arm.kind}", reason, "written with it"))
+    notes = _notes(scene, unfit, least)
     settled(notes, form, approximate)
-    known = _numbers(scene)
-    springs = [a for a in attached.of(Force) if a.key not in unfit]
-    n = len(arm.joints)
-    made: dict[str, Array] = {name: np.zeros(n) for name in ("damping", "stiffness", "constant")}
-    for a in springs:
-        force, joint = _affine_force(scene, a, known), a.hook.joint
-        assert force is not None
-        assert isinstance(joint, int)
-        made["constant"][joint] += force.constant
-        made["stiffness"][joint] -= force.slopes.get(f"phi{joint + 1}", 0.0)
-        made["damping"][joint] -= force.slopes.get(f"phid{joint + 1}", 0.0)
-    stiff = np.where(made["stiffness"] == 0.0, 1.0, made["stiffness"])
-    x = Quantities(known, (), {})
-    field = field_of([a for a in attached.constant_fields if a.key not in unfit], x)
-    limited = [a for a in attached.of(Actuation) if a.key not in unfit]
-    limits = np.full(n, np.inf)
-    for limit in limited:  # of several, the least holds
-        k = limit.hook.joint
-        limits[k] = min(limits[k], known[limit.parameter(limit.hook.bind["limit"])])
-    travel, friction = _soft(scene, unfit, known)
+    bodies, armature = _bodies(scene, links, unfit, least)
+    fields = [a for a in scene.attached.constant_fields if a.key not in unfit]
+    gravity = [-float(a) for a in field_of(fields, Quantities(_numbers(scene), (), {}))]
+    limits = next((np.array(x.limits) for x in scene.effects if isinstance(x, EffortLimits)), None)
     return Mechanism(
-        bodies, _tip(scene, links), np.array([-float(a) for a in field]), made["damping"], made["stiffness"],
-        made["constant"] / stiff, armature, limits if limited else None,
-        None if scene.actuation == "joint" else _of_joints(scene), travel, friction,
+        bodies,
+        _tip(scene, links),
+        np.array(gravity),
+        *_springs(scene, unfit),
+        armature,
+        limits,
+        None if scene.actuation == "joint" else _of_joints(scene),
+        _soft_ends(scene, unfit),
+        _dry_friction(scene, unfit),
         tuple(notes),
-    )  # fmt: skip
+    )
+
+
+def _notes(scene: Scene, unfit: Mapping[str, str], least: float) -> list[Note]:
+    """What is not exact."""
+    unlike = [effect for effect in scene.effects if effect.key in unfit]
+    notes = [Note(type(e).__name__, unfit[e.key], _counterpart(scene, e)) for e in unlike]
+    changed = least * _mobility(scene)
+    if changed > MOST_CHANGED:
+        reason = f"bodies have {least:g} kg m^2 there, which may change accelerations by {changed:.1g}"
+        notes.append(Note(f"the light arm {scene.robot.kind}", reason, "written with it"))
+    return notes
+
+
+def _springs(scene: Scene, unfit: Mapping[str, str]) -> tuple[Array, Array, Array]:
+    """Damping, stiffness and position at rest of all joints."""
+    known, n = _numbers(scene), len(scene.robot.joints)
+    damping, stiffness, constant = np.zeros(n), np.zeros(n), np.zeros(n)
+    for a in scene.attached.of(Force):
+        force, joint = _affine_force(scene, a, known), a.hook.joint
+        if a.key not in unfit and force is not None and isinstance(joint, int):
+            constant[joint] += force.constant
+            stiffness[joint] -= force.slopes.get(f"phi{joint + 1}", 0.0)
+            damping[joint] -= force.slopes.get(f"phid{joint + 1}", 0.0)
+    return damping, stiffness, constant / np.where(stiffness == 0.0, 1.0, stiffness)
 
 
 def _unfit(scene: Scene, lacks: Callable[[Scene, Attached[Any]], str]) -> Iterator[tuple[str, str]]:
@@ -176,7 +178,7 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
         return "gravity is constant there"
     if isinstance(hook, PointMass) and hook.mass not in {f".{name}" for name in a.effect.parameters()}:
         return "masses are constant there"
-    if isinstance(hook, Actuation) and hook.function is not saturate:
+    if isinstance(hook, Actuation) and not isinstance(a.effect, EffortLimits):
         return "of a motor only the limits of its effort have a counterpart"
     if isinstance(hook, Inertia) and len(hook.joints) > 1 and not of_link(hook, arm.prismatic):
         return "it is neither the inertia of a link nor that of a rotor"
@@ -268,21 +270,23 @@ def _zero(arm: Any) -> tuple[float, ...]:
     return found if isinstance(found, tuple) else (found,)
 
 
-def _soft(
-    scene: Scene, unfit: Mapping[str, str], known: Mapping[str, float]
-) -> tuple[dict[int, tuple[float, float]], dict[int, float]]:
-    """Ends of travel and dry friction of the effects that are only approximated."""
-    travel, friction = {}, dict[int, float]()
+def _soft_ends(scene: Scene, unfit: Mapping[str, str]) -> dict[int, tuple[float, float]]:
+    """Ends of travel of the effects that are only approximated."""
+    known, travel = _numbers(scene), {}
     for effect in scene.effects:
         if effect.key in unfit:
-            for joint, names in effect.travel(scene.robot).items():
-                low, high = (known[f"{effect.key}.{name}"] for name in names)
-                travel[joint] = (low, high)
+            for joint, (low, high) in effect.travel(scene.robot).items():
+                travel[joint] = (known[f"{effect.key}.{low}"], known[f"{effect.key}.{high}"])
+    return travel
+
+
+def _dry_friction(scene: Scene, unfit: Mapping[str, str]) -> dict[int, float]:
+    """Levels at rest of the dry friction in joints."""
+    at_rest, friction = Quantities({**_numbers(scene), SPEED: 0.0}, (), {}), dict[int, float]()
     for a in scene.attached.of(Friction):
-        if a.key in unfit and not states_of(a.hook):
-            level = a.functions["limit"](Quantities({**known, SPEED: 0.0}, (), {}))
-            friction[a.hook.joint] = friction.get(a.hook.joint, 0.0) + float(level)
-    return travel, friction
+        level = float(a.functions["limit"](at_rest))
+        friction[a.hook.joint] = friction.get(a.hook.joint, 0.0) + level
+    return friction
 
 
 def _counterpart(scene: Scene, effect: Effect) -> str:

@@ -129,6 +129,16 @@ def test_soft_ends_and_dry_friction_are_written_where_they_may_be_approximate():
     np.testing.assert_array_equal(model.dof_frictionloss, [1.0, 2.0, 3.0, 4.0])
 
 
+def test_limits_behind_what_is_left_out_stay_limits():
+    effects = (e.Lag(0.05), e.EffortLimits((4.0, 3.0, 2.0, 1.0)))
+    for tolerance in (None, 1e-6):
+        scene = rde.Scene(two_arms(1)[0], effects, tolerance=tolerance)
+        text, notes = document(scene, "mjcf", approximate=True)
+        assert [note.name for note in notes] == ["Lag"]
+        model = mujoco.MjModel.from_xml_string(text)
+        np.testing.assert_array_equal(model.actuator_gear[:, 0], [4.0, 3.0, 2.0, 1.0])
+
+
 @on("*")
 def test_every_scene_is_written_or_refused_in_one_sentence(scene):
     for form in ("mjcf", "urdf"):
@@ -158,7 +168,7 @@ def test_an_arm_that_is_no_chain_of_rigid_links_is_refused():
 
 def test_an_arm_whose_accelerations_the_least_inertia_changes_is_refused():
     scene = rde.Scene(rde.FourR((1e-5,) * 4, (0.01,) * 4))
-    with pytest.raises(ValueError, match=r"the light arm FourR \(a body there has 2e-15 kg m\^2"):
+    with pytest.raises(ValueError, match=r"the light arm FourR \(bodies have 2e-15 kg m\^2 there"):
         document(scene, "mjcf")
     assert "the light arm FourR: written with it" in document(scene, "mjcf", approximate=True).content
 
