@@ -5,27 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import NamedTuple
 
 from redundant_envs import __version__
 from redundant_envs.exports.document import Document, Heading, Note
 from redundant_envs.scene import Scene, check_scene
 
-
-class Format(NamedTuple):
-    """A format: what it is called, how its files end, and the function that writes it."""
-
-    name: str
-    suffix: str
-    writer: str
-
-
-FORMATS = {
-    "mjcf": Format("MJCF", ".xml", "mjcf:mjcf"),
-    "urdf": Format("URDF", ".urdf", "urdf:urdf"),
-    "casadi": Format("CasADi", ".casadi", "casadi:serialised"),
-    "c": Format("C", ".c", "c:c_code"),
-}
+FORMATS = {"mjcf": "mjcf:mjcf", "urdf": "urdf:urdf", "casadi": "casadi:serialised", "c": "c:c_code"}
+"""Formats, and where the functions are that write them: CasADi may be missing."""
 
 
 def document(scene: Scene, form: str, approximate: bool = False, name: str = "") -> Document:
@@ -51,7 +37,7 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
     check_scene(scene)
     if form not in FORMATS:
         raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
-    write: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form].writer}")
+    write: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return write(scene, Heading(name or scene.robot.kind, __version__, bool(scene.randomize)), approximate)
 
 
