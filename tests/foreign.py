@@ -5,9 +5,16 @@ import pytest
 
 from redundant_envs.effects import EffortLimits
 from redundant_envs.exports.files import document
-from redundant_envs.exports.motion import quantities_of
+from redundant_envs.lane.direct import fields_of
+from redundant_envs.lane.dynamics import Dynamics
 
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'redundant-envs[verify]'")
+try:
+    import mujoco
+except ModuleNotFoundError:
+    mujoco = None
+NEEDS_MUJOCO = pytest.mark.skipif(
+    mujoco is None, reason="MuJoCo is not installed: pip install 'redundant-envs[verify]'"
+)
 
 
 def model_of(scene, form, approximate=False, name=""):
@@ -23,9 +30,16 @@ def states(scene, count=1000, seed=11):
     return q, rng.uniform(-5.0, 5.0, q.shape), rng.uniform(-1.0, 1.0, q.shape)
 
 
+def accelerations(scene, q, qd, commands):
+    """Those of the coordinates, by the equations of the simulator; states may be rows of any numbers."""
+    dynamics = Dynamics(scene, located=False)
+    numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, commands, strict=True))}
+    return dynamics.accelerations(dynamics.quantities([*q, *qd], numbers))[: len(q)]
+
+
 def ours(scene, q, qd, efforts):
     """Accelerations of the joints, (states, joints)."""
-    qdd, _ = quantities_of(scene, [*q.T], [*qd.T], [*efforts.T])
+    qdd = accelerations(scene, q.T, qd.T, efforts.T)
     return np.stack(np.broadcast_arrays(*qdd), axis=-1) @ scene.robot.motor_map
 
 

@@ -7,12 +7,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from redundant_envs.exports.document import Document, Heading
-from redundant_envs.exports.motion import quantities_of, smooth_scene
+from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
 from redundant_envs.scene import Scene
-from redundant_envs.tracing.graph import COMPARISONS, Graph, Operation, Value, located, reached
-from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.tracing.graph import COMPARISONS, CONDITIONS, Operation, Value, reached
 
-INPUTS = "q", "qd", "efforts"
 INFIX = {**{name: name for name in ("+", "-", "*", "/", *COMPARISONS)}, "and": "&&", "or": "||", "xor": "!="}
 """Operations between two values."""
 CALLS = {
@@ -22,8 +20,6 @@ CALLS = {
 """Operations on one value."""
 UNNAMED = {"lane", "tracing"}
 """Folders whose functions are no equations."""
-TRUTHS = {*COMPARISONS, "and", "or", "xor", "not"}
-"""Operations whose results are conditions."""
 
 
 def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
@@ -35,15 +31,10 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
         If effects have states or jumps, and the result is not to be ``approximate``.
     """
     smooth, notes = smooth_scene(scene, "C", approximate)
-    n = len(scene.robot.joints)
-    with located():
-        graph = Graph(whole=True)
-        inputs = ([Number(graph, graph.load(name, k)) for k in range(n)] for name in INPUTS)
-        qdd, _ = quantities_of(smooth, *inputs)
-        results = [value_of(x) for x in qdd]
+    n, results = len(scene.robot.joints), equations(smooth, "qdd")["qdd"]
     about = [
         f"q: {', '.join(scene.robot.coordinates)} [rad, and m of sliders]; qd: their rates.",
-        "efforts: commands of the motors [N m, and N of sliders]; qdd: the second derivatives of q.",
+        f"commands: of the motors [{', '.join(smooth.command_units())}]; qdd: the second derivatives of q.",
     ]
     comment = "\n   ".join(heading.lines(about, notes)).replace("*/", "* /").replace("/*", "/ *")
     head = f"void accelerations({', '.join(f'const double {name}[{n}]' for name in INPUTS)}, double qdd[{n}])"
@@ -65,7 +56,7 @@ def _statements(results: list[Value]) -> Iterator[str]:
         if origin is not None and Path(origin.file).parent.name not in UNNAMED:
             before, source = source, f"{origin.function}, {Path(origin.file).name}"
             yield from [f"/* {source} */"] if source != before else []
-        kind, letter = ("int", "c") if operation.name in TRUTHS else ("double", "x")
+        kind, letter = ("int", "c") if operation.name in CONDITIONS else ("double", "x")
         name = f"{letter}{len(names)}"
         yield f"const {kind} {name} = {_expression(operation, [*_shown(operation.arguments, names)])};"
         names[operation] = name

@@ -6,18 +6,23 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.algebra import entries, numbered
 from redundant_envs.backends.casadi import ca
 from redundant_envs.exports.document import Document, Heading, Note
-from redundant_envs.exports.motion import quantities_of, smooth_scene
+from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
+from redundant_envs.lane.direct import OPERATIONS, evaluate
 from redundant_envs.scene import Scene
+
+OUTPUTS = ("qdd", "M", "h", "G", "tip", "J")
+ON_CONDITIONS = {"and": ca.logic_and, "or": ca.logic_or, "xor": lambda a, b: a != b}
+"""Operations for which CasADi's expressions have no operators in Python."""
 
 
 def casadi_function(scene: Scene, approximate: bool = False) -> Any:
     """The equations of motion as a ``casadi.Function``, with the numbers of the scene.
 
-    Inputs are ``q``, ``qd`` and ``efforts`` (the motors' commands, N m and N); outputs ``qdd``, ``M``, ``h``,
-    ``G``, ``tip`` and ``J``, with the shapes (n), (n, n), (n), (n), (2) and (2, n).
+    Inputs are ``q``, ``qd`` and ``commands``, those of the motors in the units of ``Scene.command_units()``;
+    outputs ``qdd``, ``M``, ``h``, ``G``, ``tip`` and ``J``, with the shapes (n), (n, n), (n), (n), (2) and
+    (2, n).
 
     Raises
     ------
@@ -32,32 +37,16 @@ def casadi_function(scene: Scene, approximate: bool = False) -> Any:
 def _function(scene: Scene, approximate: bool) -> tuple[Any, list[Note]]:
     smooth, notes = smooth_scene(scene, "CasADi", approximate)
     n = len(scene.robot.joints)
-    inputs = [ca.SX.sym(name, n) for name in ("q", "qd", "efforts")]
-    qdd, x = quantities_of(smooth, *(ca.vertsplit(column) for column in inputs))
-    outputs = {
-        "qdd": _column(qdd),
-        "M": _matrix(x.each(entries("M", n, n)), n),
-        "h": _column(x.each(numbered("h{}", n))),
-        "G": _column(x.each(numbered("G{}", n))),
-        "tip": _column(x.each(("tip_x", "tip_y"))),
-        "J": _matrix(x.each(entries("J", 2, n)), n),
-    }
-    function = ca.Function("dynamics", inputs, [*outputs.values()], ["q", "qd", "efforts"], [*outputs])
-    return function, notes
-
-
-def _column(values: list[Any]) -> Any:
-    return ca.vertcat(*map(ca.SX, map(_number, values)))
-
-
-def _matrix(values: list[Any], columns: int) -> Any:
-    rows = (values[i : i + columns] for i in range(0, len(values), columns))
-    return ca.horzcat(*map(_column, rows)).T
-
-
-def _number(value: Any) -> Any:
-    """What is absent, such as the weight without gravity, as 0."""
-    return value if isinstance(value, ca.SX) else float(value)
+    inputs = {name: ca.SX.sym(name, n) for name in INPUTS}
+    values = equations(smooth, *OUTPUTS)
+    flat = [value for name in OUTPUTS for value in values[name]]
+    found = iter(evaluate(flat, lambda place: inputs[place[0]][place[1]], {**OPERATIONS, **ON_CONDITIONS}))
+    columns = {"M": n, "J": n}
+    made = []
+    for name in OUTPUTS:
+        column = ca.vertcat(*[ca.SX(next(found)) for _ in values[name]])
+        made.append(ca.reshape(column, columns[name], -1).T if name in columns else column)
+    return ca.Function("dynamics", [*inputs.values()], made, [*INPUTS], [*OUTPUTS]), notes
 
 
 def serialised(scene: Scene, heading: Heading, approximate: bool) -> Document:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from redundant_envs.effects.hooks import Effect
+from redundant_envs.scene import Scene
+
 
 class Note(NamedTuple):
     """An effect without an exact counterpart, why, and what the file has of it."""
@@ -33,8 +36,7 @@ class Heading(NamedTuple):
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""
-        scene = "".join(c if c.isprintable() else "?" for c in self.scene)  # a name of a user's file
-        made = [f"Made by redundant-envs {self.version} from the scene {scene}.", *about]
+        made = [f"Made by redundant-envs {self.version} from the scene {plain(self.scene)}.", *about]
         made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
         return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
@@ -47,6 +49,18 @@ def settled(notes: Sequence[Note], form: str, approximate: bool) -> None:
             by_reason.setdefault(note.reason, []).append(note.name)
         listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
         raise ValueError(
-            f"scene has what {form} cannot express exactly: {listed}; leave it out of the scene, or give "
-            "--approximate to have it noted in the file"
+            f"scene has what {form} cannot express exactly: {listed}; change the scene, or allow an "
+            "approximate file, which says what it lacks: --approximate, in a program approximate=True"
         )
+
+
+def named(effect: Effect, scene: Scene) -> str:
+    """An effect in messages: its class, and what tells it from others of this class."""
+    kind = type(effect).__name__
+    alike = [other for other in scene.effects if type(other) is type(effect)]
+    return kind if len(alike) == 1 else f"{kind} {effect.key.partition('.')[2] or effect.key}"
+
+
+def plain(text: str) -> str:
+    """A text of a user without what is not printable: XML has no such characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)

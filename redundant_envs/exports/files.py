@@ -35,7 +35,7 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
         If the format needs CasADi, which is not installed.
     """
     check_scene(scene)
-    if form not in FORMATS:
+    if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
     write: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return write(scene, Heading(name or scene.robot.kind, __version__, bool(scene.randomize)), approximate)

@@ -1,4 +1,4 @@
-"""The links of an arm as rigid bodies, found from the positions of its point masses.
+"""The links of an arm as rigid bodies, found from the positions of its point masses and its tip.
 
 In the pose in which all joints are at 0 the displacement of a point by a joint shows where the joint is: a
 revolute one is beside the point, across its displacement; a slider moves along it. Which joints move a point
@@ -8,6 +8,7 @@ them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 POSES = 16
 EQUAL = 1e-12
 """Largest difference of positions and of displacements, as a share of the reach."""
+ALIKE = 1e-10
+"""Largest difference of the arm's own equations from those of its points, as a share of the largest entry."""
 
 
 class Link(NamedTuple):
@@ -30,10 +33,11 @@ class Link(NamedTuple):
     axis: Array  # direction of a slider
     place: Array  # of the joint, from that of the joint before, m
     points: dict[int, Array]  # point masses, counted from 0, and their positions from the joint, m
+    tip: Array | None  # the position of the tip, if it is on this link
 
 
 def links_of(arm: Arm) -> tuple[Link, ...]:
-    """The links of an arm, from base to tip.
+    """The links of an arm, from base to tip. Point masses that no joint moves belong to none.
 
     Raises
     ------
@@ -43,17 +47,16 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
     n = len(arm.joints)
     phi = np.vstack([np.zeros(n), np.random.default_rng(0).uniform(-1.5, 1.5, (POSES, n))])
     try:
-        q = np.stack(np.broadcast_arrays(*_tuple(arm.coordinates_of_joints(*phi.T))), axis=-1)
-        points, moved = arm.points(q), _displacements(arm, q)
+        with np.errstate(all="ignore"):
+            points, moved = _points(arm, coordinates_at(arm, phi))
     except (ValueError, ArithmeticError) as error:
         raise _refusal(arm, f"its point masses are not known in all poses: {error}") from None
-    reach = max(float(np.abs(points).max()), 1e-300)
     if not (np.isfinite(points).all() and np.isfinite(moved).all()):
         raise _refusal(arm, "its point masses are not known in all poses")
+    _check_equations(arm, phi, moved[:, :-1])
+    reach = max(float(np.abs(points).max()), 1e-300)
     by_joint = np.abs(moved).max(axis=(0, 2)) > EQUAL * reach  # whether a joint moves a point
     last = np.where(by_joint.any(axis=1), n - 1 - by_joint[:, ::-1].argmax(axis=1), -1)
-    if (last < 0).any():
-        raise _refusal(arm, f"no joint moves its mass {int(np.flatnonzero(last < 0)[0]) + 1}")
     made: list[Link] = []
     before = np.zeros(2)
     for k, joint in enumerate(arm.joints):
@@ -63,40 +66,85 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
         at, by = points[0, carried[0]], moved[0, carried[0], :, k]
         own = {int(p): points[0, p] for p in np.flatnonzero(last == k)}
         slides = arm.prismatic[k]
+        if slides and abs(float(np.hypot(*by)) - 1.0) > EQUAL:
+            raise _refusal(arm, f"its slider {joint} moves a mass by {np.hypot(*by):.6g} m for each metre")
         place = next(iter(own.values()), before) if slides else np.array([at[0] - by[1], at[1] + by[0]])
-        axis = by if slides else np.zeros(2)
         offsets = {p: _plain(position - place) for p, position in own.items()}
-        made.append(Link(joint, slides, _plain(axis), _plain(place - before), offsets))
+        tip = offsets.pop(arm.num_masses, None)
+        axis = _plain(by) if slides else np.zeros(2)
+        made.append(Link(joint, slides, axis, _plain(place - before), offsets, tip))
         before = place
-    gap = float(np.abs(placed(made, phi) - points).max())
+    gap = max(float(np.abs(found - points[:, p]).max()) for p, found in _placed(made, phi, arm.num_masses))
     if not gap <= EQUAL * reach:
-        raise _refusal(arm, f"its points would be up to {gap:.2g} m beside those of a chain of rigid links")
+        raise _refusal(arm, f"a chain of rigid links would have its points up to {gap:.2g} m beside them")
     return tuple(made)
 
 
-def placed(links: list[Link], phi: Array) -> Array:
-    """Positions of all point masses (poses, masses, 2) m at joint positions (poses, joints)."""
+def coordinates_at(arm: Arm, phi: Array) -> Array:
+    """Coordinates at positions of the joints (..., joints)."""
+    found: Any = arm.coordinates_of_joints(*np.moveaxis(phi, -1, 0))
+    rows = found if isinstance(found, tuple) else (found,)
+    return np.stack(np.broadcast_arrays(*rows), axis=-1).astype(np.float64)
+
+
+def shares_of_joints(arm: Arm) -> Array:
+    """Rates of the coordinates as sums of those of the joints, (coordinates, joints)."""
+    exact = np.linalg.inv(joint_rates(arm))
+    whole = exact.round()
+    return np.asarray(np.where(np.abs(exact - whole) < EQUAL, whole, exact), dtype=np.float64)
+
+
+def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
+    """Refuse an arm whose own equations are not those of its point masses, or whose motors are not at its
+    joints; ``moved`` are displacements of the point masses by the joints."""
+    q, shares, masses = coordinates_at(arm, phi), shares_of_joints(arm), np.array(arm.masses)
+    if not np.allclose(arm.motor_map.T @ shares, np.eye(len(shares)), rtol=0.0, atol=ALIKE):
+        raise _refusal(arm, "its motors do not act between a link and the one before it")
+    qd = np.random.default_rng(1).uniform(-1.0, 1.0, q.shape)
+    names = [f"{axis}dqd{p + 1}" for p in range(len(masses)) for axis in "XY"]
+    turning = arm._vector(names, q=q, qd=qd).reshape(len(q), -1, 2)
+    weight = np.array([0.0, 9.81])
+    of_points = {
+        "masses and inertias": np.einsum("p, npaj, npak -> njk", masses, moved, moved),
+        "bias forces": np.einsum("p, npaj, npa -> nj", masses, moved, turning),
+        "gravity forces": np.einsum("p, npaj, a -> nj", masses, moved, weight),
+    }
+    own = {
+        "masses and inertias": shares.T @ arm.mass_matrix(q) @ shares,
+        "bias forces": arm.bias_forces(q, qd) @ shares,
+        "gravity forces": arm.gravity_forces(q, 9.81) @ shares,
+    }
+    for what, expected in of_points.items():
+        if not np.abs(own[what] - expected).max() <= ALIKE * np.abs(expected).max():
+            raise _refusal(arm, f"its {what} are not those of its point masses")
+
+
+def _placed(links: Sequence[Link], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
+    """Positions of all points that move, and of the tip, which has a number, too: (poses, 2) m."""
     origin, angle = np.zeros((len(phi), 2)), np.zeros(len(phi))
-    found: dict[int, Array] = {}
     for link, moved in zip(links, phi.T, strict=True):
         origin = origin + _turned(link.place, angle)
         if link.slides:
             origin = origin + moved[:, None] * _turned(link.axis, angle)
         else:
             angle = angle + moved
-        found |= {p: origin + _turned(offset, angle) for p, offset in link.points.items()}
-    return np.stack([found[p] for p in sorted(found)], axis=1)
+        for p, offset in (*link.points.items(), *([] if link.tip is None else [(tip, link.tip)])):
+            yield p, origin + _turned(offset, angle)
 
 
-def _displacements(arm: Arm, q: Array) -> Array:
-    """Displacements of all points by the joints, (poses, masses, 2, joints)."""
-    n = len(arm.joints)
-    names = [f"{axis}{p + 1}{j + 1}" for p in range(arm.num_masses) for axis in "XY" for j in range(n)]
-    slopes = arm._vector(names, q=q).reshape(len(q), arm.num_masses, 2, n)
-    return np.asarray(slopes @ np.linalg.inv(joint_rates(arm)), dtype=np.float64)
+def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """Positions of point masses and tip, (poses, points, 2), and their displacements by the joints, (poses,
+    points, 2, joints)."""
+    n, count = len(arm.joints), arm.num_masses
+    names = [f"{axis}{p + 1}{j + 1}" for p in range(count) for axis in "XY" for j in range(n)]
+    slopes = arm._vector(names, q=q).reshape(len(q), count, 2, n)
+    slopes = np.concatenate([slopes, arm.jacobian(q)[:, None]], axis=1)
+    points = np.concatenate([arm.points(q), arm.forward_kinematics(q)[:, None]], axis=1)
+    return points, np.asarray(slopes @ shares_of_joints(arm), dtype=np.float64)
 
 
 def _turned(vector: Array, angle: Array) -> Array:
+    """A vector (2) turned by angles (poses) rad, (poses, 2)."""
     s, c = np.sin(angle), np.cos(angle)
     return np.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]], axis=-1)
 
@@ -104,10 +152,6 @@ def _turned(vector: Array, angle: Array) -> Array:
 def _plain(vector: Array) -> Array:
     """Without the rounding of a difference, where a shorter number has the same 15 digits."""
     return np.array([float(f"{x:.15g}") + 0.0 for x in vector])
-
-
-def _tuple(value: Any) -> tuple[Any, ...]:
-    return value if isinstance(value, tuple) else (value,)
 
 
 def _refusal(arm: Arm, reason: str) -> ValueError:

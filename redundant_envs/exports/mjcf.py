@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -9,14 +10,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from redundant_envs.exports.document import Document, Heading
-from redundant_envs.exports.mechanism import Mechanism, mechanism
+from redundant_envs.exports.mechanism import Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
 
-LEAST = 2e-15
-"""Least mass [kg] and moment of inertia [kg m^2] of a body: MuJoCo requires more than 1e-15."""
-STEPS = 10
-"""Steps of MuJoCo in a control interval."""
+MJCF = Format("MJCF", least=2e-15, springs=True, rotors=True, generalized=True)
+"""MuJoCo requires masses and moments of inertia of more than 1e-15."""
+LONGEST_STEP = 0.002
+"""Of MuJoCo, s; also, a control interval has at least ten steps."""
 COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"
 """Of links and of point masses."""
 
@@ -28,34 +29,35 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     travel of a slider. A control is a share of the motor's limit from -1 to 1, or the effort [N m or N] of a
     motor without one.
     """
-    made = mechanism(scene, "MJCF", approximate, LEAST)
+    made = mechanism(scene, MJCF, approximate)
+    steps = max(10, math.ceil(scene.control_dt / LONGEST_STEP - 1e-9))
+    step = scene.control_dt / steps
     root = ET.Element("mujoco", model=scene.robot.kind)
     about = [
         "Positions are those of the joints: a link's angle to the one before it, the travel of a slider.",
-        f"A control interval of {scene.control_dt:g} s takes {STEPS} steps.",
-        f"Bodies of point masses have {LEAST:g} kg m^2, because MuJoCo requires them to have some.",
+        f"A control interval of {scene.control_dt:g} s takes {steps} steps.",
+        f"Bodies of point masses have {MJCF.least:g} kg m^2, because MuJoCo requires them to have some.",
     ]
     root.append(comment(heading.lines(about, made.notes)))
     exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")
     exact |= dict.fromkeys(("inertiafromgeom", "balanceinertia"), "false")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", **exact)
     ET.SubElement(
-        root, "option", timestep=numbers(scene.control_dt / STEPS), integrator="RK4",
+        root, "option", timestep=numbers(step), integrator="RK4",
         gravity=numbers(*made.gravity, 0.0),
     )  # fmt: skip
     world = ET.SubElement(root, "worldbody")
     above = numbers(0.0, 0.0, 3.0 * made.reach)
     ET.SubElement(world, "light", pos=above, dir="0 0 -1")
     ET.SubElement(world, "camera", name="above", pos=above, xyaxes="1 0 0 0 1 0")
-    _chain(world, made)
+    _chain(world, made, step)
     _motors(root, made)
     return Document(text_of(root), made.notes)
 
 
-def _chain(world: ET.Element, made: Mechanism) -> None:
+def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
     parent, radius = world, made.thickness / 2.0
-    ends = [*(body.link.place for body in made.bodies[1:]), made.tip]
-    for k, (body, end) in enumerate(zip(made.bodies, ends, strict=True)):
+    for k, (body, end) in enumerate(zip(made.bodies, made.ends, strict=True)):
         link = body.link
         parent = ET.SubElement(parent, "body", name=f"link{k + 1}", pos=numbers(*link.place, 0.0))
         axis = numbers(*link.axis, 0.0) if link.slides else "0 0 1"
@@ -70,6 +72,7 @@ def _chain(world: ET.Element, made: Mechanism) -> None:
             joint.set("springref", numbers(made.rest[k]))
         if k in made.travel:
             joint.set("range", numbers(*made.travel[k]))
+            joint.set("solreflimit", numbers(2.0 * step, 1.0))  # as stiff as MuJoCo allows
         if k in made.friction:
             joint.set("frictionloss", numbers(made.friction[k]))
         inertia = numbers(*[body.inertia] * 3)
@@ -81,11 +84,12 @@ def _chain(world: ET.Element, made: Mechanism) -> None:
             ET.SubElement(
                 parent, "geom", type="capsule", fromto=along, size=numbers(radius), rgba=COLOURS[0], **drawn
             )
+        if k == made.tip[0]:
+            ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip[1], 0.0), size=numbers(radius))
         for offset in link.points.values():
             ball = numbers(1.5 * radius)
             at = numbers(*offset, 0.0)
             ET.SubElement(parent, "geom", type="sphere", pos=at, size=ball, rgba=COLOURS[1], **drawn)
-    ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip, 0.0), size=numbers(radius))
 
 
 def _motors(root: ET.Element, made: Mechanism) -> None:

@@ -1,26 +1,41 @@
-"""The accelerations of a scene as a function of positions, rates and efforts, on any kind of numbers."""
+"""The equations of motion of a scene as a graph: functions of positions, rates and commands."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
+from redundant_envs.algebra import entries, numbered
 from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import Field, Friction, Gap, Impact, Impulse, Instant, Sensing, states_of
-from redundant_envs.exports.document import Note, settled
+from redundant_envs.effects.hooks import (
+    Actuation,
+    Effect,
+    Field,
+    Friction,
+    Gap,
+    Impact,
+    Impulse,
+    Instant,
+    Sensing,
+    effort_unit,
+    states_of,
+)
+from redundant_envs.exports.document import Note, named, settled
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene
+from redundant_envs.tracing.graph import Graph, Value, located
+from redundant_envs.tracing.number import Number, value_of
 
+INPUTS = ("q", "qd", "commands")
 REASONS: dict[type, str] = {
     **dict.fromkeys((Impact, Gap, Impulse), "velocities that jump are no accelerations"),
     Friction: "the force of a joint that sticks does not follow from its motion",
     Instant: "nothing changes within an interval there",
     Sensing: "sensors change no acceleration",
 }
-"""Why hooks are no part of such a function."""
+"""Why hooks are no part of such functions."""
 
 
 def smooth_scene(scene: Scene, form: str, approximate: bool) -> tuple[Scene, list[Note]]:
@@ -28,9 +43,13 @@ def smooth_scene(scene: Scene, form: str, approximate: bool) -> tuple[Scene, lis
     there are some, and the result is not to be ``approximate``."""
     reasons = [(a.key, _reason(scene, a)) for a in scene.attached]
     unfit = {key: reason for key, reason in reversed(reasons) if reason}
-    notes = [Note(type(e).__name__, unfit[e.key], "left out") for e in scene.effects if e.key in unfit]
+    lost = [a for a in scene.attached.of(Actuation) if a.key in unfit and _changes_units(scene, a)]
+    if lost:  # what gave a motor its voltage has nothing to act on
+        others = (a.key for a in scene.attached.of(Actuation) if _changes_units(scene, a))
+        unfit = {**dict.fromkeys(others, "the motor behind it is left out"), **unfit}
+    notes = [Note(named(e, scene), unfit[e.key], "left out") for e in scene.effects if e.key in unfit]
     settled(notes, form, approximate)
-    rest = tuple(effect for effect in scene.effects if effect.key not in unfit)
+    rest: tuple[Effect, ...] = tuple(e for e in scene.effects if e.key not in unfit)
     return dataclasses.replace(scene, effects=rest, randomize=None), notes
 
 
@@ -42,12 +61,28 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
     return "states beside the motion have no place in it" if moves or states_of(a.hook) else ""
 
 
-def quantities_of(
-    scene: Scene, q: Sequence[Any], qd: Sequence[Any], efforts: Sequence[Any]
-) -> tuple[list[Any], Quantities]:
-    """Accelerations, and the quantities from which they follow, at the numbers of the scene; ``efforts`` are
-    the motors' commands, N m and N. The scene has no effects with states or jumps."""
+def _changes_units(scene: Scene, a: Attached[Actuation]) -> bool:
+    """Whether a link takes or gives something else than an effort."""
+    return not {a.hook.takes, a.hook.gives} <= {"", effort_unit(scene.robot, a.hook.joint)}
+
+
+def equations(scene: Scene, *wanted: str) -> dict[str, list[Value]]:
+    """Results as values of a graph of whole functions, with the numbers of the scene, row by row: "qdd", "M",
+    "h", "G", "tip", "J". Its loads are entries of ``q``, ``qd`` and ``commands``, the motors' commands.
+
+    The scene has no effects with states or jumps.
+    """
+    n = len(scene.robot.joints)
     dynamics = Dynamics(scene, located=False)  # positions choose the law of a spring
-    numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, efforts, strict=True))}
-    x = dynamics.quantities([*q, *qd], numbers)
-    return dynamics.accelerations(x)[: len(q)], x
+    with located():
+        graph = Graph(whole=True)
+        q, qd, commands = ([Number(graph, graph.load(name, k)) for k in range(n)] for name in INPUTS)
+        numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, commands, strict=True))}
+        x = dynamics.quantities([*q, *qd], numbers)
+        made: dict[str, Iterable[Any]] = {"qdd": dynamics.accelerations(x)[:n]}
+        names = {
+            "M": entries("M", n, n), "h": numbered("h{}", n), "G": numbered("G{}", n),
+            "tip": ("tip_x", "tip_y"), "J": entries("J", 2, n),
+        }  # fmt: skip
+        made |= {name: x.each(names[name]) for name in wanted if name != "qdd"}
+        return {name: [value_of(x) for x in made[name]] for name in wanted}

@@ -7,31 +7,23 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.effects.attached import Attached
-from redundant_envs.effects.hooks import Force, Inertia
 from redundant_envs.exports.document import Document, Heading
-from redundant_envs.exports.mechanism import Mechanism, mechanism, of_link, stiffness_of
+from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
 
-LEAST = 1e-14
-"""Least mass [kg] and moment of inertia [kg m^2] of a body: MuJoCo requires as much of a URDF model."""
-FREE = 1e9
-"""Ends of travel, efforts and rates of joints that have no limit: URDF requires these numbers."""
+URDF = Format("URDF", least=1e-14, springs=False, rotors=False, generalized=False)
+"""MuJoCo requires as large a moment of inertia of a URDF model."""
 
 
 def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     """A scene as a URDF model. Gravity is set by the program that reads it."""
-    if scene.actuation != "joint":
-        raise ValueError(
-            f"scene.actuation is {scene.actuation!r}; URDF has motors at joints alone: set it to 'joint'"
-        )
-    made = mechanism(scene, "URDF", approximate, LEAST, _lacks)
+    made = mechanism(scene, URDF, approximate)
     x, y = made.gravity.tolist()
     root = ET.Element("robot", name=scene.robot.kind)
     about = [
         f"URDF has no gravity: set it to ({x!r}, {y!r}, 0) m/s^2 where the model is loaded.",
-        f"Bodies of point masses have {LEAST:g} kg m^2, because programs require them to have some.",
+        f"Bodies of point masses have {URDF.least:g} kg m^2, because programs require them to have some.",
     ]
     root.append(comment(heading.lines(about, made.notes)))
     ET.SubElement(root, "link", name="base")
@@ -46,21 +38,20 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
         _joint(root, made, k)
     ET.SubElement(root, "link", name="tip")
     fixed = ET.SubElement(root, "joint", name="fixed_tip", type="fixed")
-    ET.SubElement(fixed, "parent", link=f"link{len(made.bodies)}")
+    ET.SubElement(fixed, "parent", link=f"link{made.tip[0] + 1}")
     ET.SubElement(fixed, "child", link="tip")
-    ET.SubElement(fixed, "origin", xyz=numbers(*made.tip, 0.0))
+    ET.SubElement(fixed, "origin", xyz=numbers(*made.tip[1], 0.0))
     return Document(text_of(root), made.notes)
 
 
 def _draw(link: ET.Element, made: Mechanism, k: int) -> None:
     """A bar from the joint of a link to the next one, and a ball for each point mass."""
-    ends = [*(body.link.place for body in made.bodies[1:]), made.tip]
-    radius = made.thickness / 2.0
-    length = float(np.hypot(*ends[k]))
+    end, radius = made.ends[k], made.thickness / 2.0
+    length = float(np.hypot(*end))
     if length > radius:
         visual = ET.SubElement(link, "visual")
-        turn = numbers(0.0, 0.0, np.arctan2(ends[k][1], ends[k][0]))
-        ET.SubElement(visual, "origin", xyz=numbers(*ends[k] / 2.0, 0.0), rpy=turn)
+        turn = numbers(0.0, 0.0, np.arctan2(end[1], end[0]))
+        ET.SubElement(visual, "origin", xyz=numbers(*end / 2.0, 0.0), rpy=turn)
         ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=numbers(length, radius, radius))
     for offset in made.bodies[k].link.points.values():
         visual = ET.SubElement(link, "visual")
@@ -84,12 +75,3 @@ def _joint(root: ET.Element, made: Mechanism, k: int) -> None:
     ET.SubElement(joint, "limit", effort=numbers(effort), velocity=numbers(FREE), **ends)
     friction = made.friction.get(k, 0.0)
     ET.SubElement(joint, "dynamics", damping=numbers(made.damping[k]), friction=numbers(friction))
-
-
-def _lacks(scene: Scene, a: Attached[Any]) -> str:
-    """Why URDF has no counterpart of a hook that a mechanism has; "" if it has one."""
-    if isinstance(a.hook, Inertia) and not of_link(a.hook, scene.robot.prismatic):
-        return "URDF has no inertias of rotors"
-    if isinstance(a.hook, Force) and stiffness_of(scene, a) != 0.0:
-        return "URDF has no springs"
-    return ""

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from redundant_envs.exports.document import plain
+
 
 def comment(lines: Iterable[str]) -> Any:
     """Lines as a comment."""
@@ -22,5 +24,7 @@ def numbers(*values: float) -> str:
 
 def text_of(root: ET.Element) -> str:
     """The text of an XML document."""
+    for element in root.iter():
+        element.attrib.update({name: plain(value) for name, value in element.attrib.items()})
     ET.indent(root)
     return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'

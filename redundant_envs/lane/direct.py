@@ -107,7 +107,10 @@ def trial_procedures(interval: Interval) -> list[Procedure]:
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
-def evaluate(results: Iterable[Value], load: Callable[[tuple[str, int]], Any]) -> list[Any]:
+def evaluate(
+    results: Iterable[Value], load: Callable[[tuple[str, int]], Any],
+    operations: Mapping[str, Callable[..., Any]] = OPERATIONS,
+) -> list[Any]:  # fmt: skip
     """Values of a graph; ``load`` returns the number at a memory location."""
     results = list(results)
     known: dict[Operation, Any] = {}
@@ -120,7 +123,7 @@ def evaluate(results: Iterable[Value], load: Callable[[tuple[str, int]], Any]) -
         elif node.name in ("result", "word"):
             known[node] = arguments[0][node.extra]
         else:
-            known[node] = OPERATIONS[node.name](*arguments)
+            known[node] = operations[node.name](*arguments)
     return [known[r] if isinstance(r, Operation) else r for r in results]
 
 

@@ -8,11 +8,14 @@ import subprocess
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, SCENES
+from foreign import accelerations
 from refusals import refusal, short
 
 import redundant_envs as rde
+from redundant_envs.algebra import physics, where
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Link
 from redundant_envs.exports.files import document, write
-from redundant_envs.exports.motion import quantities_of, smooth_scene
+from redundant_envs.exports.motion import smooth_scene
 from redundant_envs.scene import scene_names
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -38,8 +41,7 @@ def states(arm, count, seed=5):
 
 def ours(scene, *state):
     """Accelerations, on Python's floats."""
-    qdd, _ = quantities_of(scene, *([float(x) for x in column] for column in state))
-    return [float(x) for x in qdd]
+    return [float(x) for x in accelerations(scene, *([float(x) for x in column] for column in state))]
 
 
 def difference(found, expected):
@@ -113,7 +115,7 @@ def test_casadi_has_the_accelerations_of_every_scene(ca, tmp_path):
         write(scene, "casadi", tmp_path / "arm.casadi")
         function = ca.Function.load(str(tmp_path / "arm.casadi"))
         assert (function.name_in(), function.name_out()) == (
-            ["q", "qd", "efforts"],
+            ["q", "qd", "commands"],
             ["qdd", "M", "h", "G", "tip", "J"],
         )
         for state in zip(*states(scene.robot, 5), strict=True):
@@ -140,7 +142,7 @@ def test_casadi_differentiates_a_scene(ca):
 
     arm = FOUR_R
     function = casadi_function(rde.Scene(arm, (e.Gravity(),)))
-    slope = function.factory("slope", ["q", "qd", "efforts"], ["jac:qdd:efforts"])
+    slope = function.factory("slope", ["q", "qd", "commands"], ["jac:qdd:commands"])
     q, qd, efforts = (column[0] for column in states(arm, 1))
     expected = np.linalg.solve(arm.mass_matrix(q), arm.motor_map)
     np.testing.assert_allclose(np.array(slope(q, qd, efforts)), expected, rtol=1e-9)
@@ -172,6 +174,63 @@ def test_what_is_no_function_of_the_motion_is_refused_by_name_or_noted(form, eff
     assert [note.name for note in made.notes] == [name]
     if form == "c":
         assert f"Approximate:\n     {name}: left out" in made.content
+
+
+@physics
+def one_sided(position, rate, k):
+    return where((position > 0.0) & (rate > 0.0) | (position > 2.0), -k * rate, 0.0)
+
+
+@physics
+def drive(command, rate, gain):
+    return gain * (command - rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class OneSided(Effect):
+    """A brake in one direction, on one side."""
+
+    k: float = 2.0
+
+    def hooks(self, arm):
+        return (Force(0, one_sided, {"position": "phi1", "rate": "phid1", "k": ".k"}),)
+
+
+@dataclasses.dataclass(frozen=True)
+class RateControl(Effect):
+    """Controllers that take a rate and give a voltage."""
+
+    gain: float = 4.0
+
+    def hooks(self, arm):
+        return tuple(
+            Actuation(
+                k, drive, {"command": f"command{k + 1}", "rate": f"phid{k + 1}", "gain": ".gain"},
+                Link.CONTROL, takes="rad/s", gives="V",
+            )
+            for k in range(len(arm.joints))
+        )  # fmt: skip
+
+
+@NEEDS_C
+def test_laws_of_users_with_several_conditions_are_the_same_everywhere(ca, tmp_path):
+    scene = rde.Scene(FOUR_R, (OneSided(),))
+    write(scene, "casadi", tmp_path / "arm.casadi")
+    function = ca.Function.load(str(tmp_path / "arm.casadi"))
+    library = compiled(tmp_path, document(scene, "c").content)
+    for state in zip(*states(FOUR_R, 50), strict=True):
+        expected = ours(scene, *state)
+        assert difference(called(library.accelerations, *state), expected) < 1e-12
+        assert difference(np.array(function(*state)[0]).ravel(), expected) < 1e-12
+
+
+def test_what_serves_a_motor_is_left_out_with_it_and_the_head_has_the_units_of_commands():
+    motor = e.DCMotor(1.0, 0.01, 0.05)
+    scene = rde.Scene(FOUR_R, (RateControl(), motor, e.Gravity()))
+    made = document(scene, "c", approximate=True)
+    assert [note.name for note in made.notes] == ["RateControl", "DCMotor"]
+    assert "commands: of the motors [N m, N m, N m, N m]" in made.content
+    assert "commands: of the motors [N m, N, N m, N]" in document(rde.Scene(RPRP), "c").content
 
 
 def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():

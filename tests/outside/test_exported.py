@@ -5,10 +5,11 @@ import pytest
 import relative_two_r
 import rrp
 import three_r
-from foreign import largest_difference, model_of, mujoco, states
+from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco, states
 
 import redundant_envs as rde
 
+pytestmark = NEEDS_MUJOCO
 e = rde.effects
 GRAVITY = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.7)
 
