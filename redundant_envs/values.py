@@ -63,6 +63,13 @@ def whole_number(name: str, value: Any) -> int:
     return int(value)
 
 
+def check_between(name: str, value: int, least: int, most: int) -> None:
+    """ValueError unless a whole number is from ``least`` to ``most``."""
+    if not least <= value <= most:
+        limit = f"least {least}" if value < least else f"most {most}"
+        raise ValueError(f"{name} is {shown(value)}; give at {limit}")
+
+
 def check_declared(where: str, thing: Any, base: type) -> None:
     """ValueError if numbers in the body of a class derived from ``base``, whose annotations say what is a
     ClassVar, are no fields, or no defaults."""

@@ -12,7 +12,7 @@ from redundant_envs.envs.registration import NAMESPACE, ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip, write_clip
 from redundant_envs.files import exists
-from redundant_envs.values import shown
+from redundant_envs.values import check_between, shown
 
 from .rollout import Act, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
@@ -41,10 +41,8 @@ def play(
     ``actions``. With a ``path`` no window opens: GIF or MP4 by its ending. Episode i has the seed
     ``seed + i``; ``trust`` is as in :func:`load_policy`.
     """
-    for name, number, least, most in (("episodes", episodes, 1, MOST_EPISODES), ("seed", seed, 0, MOST_SEED)):
-        if not least <= number <= most:
-            limit = f"least {least}" if number < least else f"most {most}"
-            raise ValueError(f"{name} is {number}; give at {limit}")
+    check_between("episodes", episodes, 1, MOST_EPISODES)
+    check_between("seed", seed, 0, MOST_SEED)
     if path is not None:
         check_clip(path)
     if exists(Path(target)):
