@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from redundant_envs.extras import needs
 from redundant_envs.files import config_folder
-from redundant_envs.values import shown
+from redundant_envs.values import check_between, shown
 
 from . import COMMAND, command, run_folder
 from .config import Config, complete, help_of_keys, load
@@ -319,6 +319,31 @@ def export(
 
     for folder in export_all(folders, out):
         print(folder)
+
+
+@app.command()
+def dataset(
+    source: Annotated[
+        str, Argument(help="expert, random, or folder of a run or an exported policy", metavar="SOURCE")
+    ],
+    out: Annotated[Path, Option(help="folder of the dataset, which must not exist")],
+    env: Annotated[
+        str | None, Option(help="id such as RPRPReach-v0, for expert and random; a policy has its own")
+    ] = None,
+    episodes: int = 1000,
+    seed: Annotated[int, Option(help="of the first episode; episode k has SEED + k")] = 0,
+    trust: Trust = False,
+) -> None:
+    """Write episodes as a Minari dataset, from which each one is replayed to the last bit."""
+    from .shipping import dataset
+
+    check_between("episodes", episodes, 1, dataset.MOST_EPISODES)
+    check_between("seed", seed, 0, dataset.MOST_SEED)
+    found = dataset.source_of(source, env)
+    dataset.check_absent(out)
+    dataset.check_minari()
+    print(dataset.write_dataset(found, episodes, seed, out, trust))
+    print(f"written: {out}")
 
 
 @app.command()
