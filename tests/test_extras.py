@@ -45,6 +45,7 @@ SIMULATE = "redundant_envs simulate --scene four_r_free --seconds 0.1"
 ACCURACY = "redundant_envs study accuracy"
 AGENTS = "redundant_envs_train"
 TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", f"{AGENTS} study"
+DATASET = f"{AGENTS} dataset random --env RPRPReach-v0 --out x"
 REPORT = f"{AGENTS} report RUN --out out"
 MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
@@ -73,6 +74,8 @@ MISSING = {
     "optuna": ("tune", [f"{AGENTS} tune rprp_reach_ppo"]),
     "onnx": ("onnx", [f"{AGENTS} export RUN"]),
     "onnxruntime": ("onnx", [f"{AGENTS} export RUN"]),
+    "minari": ("datasets", [DATASET]),
+    "h5py": ("datasets", [DATASET]),
     "pygame": ("human", [PLAY]),
     "rl_zoo3": (
         "zoo",
@@ -88,12 +91,13 @@ MISSING = {
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [
-    ("matplotlib",), ("imageio",), ("stable_baselines3",), ("rl_zoo3", "sympy", "mujoco", "scipy", "casadi"),
+    ("matplotlib",), ("imageio",), ("stable_baselines3",),
+    ("rl_zoo3", "sympy", "mujoco", "scipy", "casadi", "minari"),
     *(
         pytest.param(packages, marks=pytest.mark.long)
         for packages in (
-            ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame"), ("PIL",), ("imageio_ffmpeg",),
-            ("typer",), ("pydantic",), ("rich",), ("onnx",), ("torch",),
+            ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame", "h5py"), ("PIL",),
+            ("imageio_ffmpeg",), ("typer",), ("pydantic",), ("rich",), ("onnx",), ("torch",),
         )
     ),
 ]  # fmt: skip

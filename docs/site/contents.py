@@ -8,8 +8,8 @@ SECTIONS = {
     "Start": ["Install, and ten lines that run <self>"],
     "Tutorials": ["tutorials/third_arm", "tutorials/moving_target"],
     "How to": [
-        "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "gradients",
-        "models", "browser", "other_programs", "trouble",
+        "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "datasets",
+        "gradients", "models", "browser", "other_programs", "trouble",
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",

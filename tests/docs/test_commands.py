@@ -43,6 +43,8 @@ SLOWER = (
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
     "python -m agents export RUN",
+    "python -m agents dataset RUN --out runs/datasets/mine-v0",
+    "python -m agents dataset expert --env FourRReach-v0 --episodes 100 --out runs/datasets/expert-v0",
     "python -m agents play policies/FourRReach-v0-sac --clip four_r.gif",
 )
 """Of under a minute each. The others train, measure for minutes, open a window or need a reader's files."""
