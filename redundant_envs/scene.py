@@ -22,10 +22,12 @@ from redundant_envs.effects.hooks import (
     states_of,
 )
 from redundant_envs.files import config_folder, exists, explained, read_yaml, shipped_data
+from redundant_envs.notebook import as_html, table
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.ranges import plain as plain_ranges
 from redundant_envs.ranges import ranges
 from redundant_envs.robots import REGISTRY as ARMS
+from redundant_envs.robots import drawn
 from redundant_envs.robots.added_inertia import Loaded
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
@@ -222,6 +224,47 @@ class Scene:
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "attached"}
+
+    def _repr_html_(self) -> str:
+        """The arm, the numbers of the effects and how the scene is stepped, for a notebook."""
+
+        def schematic() -> str:
+            values = self.parameters()
+            travel = {k: (values[low], values[high]) for k, (low, high) in self.travel().items()}
+            return drawn.schematic(self.robot, travel)
+
+        def effects() -> str:
+            return table(("effect", "number", "value", "unit"), self._effect_rows())
+
+        def stepping() -> str:
+            rows = [("integrator", self.integrator), ("control interval", f"{self.control_dt:g} s")]
+            if self.tolerance is not None:
+                rows.append(("tolerance", f"{self.tolerance:g} m at the tip"))
+            elif not self.controlled:
+                rows.append(("steps", f"{self.substeps}"))
+            rows.append(("efforts", self.actuation))
+            drawn_numbers = plain_ranges(self.randomize).items() if self.randomize else ()
+            rows += [(f"{name} of an episode", distribution) for name, distribution in drawn_numbers]
+            return table(("stepped by", ""), rows)
+
+        return as_html(self, schematic, lambda: drawn.numbers(self.robot), effects, stepping)
+
+    def _effect_rows(self) -> list[tuple[str, str, str, str]]:
+        """A row for each number of each effect, with one value for each joint where they differ."""
+        units, rows = self.units(), []
+        for effect in self.effects:
+            named: dict[str, tuple[list[str], list[str]]] = {}
+            for entry, x in effect.parameters().items():
+                name = entry.partition("[")[0]
+                values, of_values = named.setdefault(name, ([], []))
+                values.append(f"{x:.6g}")
+                of_values.append(units.get(f"{effect.key}.{entry}", units.get(f"{effect.key}.{name}", "")))
+            for name, (values, of_values) in named.items():
+                value = ", ".join(values) if len({*values}) > 1 or len(values) == 1 else f"{values[0]} each"
+                rows.append((effect.key, name, value, ", ".join(dict.fromkeys(of_values))))
+            if not named:
+                rows.append((effect.key, "", "", ""))
+        return rows
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""

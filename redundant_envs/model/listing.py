@@ -15,6 +15,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import LOG, Layout, traced
+from redundant_envs.notebook import as_html, table
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.base import Task
@@ -55,6 +56,14 @@ class Operations(NamedTuple):
     bytes: int = 0
 
 
+class Bill(dict[str, Operations]):
+    """Operations by owner; in a notebook a table."""
+
+    def _repr_html_(self) -> str:
+        heads = ("of", *(name.replace("_", " ") for name in Operations._fields))
+        return as_html(self, lambda: table(heads, [(owner, *counts) for owner, counts in self.items()]))
+
+
 def listing(scene: Scene, track_work: bool = False) -> str:
     """The traced program of a scene, instruction by instruction.
 
@@ -75,7 +84,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
     return text.replace(f"{PACKAGE.parent}/", "")
 
 
-def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> dict[str, Operations]:
+def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bill:
     """Cost of a control step of a lane, by effect; "arm", "integrator" and "interval" are the rest of its
     motion, "action", "observation", "reward" and "reset" that of an environment.
 
@@ -123,7 +132,7 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> di
     if task is not None:
         check_task(task, scene)
         _add(counts, _of_environment(scene, task, blocks.layout))
-    return {owner: Operations(**counts[owner]) for owner in sorted(counts)}
+    return Bill((owner, Operations(**counts[owner])) for owner in sorted(counts))
 
 
 def _of_motion(scene: Scene, track_work: bool) -> tuple[Counts, Blocks]:

@@ -16,6 +16,8 @@ from redundant_envs.lane.direct import fields_of
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy, weight_energy
 from redundant_envs.model.parameters import numbers
+from redundant_envs.notebook import as_html, table
+from redundant_envs.robots import drawn
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tables import write_rows
 from redundant_envs.values import shown
@@ -78,6 +80,23 @@ class Trajectory:
     def drift(self) -> float:
         """Largest relative error."""
         return float(np.abs(self.relative_error).max())
+
+    def _repr_html_(self) -> str:
+        """A moving picture of the first motions, and their energies, for a notebook."""
+        arm = self.scene.robot
+
+        def picture() -> str:
+            return drawn.moving(arm, self.t, self.q.reshape(len(self.t), -1, len(arm.joints)))
+
+        def facts() -> str:
+            motions = int(np.prod(self.q.shape[1:-1], dtype=int))
+            rows: list[tuple[str, object]] = [("arm", arm.kind), ("times", len(self.t)), ("motions", motions)]
+            rows.append(("events", len(self.events)))
+            if self.t.size:
+                rows.append(("energy error / energy exchanged", self.drift))
+            return table(("trajectory", ""), rows)
+
+        return as_html(self, picture, facts)
 
 
 def simulate(

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.algebra import entries, gives_of, numbered
 from redundant_envs.extras import needs
+from redundant_envs.notebook import as_html
 from redundant_envs.quantities import Quantities
-from redundant_envs.robots import checks, derived, from_points, joint_types, mobility
+from redundant_envs.robots import checks, derived, drawn, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.values import shown
 
@@ -213,6 +214,10 @@ class Arm:
         """Values of the parameters m1, m2, ... and l1, ... that the equations name."""
         masses = {f"m{i + 1}": m for i, m in enumerate(self.masses)}
         return masses | {f"l{i + 1}": length for i, length in enumerate(self.lengths)}
+
+    def _repr_html_(self) -> str:
+        """A drawing and the numbers, for a notebook."""
+        return as_html(self, lambda: drawn.schematic(self), lambda: drawn.numbers(self))
 
     # ---- evaluation of the equations; ``...`` is any batch shape, arguments broadcast ----------------------
 

@@ -1,0 +1,192 @@
+"""Drawings of arms as SVG, still or moving, without any library and any script.
+
+An arm is drawn if it has a point mass behind each joint. Motions are those of SVG itself (``<animate>``), so
+that pages which run no scripts show them, too; a reader who prefers less motion sees the last pose.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.notebook import escaped, table
+
+Points = NDArray[np.float64]
+WIDTH, HEIGHT, MARGIN = 380.0, 250.0, 34.0  # px
+PAPER, INK, SOFT, RAIL = "#fafaf8", "#1c2434", "#6b7384", "#c6ccd6"
+LINKS = (("#34496e", "#7c9dcd"), ("#b5541c", "#e5a06f"), ("#2e7d5b", "#86c3a6"), ("#7a4b94", "#bd9bd0"))
+"""Colours of links and of sliders, of one arm after the other."""
+MOST_ARMS = len(LINKS)
+UP, DOWN = 0.9, 0.2
+"""Directions of the links in a schematic, rad, in turn: a zigzag to the right shows every joint."""
+LONGEST_RAIL = 5.0  # in units of the arm; beyond it the arm would be a dot
+FRAMES_PER_SECOND = 25
+SHORTEST, LONGEST = 1.0, 30.0
+"""Times in which a motion is shown, s; one that takes less or more is shown slower or faster."""
+MOST_CHARACTERS = 150_000  # of the frames of a motion: longer ones are shown with fewer frames a second
+OF_A_POINT = 38  # characters that a point takes in the paths of a frame, at most
+
+
+def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None) -> str:
+    """An arm with the names of its coordinates, masses and lengths; sliders on rails of a ``travel`` [m]."""
+    size, rails = sum(arm.lengths) or 1.0, []
+    phi, up = [], False
+    travel = {k: ends for k, ends in (travel or {}).items() if ends[1] - ends[0] <= LONGEST_RAIL * size}
+    for k, slides in enumerate(arm.prismatic):
+        if slides:
+            phi.append(sum(travel[k]) / 2.0 if k in travel else 0.6 * size / max(len(arm.lengths), 1))
+        else:
+            up = not up
+            phi.append(UP if not any(phi) or all(arm.prismatic[:k]) else (UP - DOWN if up else DOWN - UP))
+    ends = _ends(arm, _pose(arm, phi))
+    for k, (low, high) in travel.items():
+        if arm.prismatic[k]:
+            moved = _ends(arm, _pose(arm, [x + size * (i == k) for i, x in enumerate(phi)]))
+            along = (moved - ends)[k + 1] / size
+            rails.append(ends[k + 1] + np.outer([low - phi[k], high - phi[k]], along))
+    placed = _Placed([ends, *rails])
+    at, parts = placed(ends), []
+    for rail in rails:
+        (x1, y1), (x2, y2) = placed(rail)
+        parts.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="{RAIL}" stroke-width="13"/>')
+    parts += [_path(d, color, width) for d, color, width in _paths(arm, [at], 0)]
+    names = iter(f"l{k + 1}" for k in range(arm.num_lengths))
+    own = arm.num_lengths == arm.prismatic.count(False)
+    for k, (a, b) in enumerate(itertools.pairwise(at)):
+        x, y = 0.5 * (a + b) + 15.0 * np.array([b[1] - a[1], a[0] - b[0]]) / max(np.hypot(*(b - a)), 1.0)
+        if arm.prismatic[k]:
+            parts.append(_name(x, y, arm.coordinates[k], INK))
+        else:
+            parts.append(_name(a[0] + 26.0, a[1] + 13.0, arm.coordinates[k], INK))
+            parts += [_name(x, y, next(names), SOFT)] if own else []
+        parts.append(_name(b[0] - 9.0, b[1] - 12.0, f"m{k + 1}", SOFT))
+    return _picture(parts, f"{arm.kind} with its coordinates, masses and lengths")
+
+
+def numbers(arm: Any) -> str:
+    """Masses, lengths and coordinates of an arm, with units, as a table."""
+    rows = [(kind, _list(getattr(arm, kind)), arm.units.get(kind, "")) for kind in ("masses", "lengths")]
+    units = ["m" if slides else "rad" for slides in arm.prismatic]
+    rows.append(("coordinates", _list(arm.coordinates), _list(units)))
+    return table((arm.kind, "", "unit"), [row for row in rows if row[1]])
+
+
+def moving(arm: Any, t: Points, q: Points) -> str:
+    """Motions (T, arms, joints) of an arm at times t [s], the first :data:`MOST_ARMS` of them."""
+    q = q[:, :MOST_ARMS]
+    ends = np.stack([_ends(arm, q[:, k]) for k in range(q.shape[1])], axis=1)
+    fine = np.isfinite(ends).all(axis=(1, 2, 3)) & np.isfinite(t)
+    if not fine.any():
+        raise ValueError("no pose of the motion is finite")
+    t, ends = t[fine], ends[fine]
+    span = float(t[-1] - t[0])
+    shown_in = min(max(span, SHORTEST), LONGEST)
+    characters = OF_A_POINT * ends[0, ..., 0].size
+    count = int(min(FRAMES_PER_SECOND * shown_in, MOST_CHARACTERS / characters)) if span > 0.0 else 1
+    rows = np.searchsorted(t, np.linspace(t[0], t[-1], count) - 1e-9 * span).clip(max=len(t) - 1)
+    at = _Placed([ends])(ends[rows])
+    parts, still = [], []
+    for k in range(q.shape[1]):
+        way = at[np.unique(np.linspace(0, count - 1, min(count, 300)).astype(int)), k, -1]
+        parts.append(f'<path d="{_line(way)}" stroke="{LINKS[k][1]}" stroke-width="1.5" opacity=".6"/>')
+    duration = f'dur="{shown_in:.6g}s" repeatCount="indefinite"'
+    parts.append('<g class="moving">')
+    for k in range(q.shape[1]):
+        for d, color, width in _paths(arm, at[:, k], k):
+            still.append(_path(d.rpartition(";")[2], color, width))
+            first, one, _ = d.partition(";")
+            values = (
+                f'<animate attributeName="d" calcMode="discrete" {duration} values="{d}"/>' if one else ""
+            )
+            parts.append(_path(first, color, width, values))
+    bar, y = WIDTH - 2.0 * MARGIN, HEIGHT - 8.0
+    parts.append(
+        f'<path d="M{MARGIN} {y}h{bar}" stroke="{SOFT}" stroke-width="2" stroke-dasharray="{bar}">'
+        f'<animate attributeName="stroke-dashoffset" {duration} from="{bar}" to="0"/></path></g>'
+    )
+    # An attribute hides it where a page strips styles, which the style for less motion overrules.
+    parts.append(f'<g class="still" display="none">{"".join(still)}</g>')
+    speed = "in real time" if shown_in == span else f"shown in {shown_in:.6g} s"
+    caption = f"{t[0]:.6g} to {t[-1]:.6g} s, {speed}" if span > 0.0 else f"at {t[0]:.6g} s"
+    parts.append(_name(WIDTH / 2.0, HEIGHT - 18.0, caption, SOFT))
+    return _picture(parts, f"{arm.kind}, {caption}")
+
+
+def _list(values: Sequence[Any]) -> str:
+    return ", ".join(f"{x:.6g}" if isinstance(x, float) else str(x) for x in values)
+
+
+def _pose(arm: Any, phi: list[float]) -> Points:
+    return np.array([float(x) for x in arm.coordinates_of_joints(*phi)])
+
+
+def _ends(arm: Any, q: Points) -> Points:
+    """Base and point masses in poses (..., joints): (..., 1 + masses, 2), m."""
+    if arm.num_masses != len(arm.joints):
+        raise ValueError(f"{arm.kind} has {arm.num_masses} point masses and {len(arm.joints)} joints")
+    with np.errstate(all="ignore"):
+        points = arm.points(q)
+    return np.concatenate([np.zeros((*points.shape[:-2], 1, 2)), points], axis=-2)
+
+
+class _Placed:
+    """Positions in a picture, px, of points (..., 2), m: all that are given fit into it."""
+
+    def __init__(self, points: Sequence[Points]) -> None:
+        every = np.concatenate([x.reshape(-1, 2) for x in points])
+        self.low, high = every.min(axis=0), every.max(axis=0)
+        inside = np.array([WIDTH, HEIGHT]) - 2.0 * MARGIN
+        with np.errstate(all="ignore"):
+            self.unit = float(((high - self.low) / inside).max()) or 1.0
+            self.corner = 0.5 * (np.array([WIDTH, HEIGHT]) - (high - self.low) / self.unit)
+
+    def __call__(self, points: Points) -> Points:
+        with np.errstate(all="ignore"):
+            at: Points = (points - self.low) / self.unit + self.corner
+        if not np.isfinite(at).all():
+            raise ValueError("an arm of this size cannot be drawn")
+        at[..., 1] = HEIGHT - at[..., 1]
+        return at
+
+
+def _paths(arm: Any, frames: Any, k: int) -> list[tuple[str, str, float]]:
+    """Paths of sliders, links and masses of the arm k in frames (F, 1 + masses, 2) px: the data of each, with
+    ; between frames, its colour and its width."""
+    dark, light = LINKS[k]
+    runs, start = [], 0
+    for slides, joints in itertools.groupby(arm.prismatic):
+        runs.append((slides, start, start := start + len([*joints])))
+    made = []
+    for kind, color, width in ((True, light, 5.0), (False, dark, 7.0)):
+        own = [(first, last + 1) for slides, first, last in runs if slides == kind]
+        if own:
+            data = ";".join("".join(_line(ends[first:last]) for first, last in own) for ends in frames)
+            made.append((data, color, width))
+    dots = ";".join("".join(f"M{x:.1f} {y:.1f}h0" for x, y in ends[1:]) for ends in frames)
+    base = ";".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(frames)[:1, 0])
+    return [*made, (dots, INK, 11.0), (base, RAIL, 13.0)]
+
+
+def _line(points: Any) -> str:
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
+
+
+def _path(data: str, color: str, width: float, inner: str = "") -> str:
+    return f'<path d="{data}" stroke="{color}" stroke-width="{width:g}">{inner}</path>'
+
+
+def _name(x: float, y: float, name: str, color: str) -> str:
+    return f'<text x="{x:.1f}" y="{y + 4.0:.1f}" fill="{color}">{escaped(name)}</text>'
+
+
+def _picture(parts: Sequence[str], what: str) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" width="{WIDTH:g}" '
+        f'height="{HEIGHT:g}" role="img" aria-label="{escaped(what)}" fill="none" stroke-linecap="round" '
+        f'stroke-linejoin="round" font-family="sans-serif" font-size="12" text-anchor="middle">'
+        f'<rect width="100%" height="100%" rx="8" fill="{PAPER}"/>{"".join(parts)}</svg>'
+    )
