@@ -2,7 +2,8 @@
 # make train: set up, learn to reach, report.  make coverage: what tests reach.
 # make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test skips
 # those whose program it does not find.
-# make docs: the site of the documentation, in build/site/html; once Sphinx is there, it needs no network.
+# make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
+# network. Notebooks are executed again only if they or the package changed.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
@@ -23,7 +24,10 @@ $(VENV)/ready: pyproject.toml constraints.txt
 test: $(VENV)/ready check
 	$(BIN)/python -m pytest -m "not long" --numprocesses auto --maxprocesses 4 --dist worksteal
 
+DOCS = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
+
 test-long: $(VENV)/ready
+	$(DOCS)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
 test-page: $(VENV)/ready
@@ -31,7 +35,7 @@ test-page: $(VENV)/ready
 	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
 
 docs: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
+	$(DOCS)
 	$(BIN)/python docs/site/make.py --out build/site
 
 coverage: $(VENV)/ready

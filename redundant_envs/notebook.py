@@ -24,14 +24,15 @@ of the page, light or dark."""
 
 
 def as_html(thing: Any, *parts: Callable[[], str]) -> str:
-    """HTML of an object from its parts; the text of the object stands for parts that fail."""
+    """HTML of an object from its parts; the text of the object stands for parts that fail.
+
+    Any error is caught, since users' classes may do anything: a picture must not hide the object.
+    """
     made = []
     for part in parts:
         try:
             made.append(part())
-        except (
-            Exception
-        ):  # a picture that cannot be drawn must not hide the object: users' classes may do anything
+        except Exception:
             made.append("")
     text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"
     page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'

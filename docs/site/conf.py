@@ -1,5 +1,7 @@
 """Settings of Sphinx; make.py calls it on the sources that it has assembled."""
 
+from formulas import setup  # noqa: F401 - called by Sphinx
+
 from redundant_envs import __version__
 
 project = "redundant-envs"
@@ -12,6 +14,7 @@ html_copy_source = False
 highlight_language = "none"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
+html_math_renderer = "outlines"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_use_rtype = False

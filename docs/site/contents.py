@@ -6,7 +6,10 @@ from pathlib import Path
 
 SECTIONS = {
     "Start": ["Install, and ten lines that run <self>"],
-    "Tutorials": ["tutorials/third_arm", "tutorials/moving_target"],
+    "Tutorials": [
+        "notebooks/equations_to_environment", "notebooks/accuracy_and_chaos", "notebooks/redundancy",
+        "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target",
+    ],
     "How to": [
         "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "datasets",
         "gradients", "models", "browser", "other_programs", "trouble",

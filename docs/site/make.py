@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import contents
+import notebooks
 import reference
 import sources
 from sphinx.cmd.build import build_main
@@ -21,14 +22,15 @@ from redundant_envs.web import page
 HERE = Path(__file__).parent
 
 
-def assembled(folder: Path) -> Path:
-    """Write the sources of the site to a folder that is made anew."""
+def assembled(folder: Path, cache: Path) -> Path:
+    """Write the sources of the site to a folder that is made anew; executed notebooks are kept in a cache."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     with ProcessPoolExecutor(2) as pool:
         arms = pool.submit(page.write, folder / "_extra" / "page")
         sources.copied(folder)
         reference.written(folder, pool)
+        notebooks.written(folder, cache, pool)
         contents.written(folder)
         arms.result()
     shutil.copytree(
@@ -41,7 +43,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/site"), help="default: %(default)s")
     out, start = parser.parse_args().out, time.perf_counter()
-    source = assembled(out / "sources")
+    source = assembled(out / "sources", out / "notebooks")
     print(f"sources: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     words = ["-b", "html", "-c", str(HERE), "-W", "--keep-going", "--fresh-env", "-q", "-j", "auto"]
     words += ["-D", f"html_extra_path={(source / '_extra').resolve()}"]

@@ -159,6 +159,7 @@ The sum of these terms in every step:
 ```{{eval-rst}}
 .. autoclass:: redundant_envs.{kind.__name__}
    :no-members:
+   :no-index:
 ```
 """
     made["tasks/Task.md"] = """# The protocol of a task
@@ -168,6 +169,7 @@ The sum of these terms in every step:
 ```{eval-rst}
 .. autoclass:: redundant_envs.Task
    :members:
+   :no-index:
 ```
 """
     return made
