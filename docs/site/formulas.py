@@ -6,7 +6,6 @@ from functools import cache
 from html import escape
 from typing import Any
 
-from docutils import nodes
 from matplotlib.path import Path
 from matplotlib.textpath import TextPath
 
@@ -33,12 +32,13 @@ def outline(formula: str) -> str:
 
 def setup(app: Any) -> None:
     """Let Sphinx write formulas in this way."""
+    from docutils import nodes
 
-    def inline(writer: Any, node: nodes.math) -> None:
+    def inline(writer: Any, node: Any) -> None:
         writer.body.append(outline(node.astext()))
         raise nodes.SkipNode
 
-    def block(writer: Any, node: nodes.math_block) -> None:
+    def block(writer: Any, node: Any) -> None:
         writer.body.append(f'<p class="formula">{outline(node.astext())}</p>')
         raise nodes.SkipNode
 

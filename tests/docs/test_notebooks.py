@@ -4,6 +4,7 @@ import ast
 import importlib.util
 import json
 import os
+import re
 import time
 
 import pytest
@@ -156,6 +157,21 @@ def test_a_download_has_no_links_that_lead_nowhere(notebooks, tmp_path, monkeypa
     copy = json.loads(text(tmp_path / "_extra" / "notebooks" / "one.ipynb"))
     assert copy["cells"][0]["source"] == "# One\n\na, [c](https://c.org)"
     assert "[a](../b.md)" in text(place)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_formula_has_an_outline_in_the_colour_of_the_text(notebooks, name):
+    pytest.importorskip("matplotlib")
+    from formulas import outline
+
+    prose = [part for kind, part in notebooks.cells(text(FOLDER / f"{name}.md")) if kind == "markdown"]
+    for formula in re.findall(r"\$([^$]+)\$", "\n".join(prose)):
+        made = outline(formula.replace("\n", " "))
+        assert 'fill="currentColor"' in made
+        assert len(made) < 30_000
+        width, height = (float(x) for x in re.search(r"width:([\d.]+)em;height:([\d.]+)em", made).groups())
+        assert 0.3 < width < 40.0
+        assert 0.3 < height < 4.0
 
 
 def needs_kernel():
