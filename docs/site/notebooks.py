@@ -30,6 +30,7 @@ LIBRARIES = ("gymnasium", "llvmlite", "matplotlib", "numpy", "stable-baselines3"
 LONGEST_CELL = 300  # s, after which a cell is given up
 COMPILING = "redundant-envs: compiling"  # begins a line on standard error, where a kernel is not yet kept
 DOWNLOAD = '<p><a href="{name}.ipynb" download>Download this page as a notebook</a></p>'
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 FRONT_MATTER = re.compile(r"\A---\n.*?^---\n", re.S | re.M)
 CODE_CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.S | re.M)
 LINK = re.compile(r"\[([^]]+)\]\((?![a-z]+:)[^)]+\)")
@@ -65,7 +66,8 @@ def page(notebook: dict[str, Any], place: Path) -> str:
         text = "".join(cell["source"])
         if cell["cell_type"] == "code":
             parts.append(f"```python\n{text}\n```")
-            parts += [_shown(output, place, len(parts)) for output in cell["outputs"]]
+            for output in cell["outputs"]:
+                parts.append(_shown(output, place, len(parts)))
         elif parts:
             parts.append(text)
         else:
@@ -124,8 +126,7 @@ def run(source: Path, target: Path, more: Mapping[str, str] | None = None) -> No
             ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"), own
         )
         environment = {
-            **os.environ, **threads, **folders, "JUPYTER_PREFER_ENV_PATH": "1", "JUPYTER_PLATFORM_DIRS": "1",
-            **(more or {}),
+            **os.environ, **threads, **folders, "JUPYTER_PREFER_ENV_PATH": "1", **(more or {}),
         }  # fmt: skip
         environment.pop("MPLBACKEND", None)  # pictures are part of the page
         command = [
@@ -136,7 +137,7 @@ def run(source: Path, target: Path, more: Mapping[str, str] | None = None) -> No
         ]
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
     if done.returncode:
-        raise RuntimeError(f"{source.name} fails:\n{done.stderr}")
+        raise RuntimeError(f"{source.name} fails:\n{COLOURS.sub('', done.stderr)}")
 
 
 def execute(source: Path, target: Path) -> None:

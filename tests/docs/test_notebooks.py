@@ -99,15 +99,16 @@ def test_a_page_shows_outputs_and_its_download(notebooks, tmp_path):
             {"output_type": "stream", "name": "stdout", "text": ["one\n", "two\n"]},
             {"output_type": "execute_result", "data": {"text/html": ["<b>", "3</b>"], "text/plain": "3"}},
             {"output_type": "display_data", "data": forms},
+            {"output_type": "display_data", "data": {"image/png": "AAAA"}},
             {"output_type": "execute_result", "data": {"text/plain": "4"}},
         ),
         tmp_path / "place.md",
     )
     assert made.startswith('# Title\n\n<p><a href="place.ipynb" download>')
-    (picture,) = tmp_path.iterdir()
+    picture, other = sorted(tmp_path.iterdir())
     for part in (
         "Text.", "```python\nx = 1\n```", "```text\none\ntwo\n```", "```{raw} html\n<b>3</b>\n```",
-        f"]({picture.name})", "```text\n4\n```",
+        f"]({picture.name})", f"]({other.name})", "```text\n4\n```",
     ):  # fmt: skip
         assert part in made
     assert picture.read_bytes() == b"\x89PNG\r\n\x1a\n"
