@@ -6,6 +6,8 @@ import html
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 MOST_BYTES = 200_000
 """Of an object; one with longer HTML, as only names of a user's can make it, is shown as text."""
 LONGEST_CELL, LONGEST_TEXT = 100, 2000
@@ -31,7 +33,8 @@ def as_html(thing: Any, *parts: Callable[[], str]) -> str:
     made = []
     for part in parts:
         try:
-            made.append(part())
+            with np.errstate(all="ignore"):  # numbers may be of any size
+                made.append(part())
         except Exception:
             made.append("")
     text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"

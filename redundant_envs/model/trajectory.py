@@ -83,14 +83,18 @@ class Trajectory:
 
     def _repr_html_(self) -> str:
         """A moving picture of the first motions, and their energies, for a notebook."""
-        arm = self.scene.robot
 
         def picture() -> str:
+            arm = self.scene.robot
             return drawn.moving(arm, self.t, self.q.reshape(len(self.t), -1, len(arm.joints)))
 
         def facts() -> str:
             motions = int(np.prod(self.q.shape[1:-1], dtype=int))
-            rows: list[tuple[str, object]] = [("arm", arm.kind), ("times", len(self.t)), ("motions", motions)]
+            rows: list[tuple[str, object]] = [
+                ("arm", self.scene.robot.kind),
+                ("times", len(self.t)),
+                ("motions", motions),
+            ]
             rows.append(("events", len(self.events)))
             if self.t.size:
                 rows.append(("energy error / energy exchanged", self.drift))

@@ -128,8 +128,7 @@ def _ends(arm: Any, q: Points) -> Points:
     """Base and point masses in poses (..., joints): (..., 1 + masses, 2), m."""
     if arm.num_masses != len(arm.joints):
         raise ValueError(f"{arm.kind} has {arm.num_masses} point masses and {len(arm.joints)} joints")
-    with np.errstate(all="ignore"):
-        points = arm.points(q)
+    points = arm.points(q)
     return np.concatenate([np.zeros((*points.shape[:-2], 1, 2)), points], axis=-2)
 
 
@@ -140,13 +139,11 @@ class _Placed:
         every = np.concatenate([x.reshape(-1, 2) for x in points])
         self.low, high = every.min(axis=0), every.max(axis=0)
         inside = np.array([WIDTH, HEIGHT]) - 2.0 * MARGIN
-        with np.errstate(all="ignore"):
-            self.unit = float(((high - self.low) / inside).max()) or 1.0
-            self.corner = 0.5 * (np.array([WIDTH, HEIGHT]) - (high - self.low) / self.unit)
+        self.unit = float(((high - self.low) / inside).max()) or 1.0
+        self.corner = 0.5 * (np.array([WIDTH, HEIGHT]) - (high - self.low) / self.unit)
 
     def __call__(self, points: Points) -> Points:
-        with np.errstate(all="ignore"):
-            at: Points = (points - self.low) / self.unit + self.corner
+        at: Points = (points - self.low) / self.unit + self.corner
         if not np.isfinite(at).all():
             raise ValueError("an arm of this size cannot be drawn")
         at[..., 1] = HEIGHT - at[..., 1]

@@ -263,6 +263,13 @@ def test_a_trajectory_is_shown_whatever_it_holds(arm, q, t, drawn):
     assert ("svg" in page(motion(arm, q, t)).tags) == drawn
 
 
+def test_wrong_parts_of_a_trajectory_are_no_errors():
+    made = motion(FOUR_R, np.zeros((3, 4)), [0.0, 1.0, 2.0])
+    assert "pre" in page(dataclasses.replace(made, scene=None)).tags
+    assert "pre" in page(dataclasses.replace(made, q=None, events=None)).tags
+    assert "svg" in page(dataclasses.replace(made, kinetic_energy=np.full(3, np.inf))).tags
+
+
 def test_a_copy_is_shown_alike_and_equal_pages_stand_side_by_side():
     made = motion(FOUR_R, np.zeros((5, 4)), np.arange(5.0))
     text = made._repr_html_()
