@@ -18,7 +18,7 @@ $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 \
-	  --editable '.[train,plot,human,verify,export,onnx,datasets,ray,tune,dev]'
+	  --editable '.[train,plot,human,verify,casadi,onnx,datasets,ray,tune,dev]'
 	touch $@
 
 test: $(VENV)/ready check

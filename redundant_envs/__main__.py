@@ -122,7 +122,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, required=True, metavar="FILE")
     p.add_argument(
         "--approximate", action="store_true",
-        help="leave out what the format cannot express, or write what comes near to it, with a comment",
+        help="leave out what the format cannot express, or write the nearest equivalent, and say so",
     )  # fmt: skip
     p.set_defaults(handler=export)
 
@@ -261,7 +261,8 @@ def export(options: argparse.Namespace) -> None:
         load_scene(options.scene), options.format, options.out, options.approximate, Path(options.scene).stem
     )
     print(f"{options.out} ({options.out.stat().st_size} bytes)")
-    print("\n".join(f"  {note}" for note in notes), end="\n" if notes else "")
+    if notes:
+        print("\n".join(["approximate:", *(f"  {note}" for note in notes)]))
 
 
 def write_wasm(options: argparse.Namespace) -> None:

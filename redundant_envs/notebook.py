@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 MOST_BYTES = 200_000
-"""Of an object; one with longer HTML, as only names of a user's can make it, is shown as text."""
+"""Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
 LONGEST_CELL, LONGEST_TEXT = 100, 2000
 """Most characters of a cell of a table, and of an object that is shown as text."""
 MOST_ROWS = 80

@@ -100,7 +100,7 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("wasm four_r_reach --out chain.yaml/inner", "chain.yaml"),
         ("export nowhere --format c --out a.c", ", ".join(scene_names())),
         ("export four_r_reach --format sdf --out a", "format is 'sdf'; choose mjcf, urdf, casadi, c"),
-        ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are soft there"),
+        ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are only soft there"),
         ("export four_r_reach --format c --out chain.yaml/inner", "chain.yaml"),
         ("export four_r_reach --format c --out .", "Is a directory"),
         ("export four_r_reach --format c", "--out"),

@@ -85,7 +85,7 @@ MISSING = {
         ],
     ),
     "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
-    "casadi": ("export", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
+    "casadi": ("casadi", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
     "mujoco": ("verify", [f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)"]),
     "scipy": ("verify", [f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)"]),
 }  # fmt: skip

@@ -21,9 +21,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from sources import DOCS, ROOT
+from sources import ROOT
 
-FOLDER = DOCS / "notebooks"
 PACKAGE = ("redundant_envs", "agents", "configs")
 """Folders on which the results of a notebook depend."""
 LIBRARIES = ("gymnasium", "llvmlite", "matplotlib", "numpy", "stable-baselines3", "sympy", "torch")

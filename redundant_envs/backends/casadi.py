@@ -5,7 +5,7 @@ from __future__ import annotations
 from redundant_envs.algebra import Primitives, register_numbers
 from redundant_envs.extras import needs
 
-with needs("export"):
+with needs("casadi"):
     import casadi as ca
 
 register_numbers(

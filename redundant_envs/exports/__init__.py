@@ -1,2 +1,2 @@
 """Scenes for other programs: MuJoCo and URDF readers, CasADi, C. What has no exact counterpart there is
-refused by its name, or left out with a comment."""
+refused by its name, or left out and noted."""

@@ -18,8 +18,6 @@ CALLS = {
     "abs": "fabs", "neg": "-", "not": "!",
 }  # fmt: skip
 """Operations on one value."""
-UNNAMED = {"lane", "tracing"}
-"""Folders whose functions are no equations."""
 
 
 def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
@@ -38,13 +36,18 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
     ]
     comment = "\n   ".join(heading.lines(about, notes)).replace("*/", "* /").replace("/*", "/ *")
     head = f"void accelerations({', '.join(f'const double {name}[{n}]' for name in INPUTS)}, double qdd[{n}])"
-    body = "\n".join(f"  {line}" for line in _statements(results))
+    attached = (bound.function for a in smooth.attached for bound in a.functions.values())
+    named = {getattr(f, "__name__", "") for f in (*scene.robot.functions, *attached)}
+    used = {operation.extra[0] for operation in reached(results) if operation.name == "load"}
+    unused = [f"(void){name};" for name in INPUTS if name not in used]
+    body = "\n".join(f"  {line}" for line in (*unused, *_statements(results, named)))
     text = f"/* {comment} */\n\n#include <math.h>\n\n{head};\n\n{head} {{\n{body}\n}}\n"
     return Document(text, notes)
 
 
-def _statements(results: list[Value]) -> Iterator[str]:
-    """Operations in their order, under the functions of the equations that they come from."""
+def _statements(results: list[Value], named: set[str]) -> Iterator[str]:
+    """Operations in their order, under the functions of the equations that they come from, if these are among
+    the ``named`` ones."""
     names: dict[Operation, str] = {}
     source = ""
     for operation in reached(results):
@@ -53,7 +56,7 @@ def _statements(results: list[Value]) -> Iterator[str]:
             names[operation] = f"{array}[{k}]"
             continue
         origin = operation.origin
-        if origin is not None and Path(origin.file).parent.name not in UNNAMED:
+        if origin is not None and origin.function in named:
             before, source = source, f"{origin.function}, {Path(origin.file).name}"
             yield from [f"/* {source} */"] if source != before else []
         kind, letter = ("int", "c") if operation.name in CONDITIONS else ("double", "x")

@@ -36,12 +36,12 @@ class Heading(NamedTuple):
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""
-        made = [f"Made by redundant-envs {self.version} from the scene {plain(self.scene)}.", *about]
+        made = [f"Made by redundant-envs {self.version} from {plain(self.scene)}.", *about]
         made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
         return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
 
-def settled(notes: Sequence[Note], form: str, approximate: bool) -> None:
+def refuse_inexact(notes: Sequence[Note], form: str, approximate: bool) -> None:
     """ValueError with all notes, unless the document may be approximate."""
     if notes and not approximate:
         by_reason: dict[str, list[str]] = {}
@@ -49,8 +49,8 @@ def settled(notes: Sequence[Note], form: str, approximate: bool) -> None:
             by_reason.setdefault(note.reason, []).append(note.name)
         listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
         raise ValueError(
-            f"scene has what {form} cannot express exactly: {listed}; change the scene, or allow an "
-            "approximate file, which says what it lacks: --approximate, in a program approximate=True"
+            f"{form} cannot express parts of this scene exactly: {listed}; change the scene, or add "
+            "--approximate (in Python approximate=True)"
         )
 
 

@@ -22,23 +22,26 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
     scene : Scene
     form : str
     approximate : bool
-        Leave out what has no exact counterpart, or write what comes near to it; comments in the file name it.
+        Leave out what has no exact counterpart, or write the nearest equivalent; the notes of the document
+        name it, and so do comments in text formats.
     name : str
         Of the scene, in the file.
 
     Raises
     ------
     ValueError
-        If the format is unknown, or if it cannot express the scene exactly and ``approximate`` is not set;
-        the message names each effect.
+        If the format is unknown, if it cannot express the scene exactly and ``approximate`` is not set, or if
+        MJCF or URDF shall have an arm that is no chain of rigid links; the message names each effect.
     MissingPackage
         If the format needs CasADi, which is not installed.
     """
     check_scene(scene)
     if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
-    write: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
-    return write(scene, Heading(name or scene.robot.kind, __version__, bool(scene.randomize)), approximate)
+    source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
+    heading = Heading(source, __version__, bool(scene.randomize))
+    writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
+    return writer(scene, heading, approximate)
 
 
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:

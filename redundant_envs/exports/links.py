@@ -155,4 +155,7 @@ def _plain(vector: Array) -> Array:
 
 
 def _refusal(arm: Arm, reason: str) -> ValueError:
-    return ValueError(f"robot is a {arm.kind}, which cannot be written as rigid links: {reason}")
+    return ValueError(
+        f"robot is a {arm.kind}, which cannot be written as rigid links: {reason}; the formats c and casadi "
+        "take any arm"
+    )

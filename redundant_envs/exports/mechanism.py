@@ -27,7 +27,7 @@ from redundant_envs.effects.hooks import (
     Sensing,
     states_of,
 )
-from redundant_envs.exports.document import Note, named, settled
+from redundant_envs.exports.document import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
 from redundant_envs.exports.links import (
     Link,
@@ -43,19 +43,19 @@ from redundant_envs.scene import Scene
 Array = NDArray[np.float64]
 MOST_CHANGED = 1e-10
 """Largest share by which the least inertias of bodies may change accelerations, in most poses."""
-MOST_POSES = 0.9
+SHARE_OF_POSES = 0.9
 POSES = 256
 THICKNESS = 0.03
 """Of drawn links, as a share of the reach."""
 FREE = 1e9
-"""Other end of a travel with one end, m or rad."""
+"""Stands for no limit where a number is required: other end of a travel with one end, m or rad."""
 REASONS: dict[type, str] = {
-    Impact: "stops are soft there, without restitution and rest",
-    Gap: "contact is soft there, without restitution",
-    Friction: "dry friction is regularised there: a joint that sticks creeps",
-    Impulse: "impulses have no counterpart",
-    Instant: "nothing changes within an interval there",
-    Sensing: "sensors are no part of a model",
+    Impact: "stops are only soft there, without restitution and rest",
+    Gap: "contacts are only soft there, without restitution",
+    Friction: "a joint that sticks creeps there",
+    Impulse: "it makes velocities jump",
+    Instant: "it acts within a control interval",
+    Sensing: "sensors are no part of a model of the arm",
 }
 """Why hooks have no exact counterpart."""
 
@@ -71,6 +71,7 @@ class Format(NamedTuple):
     springs: bool
     rotors: bool  # inertias that resist the rate of a joint
     generalized: bool  # motors that act on coordinates
+    soft_ends: str  # how it has ends of travel
 
 
 class Body(NamedTuple):
@@ -130,7 +131,7 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
     unfit = _unfit(scene, form, forces)
     bodies, armature = _bodies(scene, links, known, unfit)
     notes = _notes(scene, form, unfit)
-    settled(notes, form.name, approximate)
+    refuse_inexact(notes, form.name, approximate)
     fields = [a for a in scene.attached.constant_fields if a.key not in unfit]
     gravity = [-float(a) + 0.0 for a in field_of(fields, Quantities(known, (), {}))]
     limits = next((np.array(x.limits) for x in scene.effects if isinstance(x, EffortLimits)), None)
@@ -171,13 +172,13 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
     if type(hook) in REASONS:
         return REASONS[type(hook)]
     if states_of(hook):
-        return "states have no counterpart"
+        return "it has states of its own"
     if isinstance(hook, Field) and a not in scene.attached.constant_fields:
-        return "gravity is constant there"
+        return "its field changes with time"
     if isinstance(hook, PointMass) and hook.mass[1:] not in a.effect.parameters():
-        return "masses are constant there"
+        return "its mass changes"
     if isinstance(hook, Actuation) and not isinstance(a.effect, EffortLimits):
-        return "of a motor only the limits of its effort have a counterpart"
+        return "only the limits of a motor's effort can be expressed"
     return ""
 
 
@@ -190,9 +191,9 @@ def _reason_of_format(scene: Scene, a: Attached[Any], form: Format, forces: Forc
         return "" if form.rotors else f"{form.name} has no inertias of rotors"
     if isinstance(hook, Force):
         if a not in forces:
-            return "forces are linear in the position and the rate of a joint there"
+            return "its force is not linear in the position and the rate of a joint"
         if hook.joint in pushed and forces[a].constant != 0.0:
-            return "constant forces have no counterpart"
+            return "it is a constant force"
         if not form.springs and forces[a].stiffness != 0.0:
             return f"{form.name} has no springs"
     return ""
@@ -260,7 +261,7 @@ def _changed(scene: Scene, least: float) -> float:
         phi[:, k] = low + (high - low) * np.random.default_rng(k).uniform(size=POSES)
     rates = joint_rates(scene.robot)
     mobility = rates @ np.linalg.pinv(arm.mass_matrix(coordinates_at(scene.robot, phi))) @ rates.T
-    return least * float(np.quantile(np.einsum("nkk -> nk", mobility).max(axis=1), MOST_POSES))
+    return least * float(np.quantile(np.einsum("nkk -> nk", mobility).max(axis=1), SHARE_OF_POSES))
 
 
 # ---- what is not exact -------------------------------------------------------------------------------------
@@ -269,7 +270,7 @@ def _changed(scene: Scene, least: float) -> float:
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     """What is not exact."""
     unlike = [effect for effect in scene.effects if effect.key in unfit]
-    notes = [Note(named(e, scene), unfit[e.key], _counterpart(scene, e)) for e in unlike]
+    notes = [Note(named(e, scene), unfit[e.key], _counterpart(scene, form, e)) for e in unlike]
     if scene.actuation != "joint" and not form.generalized:
         notes.append(Note("actuation 'generalized'", f"{form.name} has motors at joints alone", "left out"))
     changed = _changed(scene, form.least)
@@ -279,10 +280,10 @@ def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     return notes
 
 
-def _counterpart(scene: Scene, effect: Effect) -> str:
+def _counterpart(scene: Scene, form: Format, effect: Effect) -> str:
     """What an approximate model has of an effect."""
     if [*_ends_of(scene, effect)]:
-        return "written as soft ends of travel, as stiff as a step allows"
+        return form.soft_ends
     if any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
         return "written with its level at rest"
     return "left out"

@@ -14,7 +14,14 @@ from redundant_envs.exports.mechanism import Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
 
-MJCF = Format("MJCF", least=2e-15, springs=True, rotors=True, generalized=True)
+MJCF = Format(
+    "MJCF",
+    least=2e-15,
+    springs=True,
+    rotors=True,
+    generalized=True,
+    soft_ends="written as soft ends of travel, as stiff as a step allows",
+)
 """MuJoCo requires masses and moments of inertia of more than 1e-15."""
 LONGEST_STEP = 0.002
 """Of MuJoCo, s; also, a control interval has at least ten steps."""
@@ -35,6 +42,7 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     root = ET.Element("mujoco", model=scene.robot.kind)
     about = [
         "Positions are those of the joints: a link's angle to the one before it, the travel of a slider.",
+        "Controls are shares of the limits of motors, -1 to 1; without a limit they are efforts [N m, N].",
         f"A control interval of {scene.control_dt:g} s takes {steps} steps.",
         f"Bodies of point masses have {MJCF.least:g} kg m^2, because MuJoCo requires them to have some.",
     ]

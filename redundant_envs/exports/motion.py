@@ -21,7 +21,7 @@ from redundant_envs.effects.hooks import (
     effort_unit,
     states_of,
 )
-from redundant_envs.exports.document import Note, named, settled
+from redundant_envs.exports.document import Note, named, refuse_inexact
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.scene import Scene
@@ -30,10 +30,10 @@ from redundant_envs.tracing.number import Number, value_of
 
 INPUTS = ("q", "qd", "commands")
 REASONS: dict[type, str] = {
-    **dict.fromkeys((Impact, Gap, Impulse), "velocities that jump are no accelerations"),
-    Friction: "the force of a joint that sticks does not follow from its motion",
-    Instant: "nothing changes within an interval there",
-    Sensing: "sensors change no acceleration",
+    **dict.fromkeys((Impact, Gap, Impulse), "it makes velocities jump"),
+    Friction: "the force in a joint that sticks does not follow from the motion",
+    Instant: "it acts within a control interval",
+    Sensing: "sensors do not affect accelerations",
 }
 """Why hooks are no part of such functions."""
 
@@ -48,7 +48,7 @@ def smooth_scene(scene: Scene, form: str, approximate: bool) -> tuple[Scene, lis
         others = (a.key for a in scene.attached.of(Actuation) if _changes_units(scene, a))
         unfit = {**dict.fromkeys(others, "the motor behind it is left out"), **unfit}
     notes = [Note(named(e, scene), unfit[e.key], "left out") for e in scene.effects if e.key in unfit]
-    settled(notes, form, approximate)
+    refuse_inexact(notes, form, approximate)
     rest: tuple[Effect, ...] = tuple(e for e in scene.effects if e.key not in unfit)
     return dataclasses.replace(scene, effects=rest, randomize=None), notes
 
@@ -58,7 +58,7 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
     if type(a.hook) in REASONS:
         return REASONS[type(a.hook)]
     moves = isinstance(a.hook, Field) and a not in scene.attached.constant_fields
-    return "states beside the motion have no place in it" if moves or states_of(a.hook) else ""
+    return "it has states of its own, or a field that changes with time" if moves or states_of(a.hook) else ""
 
 
 def _changes_units(scene: Scene, a: Attached[Actuation]) -> bool:

@@ -12,7 +12,14 @@ from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
 
-URDF = Format("URDF", least=1e-14, springs=False, rotors=False, generalized=False)
+URDF = Format(
+    "URDF",
+    least=1e-14,
+    springs=False,
+    rotors=False,
+    generalized=False,
+    soft_ends="written as ends of travel, which a reader makes as stiff as it likes",
+)
 """MuJoCo requires as large a moment of inertia of a URDF model."""
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.algebra import numbered
+from redundant_envs.algebra import entries, numbered
 from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
 from redundant_envs.lane.direct import fields_of
@@ -67,10 +67,6 @@ def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     wanted, units = list(names), np.eye(q.shape[1])
     found = (arm.evaluate(wanted, values_of(arm, q, along=np.broadcast_to(u, q.shape))) for u in units)
     return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
-
-
-def entries(letter: str, rows: int, columns: int) -> list[str]:
-    return [f"{letter}{i + 1}{j + 1}" for i in range(rows) for j in range(columns)]
 
 
 def added_inertia(trial: Trial) -> Array:

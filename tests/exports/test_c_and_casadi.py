@@ -106,7 +106,7 @@ def test_c_says_under_which_function_of_the_equations_an_operation_stands():
 @pytest.fixture(scope="module")
 def ca():
     return pytest.importorskip(
-        "casadi", reason="CasADi is not installed: pip install 'redundant-envs[export]'"
+        "casadi", reason="CasADi is not installed: pip install 'redundant-envs[casadi]'"
     )
 
 
@@ -129,7 +129,8 @@ def test_casadi_finds_mass_matrix_and_bias_forces_to_the_last_bit(ca):
     for arm in (FOUR_R, RPRP):
         function = casadi_function(rde.Scene(arm, (e.Gravity(),)))
         for q, qd, efforts in zip(*states(arm, 200), strict=True):
-            _, M, h, G, tip, J = (np.array(x) for x in function(q, qd, efforts))
+            qdd, M, h, G, tip, J = (np.array(x) for x in function(q, qd, efforts))
+            assert difference(qdd.ravel(), ours(rde.Scene(arm, (e.Gravity(),)), q, qd, efforts)) < 1e-12
             np.testing.assert_array_equal(M, arm.mass_matrix(q))
             np.testing.assert_array_equal(h.ravel(), arm.bias_forces(q, qd))
             np.testing.assert_allclose(G.ravel(), arm.gravity_forces(q), rtol=0, atol=1e-13)
@@ -231,6 +232,12 @@ def test_what_serves_a_motor_is_left_out_with_it_and_the_head_has_the_units_of_c
     assert [note.name for note in made.notes] == ["RateControl", "DCMotor"]
     assert "commands: of the motors [N m, N m, N m, N m]" in made.content
     assert "commands: of the motors [N m, N, N m, N]" in document(rde.Scene(RPRP), "c").content
+
+
+@NEEDS_C
+def test_an_arm_on_whose_pose_nothing_depends_compiles_without_a_warning(tmp_path):
+    library = compiled(tmp_path, document(rde.Scene(rde.Chain("P", (0.5,))), "c").content)
+    assert called(library.accelerations, [0.1], [0.2], [3.0]) == [6.0]
 
 
 def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():

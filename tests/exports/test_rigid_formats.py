@@ -91,7 +91,7 @@ def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refuse
     scene = rde.Scene(arm, (GRAVITY, Spring(0)))
     assert largest_difference(scene, model_of(scene, "mjcf"), True) < 1e-10
     for form, effect, words in (
-        ("mjcf", Spring(1), "Spring (forces are linear in the position"),
+        ("mjcf", Spring(1), "Spring (its force is not linear"),
         ("urdf", Spring(0), "Spring (URDF has no springs)"),
         ("mjcf", Coupling(), "Coupling (it is neither"),
     ):
@@ -116,7 +116,7 @@ def test_what_has_no_exact_counterpart_is_refused_by_name_and_noted_if_it_is_all
         if not missing:
             assert document(scene, form).content == text
             continue
-        with pytest.raises(ValueError, match="cannot express exactly") as refused:
+        with pytest.raises(ValueError, match="cannot express parts of this scene exactly") as refused:
             document(scene, form)
         assert all(missed in str(refused.value) for missed in missing)
         assert "--approximate" in str(refused.value)
@@ -207,7 +207,7 @@ def test_a_constant_force_is_part_of_a_spring_or_refused():
     both = rde.Scene(arm, (Push(), spring))
     assert largest_difference(both, model_of(both, "mjcf"), True) < 1e-10
     alone = rde.Scene(arm, (Push(), e.CentringSpring((0.0, 50.0), (0.0, 0.1), (0.3, 0.2))))
-    with pytest.raises(ValueError, match=r"Push \(constant forces have no counterpart\)"):
+    with pytest.raises(ValueError, match=r"Push \(it is a constant force\)"):
         document(alone, "mjcf")
 
 

@@ -1,1 +1,1 @@
-"""Trained policies as files that need neither torch nor this package."""
+"""Trained policies and episodes as files that need neither torch nor this package."""
