@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
+from redundant_envs.exports.links import links_of
+from redundant_envs.exports.xml import numbers
 from redundant_envs.extras import MissingPackage, needs
 from redundant_envs.scene import Scene
 
@@ -87,17 +89,15 @@ def mujoco_model(
     if integrator not in MUJOCO_INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}; choose {', '.join(MUJOCO_INTEGRATORS)}")
     gravity, damping, stiffness, rest = _forces(scene, limits)
-    arm = scene.robot
-    # Positions of each joint on the link before it, and of each mass point on its own link.
-    at, mass_at = (0.0, *arm.lengths[:-1]), arm.lengths
-    if arm.kind == "RPRP":
-        l1, l2 = arm.lengths
-        at, mass_at = (0.0, l1, 0.0, l2), (l1, 0.0, l2, 0.0)
     chain = ""
-    for k in range(4):
-        kind = 'type="slide" axis="1 0 0"' if arm.prismatic[k] else 'type="hinge" axis="0 0 1"'
-        inertia = f'mass="{arm.masses[k]!r}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"'
-        chain += f'<body pos="{at[k]!r} 0 0"><joint {kind}/><inertial pos="{mass_at[k]!r} 0 0" {inertia}/>'
+    for link in links_of(scene.robot):
+        ((point, (x, y)),) = link.points.items()  # of these arms each link carries one mass
+        kind = (
+            f'type="slide" axis="{numbers(*link.axis, 0.0)}"' if link.slides else 'type="hinge" axis="0 0 1"'
+        )
+        inertia = f'mass="{scene.robot.masses[point]!r}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"'
+        chain += f'<body pos="{numbers(*link.place, 0.0)}"><joint {kind}/>'
+        chain += f'<inertial pos="{numbers(x, y, 0.0)}" {inertia}/>'
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><compiler inertiafromgeom="false" boundinertia="0"/>'
         f"<worldbody>{chain}{'</body>' * 4}</worldbody></mujoco>"

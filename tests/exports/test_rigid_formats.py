@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from catalogue import SCENES, on
-from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco, states
+from foreign import NEEDS_MUJOCO, assert_same_tips, largest_difference, model_of, mujoco
 from refusals import refusal, short
 
 import redundant_envs as rde
@@ -305,11 +305,7 @@ def test_the_tip_is_on_the_link_that_carries_it():
     scene = rde.Scene(arm, (GRAVITY,))
     model = model_of(scene, "mjcf")
     assert largest_difference(scene, model, True) < 1e-10
-    data = mujoco.MjData(model)
-    for q in states(scene, 5)[0]:
-        data.qpos[:] = q @ arm.motor_map
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.site("tip").xpos[:2], arm.forward_kinematics(q), atol=1e-13)
+    assert_same_tips(scene, model)
 
 
 def test_motors_on_coordinates_are_noted_where_a_format_has_none():
