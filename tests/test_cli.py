@@ -74,6 +74,9 @@ def test_export_writes_a_file_and_says_what_it_lacks(form, tmp_path, capsys):
     assert main(["export", "rprp_reach", "--approximate", "--format", form, "--out", str(path)]) == 0
     assert "  PrismaticStop: " in capsys.readouterr().out
     assert "PrismaticStop: " in path.read_text(encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(CHAIN)
+    assert main(["export", str(tmp_path / "mine.yaml"), "--format", form, "--out", str(path)]) == 0
+    assert "from the scene mine." in path.read_text(encoding="utf-8")
 
 
 CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n"

@@ -44,6 +44,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("build/site"), help="default: %(default)s")
     out, start = parser.parse_args().out, time.perf_counter()
     source = assembled(out / "sources", out / "notebooks")
+    shutil.rmtree(out / "html", ignore_errors=True)  # it may have pages that are gone
     print(f"sources: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     words = ["-b", "html", "-c", str(HERE), "-W", "--keep-going", "--fresh-env", "-q", "-j", "auto"]
     words += ["-D", f"html_extra_path={(source / '_extra').resolve()}"]

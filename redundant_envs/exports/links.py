@@ -22,7 +22,12 @@ POSES = 16
 EQUAL = 1e-12
 """Largest difference of positions and of displacements, as a share of the reach."""
 ALIKE = 1e-10
-"""Largest difference of the arm's own equations from those of its points, as a share of the largest entry."""
+"""Largest difference of the arm's own equations from those of its points, as a share of the largest
+sum of the sizes of their terms."""
+
+
+LENGTH = 14
+"""Characters from which on a number is not a short one."""
 
 
 class Link(NamedTuple):
@@ -104,18 +109,20 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
     names = [f"{axis}dqd{p + 1}" for p in range(len(masses)) for axis in "XY"]
     turning = arm._vector(names, q=q, qd=qd).reshape(len(q), -1, 2)
     weight = np.array([0.0, 9.81])
-    of_points = {
-        "masses and inertias": np.einsum("p, npaj, npak -> njk", masses, moved, moved),
-        "bias forces": np.einsum("p, npaj, npa -> nj", masses, moved, turning),
-        "gravity forces": np.einsum("p, npaj, a -> nj", masses, moved, weight),
+    sums = {
+        "masses and inertias": ("p, npaj, npak -> njk", moved),
+        "bias forces": ("p, npaj, npa -> nj", turning),
+        "gravity forces": ("p, npaj, a -> nj", weight),
     }
     own = {
         "masses and inertias": shares.T @ arm.mass_matrix(q) @ shares,
         "bias forces": arm.bias_forces(q, qd) @ shares,
         "gravity forces": arm.gravity_forces(q, 9.81) @ shares,
     }
-    for what, expected in of_points.items():
-        if not np.abs(own[what] - expected).max() <= ALIKE * np.abs(expected).max():
+    for what, (indices, factor) in sums.items():
+        gap = np.abs(own[what] - np.einsum(indices, masses, moved, factor)).max()
+        terms = np.einsum(indices, masses, np.abs(moved), np.abs(factor))  # they may cancel
+        if not gap <= ALIKE * terms.max():
             raise _refusal(arm, f"its {what} are not those of its point masses")
 
 
@@ -150,8 +157,9 @@ def _turned(vector: Array, angle: Array) -> Array:
 
 
 def _plain(vector: Array) -> Array:
-    """Without the rounding of a difference, where a shorter number has the same 15 digits."""
-    return np.array([float(f"{x:.15g}") + 0.0 for x in vector])
+    """Without the rounding of a difference, where a short number has the same 15 digits."""
+    shorter = ((f"{x:.15g}", x) for x in vector.tolist())
+    return np.array([float(text) + 0.0 if len(text) < LENGTH else x for text, x in shorter])
 
 
 def _refusal(arm: Arm, reason: str) -> ValueError:

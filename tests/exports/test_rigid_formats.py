@@ -48,7 +48,9 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
             model = model_of(scene, form)
             if form == "urdf":
                 model.opt.gravity[:] = [9.81 * x for x in (*GRAVITY.down, 0.0)]
-            assert largest_difference(scene, model, form == "mjcf", seed) < 1e-10
+            found = largest_difference(scene, model, form == "mjcf", seed)
+            print(f"{form}, {arm.kind}: largest difference {found:.1e}")
+            assert found < 1e-10
 
 
 @physics
@@ -298,6 +300,24 @@ def test_arms_with_other_equations_than_their_links_are_refused():
     ):
         with pytest.raises(ValueError, match=words):
             document(rde.Scene(arm), "mjcf")
+
+
+@physics(gives="h1")
+def no_bias(l1):
+    return 0.0 * l1
+
+
+def test_terms_that_cancel_are_compared_by_their_sizes():
+    kind, rng = an_arm("Pendulum", "R", rod_end, no_bias), np.random.default_rng(0)
+    for mass, length in rng.uniform(0.1, 1.0, (20, 2)):
+        document(rde.Scene(kind((mass,), (length,))), "mjcf")
+
+
+def test_lengths_keep_their_digits():
+    lengths = (1.0 / 3.0, 0.2 / 3.0, 0.25, 0.7)
+    model = model_of(rde.Scene(rde.FourR((0.5,) * 4, lengths)), "mjcf")
+    # places are differences of positions, which are rounded at the size of the reach
+    np.testing.assert_allclose(model.body_pos[2:, 0], lengths[:3], rtol=0, atol=2.3e-16)
 
 
 def test_the_tip_is_on_the_link_that_carries_it():
