@@ -302,6 +302,19 @@ def test_arms_with_other_equations_than_their_links_are_refused():
             document(rde.Scene(arm), "mjcf")
 
 
+@physics(gives="x1 y1 x2 y2 x3 y3")
+def three_masses(l1, l2, s1, c1, s2, c2):
+    x2, y2 = l1 * c1, l1 * s1
+    return 0.4 * x2 - 0.1 * y2, 0.4 * y2 + 0.1 * x2, x2, y2, x2 + l2 * c2, y2 + l2 * s2
+
+
+@pytest.mark.parametrize("form", ["mjcf", "urdf"])
+def test_a_link_that_carries_several_masses_has_their_inertia(form):
+    arm = an_arm("ThreeMasses", "RR", three_masses)((0.8, 0.5, 0.3), (0.6, 0.4))
+    scene = rde.Scene(arm)
+    assert largest_difference(scene, model_of(scene, form), form == "mjcf") < 1e-10
+
+
 @physics(gives="h1")
 def no_bias(l1):
     return 0.0 * l1
