@@ -149,14 +149,16 @@ class Arm:
         cls.functions = tuple(f for f in getattr(cls, "functions", ()) if not derived.follows(f))
         checks.check_functions(cls)
         types = getattr(cls, "joint_types", None)
+        facts: dict[str, Any] = {}
         if types is not None:
             joint_types.check_joint_types(f"{cls.__name__}.joint_types", types)
-            cls._say(joint_types.facts_of(types, cls.functions))
+            facts = joint_types.facts_of(types, cls.functions)
+            cls._say(facts)
         checks.check_joints(cls)
         for name in checks.FUNCTIONS:
             if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
                 setattr(cls, name, staticmethod(cls.__dict__[name]))
-        cls._say(_defaults(cls))
+        cls._say({name: value for name, value in _defaults(cls).items() if name not in facts})
         if types is not None:
             cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
             cls._say({"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))})

@@ -157,3 +157,32 @@ def test_only_functions_that_follow_from_matrices_contain_an_inertia(module):
     """Functions of an arm, wherever they are from, are of its point masses alone."""
     assert derived.is_derived(derived.forward_dynamics(3))
     assert not derived.is_derived(SimpleNamespace(__module__=module))
+
+
+@physics(gives="x1 y1 x2 y2 x3 y3")
+def ends_and_middle(l1, l2, s1, c1, s2, c2):
+    x2, y2 = l1 * c1, l1 * s1
+    return 0.5 * x2, 0.5 * y2, x2, y2, x2 + l2 * c2, y2 + l2 * s2
+
+
+@physics(gives="x1 y1")
+def end_alone(l1, l2, s1, c1, s2, c2):
+    return l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
+
+
+def test_an_arm_has_as_many_masses_as_its_functions_give_points():
+    class More(rde.Arm):
+        joint_types = "RR"
+        functions = (ends_and_middle,)
+
+    class Fewer(rde.Arm):
+        joint_types = "RR"
+        functions = (end_alone,)
+
+    assert (More.num_masses, Fewer.num_masses) == (3, 1)
+    arm, q = More((0.8, 0.5, 0.3), (0.6, 0.4)), np.array([0.3, -0.7])
+    own = 0.8 * 0.3**2 + (0.5 + 0.3) * 0.6**2
+    np.testing.assert_allclose(arm.mass_matrix(q)[0, 0], own, rtol=1e-14)
+    np.testing.assert_allclose(arm.forward_kinematics(q), arm.points(q)[-1])
+    with pytest.raises(ValueError, match="masses has 2 entries; give 3"):
+        More((0.8, 0.5), (0.6, 0.4))
