@@ -317,7 +317,8 @@ class Renderer:
             return core.memory.read(tuple(names), index)[0]
 
         q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
-        numbers = read([*arm.parameter_values()]).tolist()
+        # The fields are those of the arm alone: what effects add to a mass is another number.
+        numbers = read([core.memory.dynamics.field_of(n) for n in arm.parameter_values()]).tolist()
         own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
         ends = {k: names for k, names in core.scene.travel().items() if arm.prismatic[k]}
         travel: Any = {k: tuple(read(names).tolist()) for k, names in ends.items()}

@@ -41,6 +41,29 @@ def is_picture(picture, colours=10):
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > colours
 
 
+LOADED = {
+    "robot": {"type": "FourR", "masses": [0.5] * 4, "lengths": [0.25] * 4},
+    "effects": [
+        {"type": "Gravity"}, {"type": "EffortLimits", "limits": [20.0, 12.0, 8.0, 4.0]},
+        {"type": "LinkInertia", "inertias": 0.003}, {"type": "Payload", "mass": 0.3},
+        {"type": "PickUp", "mass": 0.3, "at": 0.05},
+        {"type": "MovingBase", "amplitude": [0.1, 0.0], "frequency": 9.0},
+    ],
+    "randomize": {"payload.mass": {"uniform": [0.1, 0.5]}},
+}  # fmt: skip
+"""A scene whose effects add to the masses of the arm."""
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
+def test_scenes_with_effects_are_drawn_on_all_faces(kind):
+    env = drawn(FOUR_R, kind, scene=LOADED)
+    for action in actions(env, 4):  # beyond the time of the grasp
+        env.step(action)
+    pictures = env.get_images() if kind == "sb3" else np.reshape(env.render(), (-1, 480, 480, 3))
+    for picture in pictures:
+        is_picture(picture)
+
+
 # ---- the window ----------------------------------------------------------------------------------------
 
 
