@@ -1,11 +1,13 @@
 """Ranges of numbers: each distribution has its quantiles, and what is no range is refused with the fix."""
 
+import dataclasses
 import math
 from statistics import NormalDist
 
 import numpy as np
 import pytest
 import yaml
+from catalogue import FOUR_R, SCENES
 
 import redundant_envs as rde
 from redundant_envs.ranges import KINDS, distribution, plain, ranges
@@ -229,3 +231,18 @@ def test_the_list_of_kinds_has_all_of_them():
         {"choice": [1]},
     )
     assert tuple(distribution("range", data).kind for data in forms) == KINDS
+
+
+STOPPED = {
+    "joints without ends": (e.JointStop((None, -1.0, None, None), (None, 2.0, 1.0, None), 0.5),),
+    "two tendons": tuple(e.Tendon(("joint1", "joint2"), (0.04, -0.05), 3e3, name=n) for n in ("", "flexor")),
+}
+"""Effects with entries that are no numbers, and two of a kind, of which one has no name."""
+
+
+@pytest.mark.parametrize("name", [*SCENES, *STOPPED])
+def test_every_number_of_every_effect_can_be_drawn(name):
+    """Its own one: a lane's numbers are checked by building the effect with them."""
+    scene = SCENES[name] if name in SCENES else rde.Scene(FOUR_R, STOPPED[name])
+    drawn = {p: {"choice": [x]} for p, x in scene.parameters().items() if "." in p and math.isfinite(x)}
+    dataclasses.replace(scene, randomize=drawn)

@@ -39,8 +39,11 @@ def _holds_truth(values: Any) -> bool:
     return isinstance(values, bool) or getattr(getattr(values, "dtype", None), "kind", "f") == "b"
 
 
-def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.float64]:
-    """Finite numbers (lanes, width) from one, (width,) or (lanes, width); with a width of 1 also (lanes,)."""
+def table(
+    name: str, values: ArrayLike, lanes: int, width: int, absent: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Finite numbers (lanes, width) from one, (width,) or (lanes, width); with a width of 1 also (lanes,).
+    Infinite ones are allowed where ``absent`` (width,) has them, as an end of travel without a stop."""
     array = numbers(name, values)
     if array.ndim == 0:
         array = np.full(width, array)
@@ -48,7 +51,7 @@ def table(name: str, values: ArrayLike, lanes: int, width: int) -> NDArray[np.fl
         array = array[:, None]
     if array.shape not in ((width,), (1, width), (lanes, width)):
         raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
-    if not np.isfinite(array).all():
+    if not (np.isfinite(array) | (array == absent)).all():
         raise ValueError(f"{name} has non-finite entries; give finite numbers")
     return np.broadcast_to(array, (lanes, width))
 
@@ -68,7 +71,7 @@ def lane_values(
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
-        columns = table(name, value, len(lanes), len(names))
+        columns = table(name, value, len(lanes), len(names), [nominal[p] for p in names])
         for k, p in enumerate(names):
             values[p] = columns[:, k].copy()
         changed += names

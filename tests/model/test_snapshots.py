@@ -172,12 +172,16 @@ def test_of_objects_in_static_fields_the_class_is_told_and_the_program_distingui
         first.restore(other.save())
 
 
-def test_an_environment_with_stops_that_are_open_on_some_sides_takes_its_state_again():
+def test_an_environment_with_stops_that_are_open_on_some_sides_takes_its_state_and_its_numbers_again():
     open_stop = e.PrismaticStop((None, None), (0.3, None), 0.4)
     springs = tuple(e.LimitSpring(slider, 0.0, 0.3) for slider in ("r1", "r2"))  # a task needs some limits
     scene = replaced(effects=(e.Gravity(), e.EffortLimits(10.0), open_stop, *springs))
     env = gymnasium.make("redundant_envs/RPRPReach-v0", scene=scene.to_dict()).unwrapped
     env.reset(seed=0)
+    own = {name: number.value for name, number in env.parameters.items()}
+    env.reset(seed=0, options={"parameters": own | {"prismatic_stop.restitution": 0.3}})
+    with pytest.raises(ValueError, match=r"prismatic_stop\.upper has non-finite"):
+        env.reset(options={"parameters": {"prismatic_stop.upper": [np.inf, np.inf]}})
     state, action = env.get_state(), env.action_space.sample()
     first = env.step(action)
     env.set_state(state)
