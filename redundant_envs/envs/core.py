@@ -122,6 +122,7 @@ class Core(Copied):
         env_id: str | None = None,
         threads: int = 1,
         variation: Variation = AS_IN_THE_SCENE,
+        info_keys: Any = None,
     ) -> None:
         self.scene, self.variation = scene_at(scene, accuracy), variation
         self.task: Any = task  # its numbers are its own
@@ -140,7 +141,7 @@ class Core(Copied):
         """Lanes that began a new episode in the last step, if any did."""
         episode = self.episode
         self.actions = episode.actions
-        self.columns = Columns(episode)
+        self.columns = Columns(episode, info_keys)
         self.goal_fields = episode.goal
         self._episode_keys = EpisodeKeys(num_envs)
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)

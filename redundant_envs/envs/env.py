@@ -16,7 +16,7 @@ from redundant_envs.batch.environment import Autoreset, Operation
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import Face
-from redundant_envs.envs.outputs import UNREAD, Columns, Info, Outputs
+from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.programs import Part
@@ -41,6 +41,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         task: Mapping[str, Any] | None = None,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
+        info_keys: Sequence[str] | str | None = None,
     ) -> None:
         self._check_choices(on_bad_action, render_mode)
         variation = Variation.of(randomize, observe_parameters)
@@ -48,7 +49,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             from redundant_envs.envs.rendering import load_pygame
 
             load_pygame()  # a missing package is reported at once, not at the first step
-        core = self._core_of(scene, 1, task, accuracy, variation)
+        core = self._core_of(scene, 1, task, accuracy, variation, info_keys)
         self.observation_space, self.action_space = self._take(core)
         self._lane = SingleLane(self.core)
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
@@ -191,9 +192,8 @@ class SingleLane:
         """Whether the episode was terminated, and the reward, of the last step."""
         self.points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
         """Tip and goal, m."""
-        self._shown = self._showing(columns)
         self._names = tuple(columns.names)
-        self._unread = dict.fromkeys(columns.names, UNREAD)
+        self._shown = self._showing(columns)
         self._operation, self._memory = -1, core.memory
         self._entry, self._address = part.entry, part.address
         tables = dict(zip(TABLES, self.outputs, strict=True))
@@ -206,13 +206,13 @@ class SingleLane:
         """A function that reads some quantities of the last step."""
         return functools.partial(_reader(columns, names).unpack_from, self._buffer)
 
-    def _showing(self, columns: Columns) -> Callable[[Any], Sequence[Any]]:
-        """A function that reads all that ``info`` has from the bytes of a step."""
-        shown = _reader(columns, [column for column, *_ in columns.places_shown]).unpack
-        if not columns.drawn:
-            return shown
-        drawn = _reader(columns, columns.drawn_fields).unpack
-        return lambda data: (*shown(data), columns.drawn_of(drawn(data)))
+    def _showing(self, columns: Columns) -> Callable[[], Sequence[Any]]:
+        """A function that reads all that ``info`` has of the last step."""
+        shown = self._reading(columns, [column for column, *_ in columns.places_shown])
+        if not columns.shows_drawn:
+            return shown  # type: ignore[no-any-return]
+        drawn = self._reading(columns, columns.drawn_fields)
+        return lambda: (*shown(), columns.drawn_of(drawn()))
 
     def run(self, operation: int) -> NDArray[np.float32]:
         """Run an operation of the kernel; returns the observation."""
@@ -234,11 +234,9 @@ class SingleLane:
         self._entry(self._address)
         return self._copied_obs()
 
-    def info(self) -> Info:
-        """Numbers of the last step, which are read when one is asked for."""
-        info = Info(self._unread)
-        info.unread = self._shown, self._names, bytes(self._buffer)
-        return info
+    def info(self) -> dict[str, Any]:
+        """Numbers of the last step for ``info``."""
+        return dict(zip(self._names, self._shown()))  # noqa: B905 - strict takes time, and they are as many
 
 
 def _reader(columns: Columns, names: Any) -> struct.Struct:

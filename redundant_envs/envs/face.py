@@ -107,13 +107,15 @@ class Face:
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
-        variation: Variation, max_episode_steps: int | None = None, threads: int = 1,
+        variation: Variation, info_keys: Any, max_episode_steps: int | None = None, threads: int = 1,
     ) -> Core:  # fmt: skip
         """The core of the class's task, for a scene in the form that the spec of an environment can hold."""
         if isinstance(scene, Scene):
             raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
         made = make_task(task, self.task_name)
-        return Core(scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads, variation)
+        return Core(
+            scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads, variation, info_keys
+        )
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
-from redundant_envs.envs.outputs import Columns
+from redundant_envs.envs.outputs import ALL, Columns
 from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, NAMESPACE, SCENES
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.files import read_yaml
@@ -106,7 +106,7 @@ def info_table(scene: Scene, task: Task) -> str:
     """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
     episode = environment_simulator(scene, task).episode
     assert episode is not None
-    given = ["return_*" if name.startswith("return_") else name for name in Columns(episode).names]
+    given = ["return_*" if name.startswith("return_") else name for name in Columns(episode, ALL).names]
     meanings, only_in = texts()["info"], texts()["only_in"]
     rows = [
         (f"`{name}`", meanings.get(name, "A metric of the task."), only_in.get(name, ""))

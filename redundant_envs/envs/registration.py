@@ -22,6 +22,7 @@ MAX_EPISODE_STEPS = 100
 
 ARGUMENTS = (
     "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
+    "info_keys",
 )  # fmt: skip
 """Arguments of all environments, beside their number and the arguments of rendering."""
 

@@ -17,6 +17,7 @@ from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
+from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
@@ -103,23 +104,25 @@ class SB3VecEnv(VectorFace, VecEnv):
         core, columns = self.core, self.core.columns
         observation, reward, dones, out, last, last_out = self._stepped(self._actions, Autoreset.SAME_STEP)
         infos: list[dict[str, Any]]
-        if "is_success" in core.task.metrics:
+        if "is_success" in columns.names:
             held = columns.of(out, "is_success").tolist()
             infos = [{"TimeLimit.truncated": False, "is_success": success} for success in held]
         else:
             infos = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
-        faults = columns.of(out, "numerics")
-        for n in np.flatnonzero(faults).tolist():
-            infos[n]["numerics"] = int(faults[n])
+        if "numerics" in columns.names:
+            faults = columns.of(out, "numerics")
+            for n in np.flatnonzero(faults).tolist():
+                infos[n]["numerics"] = int(faults[n])
         if dones.any():
             returns = sum(columns.of(last_out, name) for name in core.episode.returns)
+            steps = columns.of(last_out, "steps")
             cut = columns.of(last_out, "truncated") & ~columns.of(last_out, "terminated")
             for n in np.flatnonzero(dones).tolist():
                 infos[n] = columns.info(last_out, n)
                 if self.monitor:
                     infos[n]["episode"] = {
                         "r": round(float(returns[n]), 6),
-                        "l": infos[n]["episode_steps"],
+                        "l": int(steps[n]),
                         "t": round(time.time() - self._made, 6),
                     }
                 infos[n]["terminal_observation"] = observation_of(last, n)
@@ -190,7 +193,8 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
-        max_episode_steps, randomize, observe_parameters; and threads, over blocks of 8 environments.
+        max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they are read
+        at the ends of episodes); and threads, over blocks of 8 environments.
     """
     module, _, name = env_id.rpartition(":")
     if module:
@@ -210,6 +214,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     own = {name: arguments.pop(name) for name in ("on_bad_action", "render_mode") if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))
+    arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
     made = {"num_envs": num_envs, "task": task, "env_id": full, "max_episode_steps": steps, **arguments}
     core = Core(**made, variation=varied)
     env = SB3VecEnv(core, **own, monitor=monitor)

@@ -43,12 +43,15 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         threads: int = 1,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
+        info_keys: Sequence[str] | str | None = None,
     ) -> None:
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode)
         variation = Variation.of(randomize, observe_parameters)
-        core = self._core_of(scene, num_envs, task, accuracy, variation, max_episode_steps, threads)
+        core = self._core_of(
+            scene, num_envs, task, accuracy, variation, info_keys, max_episode_steps, threads
+        )
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -151,8 +154,9 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         if mask is not None:
             for name in self.core.columns.names:
                 infos[f"_{name}"] &= mask
-            for name in self.core.columns.drawn:
-                infos[DRAWN][f"_{name}"] &= mask
+            if self.core.columns.shows_drawn:
+                for name in self.core.columns.drawn:
+                    infos[DRAWN][f"_{name}"] &= mask
         return infos
 
 

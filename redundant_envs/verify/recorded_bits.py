@@ -82,7 +82,7 @@ def episodes(name: str) -> Iterator[NDArray[Any]]:
     for mode in ("same_step", "next_step"):
         env = gym.make_vec(
             f"redundant_envs/{name.split()[0]}", num_envs=LANES, max_episode_steps=20,
-            autoreset_mode=mode, **arguments,
+            autoreset_mode=mode, info_keys="all", **arguments,
         )  # fmt: skip
         rng = np.random.default_rng(5)
         observations, infos = env.reset(seed=3)

@@ -1,147 +1,117 @@
-"""``info`` of a step: it is a dict to everyone, with the values of its step whenever they are read."""
+"""``info`` is a plain dict: of Python numbers in single environments and in stable-baselines3, of arrays with
+masks in vectors; ``info_keys`` chooses what it has."""
 
-import copy
 import json
-import pickle
-from collections import ChainMap
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import COPIES
-from faces import FOUR_R, ID
-from gymnasium.wrappers import RecordEpisodeStatistics
+import yaml
+from faces import FACES, FOUR_R, ID, STEPS, actions, made
+from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.wrappers.vector import DictInfoToList
 from gymnasium.wrappers.vector import RecordEpisodeStatistics as VectorStatistics
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from redundant_envs.envs.outputs import UNREAD, Info
+import redundant_envs as rde
 
-ENV = gym.make(ID)
-ENV.reset(seed=0)
-EXTRA = {"episode": {"r": 1.0}}
-
-
-def fresh():
-    """An unread info, and the same numbers as a plain dict."""
-    lane = ENV.unwrapped._lane
-    info, plain = lane.info(), dict(lane.info().items())
-    assert type(plain) is dict
-    assert list(dict.items(info)) == [(name, UNREAD) for name in plain]
-    assert UNREAD not in plain.values()
-    assert all(type(v) in (bool, int, float) for v in plain.values())
-    return info, plain
-
-
-def changed(do):
-    """What a change leaves, and what it returns."""
-
-    def use(info):
-        result = do(info)
-        return type(info)(info) if type(info) is dict else dict(info.items()), result
-
-    return use
-
-
-USES = {
-    "index": lambda d: d["distance"],
-    "get": lambda d: (d.get("distance"), d.get("nothing"), d.get("nothing", 3)),
-    "in": lambda d: ("distance" in d, "nothing" in d),
-    "len": len,
-    "bool": bool,
-    "list": list,
-    "reversed": lambda d: list(reversed(d)),
-    "keys": lambda d: list(d.keys()),
-    "values": lambda d: list(d.values()),
-    "items": lambda d: list(d.items()),
-    "dict": dict,
-    "dict and more": lambda d: dict(d, more=1),
-    "display": lambda d: {**d, "more": 1},
-    "arguments": lambda d: (lambda **named: named)(**d),
-    "or": lambda d: d | EXTRA,
-    "or of a dict": lambda d: EXTRA | d,
-    "or itself": lambda d: d | d,
-    "update of a dict": lambda d: (made := {"more": 1}, made.update(d))[0],
-    "or in place of a dict": lambda d: {"more": 1}.__ior__(d),
-    "chain map": lambda d: dict(ChainMap(EXTRA, d)),
-    "json": json.dumps,
-    "json of a list": lambda d: json.dumps([d, {"info": d}]),
-    "indented json": lambda d: json.dumps(d, indent=1, sort_keys=True),
-    **COPIES,
-    "own copy": lambda d: d.copy(),
-    "deep copy of a list": lambda d: copy.deepcopy([d]),
-    "pickle of a list": lambda d: pickle.loads(pickle.dumps([d, d], protocol=2)),
-    "repr": repr,
-    "str": str,
-    "format": lambda d: "{distance:.17g} %(distance).17g".format(**d) % d,
-    "format_map": lambda d: "{distance!r}".format_map(d),
-    "equal": lambda d: (d == fresh()[1], fresh()[1] == d, d == {}, [d] == [fresh()[1]]),
-    "unequal": lambda d: (d != fresh()[1], fresh()[1] != d, d != {}, d == fresh()[0], d != fresh()[0]),
-    "set": changed(lambda d: d.__setitem__("episode", 1)),
-    "set a value of its own": changed(lambda d: d.__setitem__("distance", -1.0)),
-    "delete": changed(lambda d: d.__delitem__("distance")),
-    "pop": changed(lambda d: (d.pop("distance"), d.pop("nothing", 4))),
-    "popitem": changed(lambda d: d.popitem()),
-    "setdefault": changed(lambda d: (d.setdefault("distance", 0.0), d.setdefault("new", 1))),
-    "update": changed(lambda d: d.update(EXTRA, distance=2.0)),
-    "update in place": changed(lambda d: d.__ior__(EXTRA) and None),
-    "clear": changed(lambda d: d.clear()),
-    "match": lambda d: matched(d),
+DRAWING = {
+    **rde.load_scene("four_r_reach").to_dict(),
+    "randomize": {"masses": {"uniform": [0.3, 0.7]}, "gravity.g": {"uniform": [9, 10]}},
 }
+"""A scene whose episodes draw a name of several entries and one of one."""
+PLAIN = (dict, list, bool, int, float)
 
 
-def matched(given):
-    match given:
-        case {"distance": distance, **rest}:
-            return distance, rest
+def infos_of(env, steps=STEPS):
+    """All infos of some steps and the reset before them."""
+    if isinstance(env, gym.Env | gym.vector.VectorEnv):
+        return [env.reset(seed=0)[1], *(env.step(action)[-1] for action in actions(env, steps))]
+    env.reset()
+    told = [info for action in actions(env, steps) for info in env.step(action)[-1]]
+    return [*env.reset_infos, *told]
 
 
-@pytest.mark.parametrize("use", USES.values(), ids=USES)
-def test_an_unread_info_is_used_as_a_dict(use):
-    info, plain = fresh()
-    assert isinstance(info, dict)
-    assert repr(use(info)) == repr(use(plain))
+def types(value):
+    """The types of all that a value holds."""
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return {type(value)}.union(*map(types, inner))
 
 
-def test_every_method_of_dict_reads_first_or_tells_no_value():
-    tell_no_value = {"__contains__", "__len__", "keys", "__sizeof__", "fromkeys", "__class_getitem__"}
-    made = {"__new__", "__init__", "__getattribute__", "__doc__", "__hash__"}
-    refused = {"__lt__", "__le__", "__gt__", "__ge__"}
-    assert set(vars(dict)) - set(vars(Info)) <= tell_no_value | made | refused
+@pytest.mark.parametrize("info_keys", [None, "all"])
+@pytest.mark.parametrize("data", [None, DRAWING], ids=["fixed", "drawing"])
+def test_info_is_plain_data(data, info_keys):
+    scene = {} if data is None else {"scene": data}
+    for info in infos_of(made("single", FOUR_R, info_keys=info_keys, **scene)):
+        assert types(info) <= {*PLAIN}
+        assert json.loads(json.dumps(info)) == yaml.safe_load(yaml.safe_dump(info)) == info
+        assert data_equivalence(info, dict(info))
+    for info in infos_of(made("sb3", FOUR_R, **scene)):
+        assert types(info) <= {*PLAIN, np.ndarray}  # of SB3's terminal observation
+    for infos in infos_of(made("same_step", FOUR_R, info_keys=info_keys, max_episode_steps=3, **scene)):
+        assert types(infos) == {dict, np.ndarray}
+        for name, value in infos.items():
+            there = infos["_" + name.removeprefix("_")]
+            assert (there.shape, there.dtype) == ((3,), np.bool_)
+            assert isinstance(value, dict) or len(value) == 3
 
 
-def test_a_copy_is_a_plain_dict_and_an_info_of_ones_own_works():
-    for way in (*COPIES.values(), USES["own copy"]):
-        assert type(way(fresh()[0])) is dict
-    assert Info(a=1)["a"] == 1
-    assert json.dumps(Info({"a": 1})) == '{"a": 1}'
+@pytest.mark.parametrize("kind", FACES)
+def test_an_info_keeps_the_values_of_its_step(kind):
+    env = made(kind, FOUR_R)
+    infos = infos_of(env, 4)
+    env.reset()
+    if kind == "single":
+        assert [info["episode_steps"] for info in infos] == [0, 1, 2, 3, 4]
+    if kind == "next_step":
+        assert [info["episode_steps"].tolist() for info in infos] == [[k] * 3 for k in range(5)]
+        assert len({float(info["distance"][2]) for info in infos}) == 5
 
 
-def test_an_info_keeps_the_values_of_its_step():
-    env = gym.make(FOUR_R)
-    _, first = env.reset(seed=0)
-    infos = [env.step(np.full(4, 0.3, np.float32))[4] for _ in range(4)]
-    env.reset(seed=1)
-    assert [first["episode_steps"], *(info["episode_steps"] for info in infos)] == [0, 1, 2, 3, 4]
-    assert len({info["distance"] for info in infos}) == 4
+CHOSEN = ("distance", "return_end", "is_success")
 
 
-def test_infos_of_many_environments_keep_the_values_of_their_step():
-    envs = gym.make_vec(FOUR_R, num_envs=9)
-    envs.reset(seed=0)
-    infos = [envs.step(envs.action_space.sample())[4] for _ in range(3)]
-    envs.reset(seed=1)
-    assert [dict.get(infos[0], name) for name in ("distance", "_distance")] == [UNREAD, UNREAD]
-    for k, info in enumerate(infos, start=1):
-        assert info["episode_steps"].tolist() == [k] * 9
-        assert info["_distance"].tolist() == [True] * 9
-        assert type(pickle.loads(pickle.dumps(info))) is dict
-    assert len({float(info["distance"][8]) for info in infos}) == 3
+@pytest.mark.parametrize("kind", FACES)
+def test_info_has_the_keys_that_were_asked_for_with_the_same_values(kind):
+    of_sb3 = ("TimeLimit.truncated", "terminal_observation", "episode")
+    few, whole = (made(kind, FOUR_R, info_keys=keys, max_episode_steps=3) for keys in (CHOSEN, "all"))
+    if kind == "sb3":
+        few.seed(0), whole.seed(0)
+    names = set()
+    for one, other in zip(infos_of(few), infos_of(whole), strict=True):
+        own = {k: v for k, v in one.items() if k not in of_sb3}
+        names |= {k for k in own if not k.startswith("_")}
+        assert data_equivalence(own, {k: other[k] for k in own})
+    assert names == {*CHOSEN}
+    assert not infos_of(made(kind, FOUR_R, info_keys=()))[0]
+
+
+def test_keys_survive_the_text_of_a_spec():
+    spec = gym.make(FOUR_R, info_keys=CHOSEN).spec
+    env = gym.make(gym.envs.registration.EnvSpec.from_json(spec.to_json()))
+    assert {*env.reset(seed=0)[1]} == {*CHOSEN}
+
+
+@pytest.mark.parametrize("kind", FACES)
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (("distanze",), "info_keys has 'distanze'; valid: is_success, .*return_end$"),
+        (("parameters",), "info_keys has 'parameters'; valid"),  # of scenes that draw some
+        ((["distance"],), r"info_keys has \['distance'\]; valid"),
+        ("distance", "info_keys is 'distance'; give a list of names"),
+        ({"distance"}, "info_keys is .*; give a list of names"),
+        (("distance", "distance"), "info_keys has distance twice"),
+    ],
+)
+def test_unknown_keys_are_refused(kind, keys, words):
+    with pytest.raises(ValueError, match=words):
+        made(kind, FOUR_R, info_keys=keys)
 
 
 def test_programs_that_write_into_infos_take_them():
-    env = RecordEpisodeStatistics(gym.make(FOUR_R, max_episode_steps=2))
+    env = gym.wrappers.RecordEpisodeStatistics(gym.make(FOUR_R, max_episode_steps=2))
     envs = DictInfoToList(VectorStatistics(gym.make_vec(FOUR_R, num_envs=3, max_episode_steps=2)))
     venv = DummyVecEnv([lambda: Monitor(gym.make(FOUR_R, max_episode_steps=2))])
     env.reset(seed=0)
@@ -156,6 +126,12 @@ def test_programs_that_write_into_infos_take_them():
     assert [int(info["episode"]["l"]) for info in infos] == [2] * 5
 
 
-def test_a_program_that_reads_past_the_methods_gets_no_number():
-    with pytest.raises(TypeError, match="not JSON serializable"):
-        json.dumps(dict.copy(Info(dict.fromkeys(["a"], UNREAD))))
+def test_minari_records_infos(tmp_path, monkeypatch):
+    minari = pytest.importorskip("minari")
+    pytest.importorskip("jax", reason="Minari records with it")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    env = minari.DataCollector(gym.make(ID, max_episode_steps=3), record_infos=True)
+    env.reset(seed=0)
+    told = [env.step(action)[4]["distance"] for action in actions(env, 3)]
+    (episode,) = env.create_dataset("arm/infos-v0", algorithm_name="random")
+    assert episode.infos["distance"][1:].tolist() == told

@@ -110,7 +110,7 @@ def rows(text):
 
 
 def test_pages_agree_with_the_code(env_id):
-    env, text = made("single", env_id), page(env_id)
+    env, text = made("single", env_id, info_keys="all"), page(env_id)
     task, scene = env.core.task, env.scene
     observed = env.observation_space["observation"] if "Goal" in env_id else env.observation_space
     assert len(rows(section(text, "Observation Space"))) == observed.shape[0]
@@ -120,6 +120,7 @@ def test_pages_agree_with_the_code(env_id):
         assert f"| `{name}` | {getattr(task, name)} |" in text
     assert [row[0] for row in rows(section(text, "Arguments"))] == [
         "scene", "accuracy", "render_mode", "on_bad_action", "task", "randomize", "observe_parameters",
+        "info_keys",
     ]  # fmt: skip
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms
@@ -135,7 +136,7 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
     found = set()
     for kind in KINDS:
-        env = made(kind, env_id, max_episode_steps=4)
+        env = made(kind, env_id, max_episode_steps=4, info_keys="all")
         first = env.reset() if kind == "sb3" else env.reset(seed=0)[1]
         infos = env.reset_infos if kind == "sb3" else [first]
         for action in actions(env, 4):

@@ -108,7 +108,7 @@ def test_hold_success_needs_ten_slow_steps_at_the_goal(plain_id):
 
 
 def test_reward_is_the_sum_of_its_terms_and_largest_at_the_goal(plain_id):
-    env = running("single", plain_id)
+    env = running("single", plain_id, info_keys="all")
     table = actions(env, 100)
     env.reset(seed=4)
     total = sum(env.step(action)[1] for action in table[1:])
@@ -123,7 +123,7 @@ def test_reward_is_the_sum_of_its_terms_and_largest_at_the_goal(plain_id):
 
 
 def test_every_reward_term_lies_between_nothing_and_its_weight(plain_id):
-    env = running("next_step", plain_id, 64)
+    env = running("next_step", plain_id, 64, info_keys="all")
     rng = np.random.default_rng(0)
     for _ in range(30):
         env.reset(options={"qd": 10.0 ** rng.uniform(-2, 1.5, (64, 4))})
@@ -136,7 +136,7 @@ def test_every_reward_term_lies_between_nothing_and_its_weight(plain_id):
 
 def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
     """The reward is exactly compute_reward, of a pair or of many, as hindsight replay calls it."""
-    env = made("next_step", goal_id, 8)
+    env = made("next_step", goal_id, 8, info_keys="all")
     tips = begin(env, seed=0)["achieved_goal"]
     begin(env, {"goal": tips + 0.001}, seed=0)
     seen, total = set(), 0.0
@@ -159,7 +159,7 @@ def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
 
 
 def test_an_early_end_takes_back_what_was_paid_and_says_so(plain_id):
-    env = made("single", plain_id)
+    env = made("single", plain_id, info_keys="all")
     begin(env, seed=0)
     rewards = [env.step(ZERO)[1] for _ in range(5)]
     assert min(rewards) > 0.0

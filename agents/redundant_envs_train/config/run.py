@@ -22,6 +22,7 @@ KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""
 MOST_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
 WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no result
+ENV_KWARGS = tuple(name for name in ARGUMENTS if name != "info_keys")  # evaluations read all that info has
 MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
 MOST_DRAWN = 10**7  # most samples that are drawn at once
 MOST_DIVISOR = 10**6  # largest batch that a message proposes
@@ -70,7 +71,7 @@ class Config(Model):
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
         ("tensorboard",), "where figures of the training are logged"
     )
-    env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ARGUMENTS)}")
+    env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ENV_KWARGS)}")
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")
     sac: learners.SACSettings | None = value(None, "settings of sac")
     her: learners.HERSettings | None = value(None, "settings of her")
@@ -168,8 +169,8 @@ class Config(Model):
 def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
     """ValueError on arguments that no environment has, or that would never end an evaluation."""
     for name in env_kwargs:
-        if name not in ARGUMENTS:
-            raise ValueError(f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ARGUMENTS)}")
+        if name not in ENV_KWARGS:
+            raise ValueError(f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ENV_KWARGS)}")
     steps = env_kwargs.get("max_episode_steps", 1)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
     if not whole or not 1 <= steps <= MOST_EPISODES:  # without this limit an evaluation would never end
