@@ -58,6 +58,7 @@ class Trial(NamedTuple):
     encounters: list[Encounter]  # coordinates at their boundaries in it
     events: list[Event]  # the first of each
     weighed: bool = False  # whether it is known by how much the laws of guards differ at its end
+    node: float | None = None  # of the middle stage, as a fraction of the step, if joints have dry friction
 
     def of(self, chosen: Sequence[Any]) -> tuple[Encounter, Event]:
         """The encounter and the event of a coordinate."""
@@ -333,6 +334,9 @@ def last_piece(trial: Trial, sought: Sought) -> LastPiece:
         time = where(sooner, own, time)
         arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
     time = where(sought.free & possible, time, 0.0)
+    if trial.node is not None:  # as a correction to second order
+        e, _ = trial.of(sought.chosen)
+        time = time - where(e.motion.sticks, time_since(trial, e, sought), 0.0)
     positions = []
     for e, is_sought, arrived in zip(trial.encounters, sought.chosen, arrives, strict=True):
         s = e.motion
@@ -353,6 +357,19 @@ def time_of_way(sought: Sought) -> tuple[Any, Any]:
     square = sought.speed * sought.speed
     gained = -2.0 * sought.acceleration * sought.gap  # by the square
     return -2.0 * sought.gap / (sought.speed + sqrt(maximum(square + gained, 0.0))), gained / square
+
+
+@branches
+def time_since(trial: Trial, e: Encounter, sought: Sought) -> Any:
+    """Time by which the end of a trial step is later than the rest of a joint that slips, or than it is torn
+    loose, s. The rate of one that slips falls as its acceleration says, the force that holds another grows
+    as in the parabola through both ends of the step and its middle stage."""
+    growth = sought.steepness
+    if trial.node and not growth > 0.0:
+        start, middle, node = e.start_force, e.motion.watched.middle, trial.node
+        late = (sought.gap - middle) / (1.0 - node)
+        growth = (late + (1.0 - node) * (late - (middle - start) / node)) / trial.h
+    return minimum(sought.gap / growth, trial.h) if growth > 0.0 else 0.0
 
 
 def others_near(trial: Trial, sought: Sought) -> list[Any]:

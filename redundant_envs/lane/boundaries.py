@@ -180,8 +180,7 @@ class Boundaries:
         x, dynamics = self.quantities(lane), self.dynamics
         if dynamics.sticking:
             self.guards.record_friction(lane, x)
-        if dynamics.stops:
-            lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
+        lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.dynamics.stops:
             if b in dynamics.angular:
                 pushed = response(dynamics, normal(dynamics, b, x), x)

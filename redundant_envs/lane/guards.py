@@ -84,11 +84,12 @@ class Guards:
             now[rate] = where(sticks, rest, now[rate])
             now[position] = where(sticks, kept, now[position])
 
-    def stick(self, lane: Lane) -> None:
-        """Let joints that stick have the rate 0 in the present state."""
+    def stick(self, lane: Lane, before: Mapping[str, Any] | None = None) -> None:
+        """Let joints that stick have the rate 0 in the present state, and after a state ``before`` their
+        positions."""
         names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
         now = dict(zip(names, lane.get(names), strict=True))
-        self.keep_sticking(lane, dict(now), now)
+        self.keep_sticking(lane, dict(now) if before is None else before, now)
         lane.set(now, now.values())
 
     def record_friction(self, lane: Lane, x: Quantities) -> None:

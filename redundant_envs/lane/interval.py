@@ -95,6 +95,8 @@ class Interval:
         yield from guard_fields(dynamics)
         if dynamics.stops:
             yield from stop_fields(dynamics)
+        elif dynamics.sticking:
+            yield from slopes(dynamics)
 
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
@@ -197,8 +199,7 @@ def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
     rates = dynamics.arm.rates
     yield Field("impacts", "", "impacts of the interval", SCRATCH)
     yield Field("impacts_start", "", "before the common step", SCRATCH)
-    for v in dynamics.states[dynamics.count :]:
-        yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+    yield from slopes(dynamics)
     for b in dynamics.stops:
         if b in dynamics.holding:
             yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
@@ -218,6 +219,12 @@ def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
         for n in range(MOST_LOGGED):
             for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
                 yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+
+
+def slopes(dynamics: Dynamics) -> Iterator[Field]:
+    """How fast states change where forces at stops, or those that hold joints, have been asked for."""
+    for v in dynamics.states[dynamics.count :]:
+        yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
 
 
 def guard_fields(dynamics: Dynamics) -> Iterator[Field]:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Generator
 from typing import Any
 
-from redundant_envs.algebra import any_of, logical_not, maximum, minimum, where
+from redundant_envs.algebra import any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.events import contacts, search
 from redundant_envs.events.boundary import Boundary, guarded, law_behind, leaves_stop, starts_at_stop
 from redundant_envs.events.first_event import Encounter, first_event, first_passage
@@ -27,7 +27,9 @@ MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 SEARCH = Search._fields
 SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
-"""Fraction of a planned step by which a change of a law may be found late."""
+"""Fraction of a planned step by which a joint may be torn loose late; the smallest for every change."""
+LATE_REST = 0.01
+"""The same of a joint that comes to rest, over the root of the tolerance."""
 LATE_ERROR = 0.02
 """Fraction of the tolerance that the tip may be off since a change of a law was found late."""
 MOST_LATE_SHARE = 1e-3
@@ -214,22 +216,29 @@ class LaneProgram:
             for e in encounters
         ]
         impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
+        node = method.c[method.middle] if self.dynamics.frictions else None
         weighed = self.dynamics.weighs_laws
-        return Trial(h, lane.left, lane.interval, impacts, encounters, events, weighed)
+        return Trial(h, lane.left, lane.interval, impacts, encounters, events, weighed, node)
 
     def late_share(self, lane: Lane, b: Boundary) -> Any:
-        """Fraction of a step by which a change of law may be late: metres of the tolerance, of a step that
-        moves the tip by a metre at most by what the laws differ; more where they differ little."""
+        """Fraction of the planned step by which a change of law may be found late.
+
+        Until then the motion departs by what the laws differ. With dry friction it is led back to the change,
+        and only the square of the lateness is an error, and a part of it where a limit falls as a joint is
+        torn loose.
+        """
         if self.dynamics.scene.tolerance is None:
             return SMALLEST_LATE_SHARE
-        share = lane.tip_tolerance
-        if self.dynamics.gripped:
-            share = share * SHARE_OF_BOUNCES
-        least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
         if b.sticks:
-            return least
+            share = lane.tip_tolerance
+            if self.dynamics.gripped:
+                share = share * SHARE_OF_BOUNCES
+            least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
+            if b.joint not in self.dynamics.frictions:
+                return least
+            return where(lane[b.side] == 0.0, least, LATE_REST * sqrt(lane.tip_tolerance))
         allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
-        return where(allowed > least, minimum(allowed, MOST_LATE_SHARE), least)
+        return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MOST_LATE_SHARE)
 
     def hides(self, rule: Callable[..., Any], trial: Trial) -> Any:
         """Whether a trial step hides an event of any coordinate, by a rule of :mod:`search`."""
@@ -289,7 +298,7 @@ class LaneProgram:
         crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
         at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
         exact = {arm.coordinates[b.number - 1]: (b, p) for b, p in at_end if b.holds}
-        if self.dynamics.stops:
+        if self.dynamics.resolves:
             self.move(lane, piece.time)
         for q, (b, p) in exact.items():
             if b not in self.dynamics.angular:
@@ -334,10 +343,14 @@ class LaneProgram:
             x = self.boundaries.quantities_of_motion(lane)
             self.dynamics.close(x, InStep(dict(zip(closed, lane.get(closed), strict=True)), time, {}))
             lane.set(closed, x.each(closed))
+        names = (*arm.coordinates, *arm.rates) if self.dynamics.frictions else ()
+        before = dict(zip(names, lane.get(names), strict=True))
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
+        if self.dynamics.frictions:
+            self.boundaries.guards.stick(lane, before)
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""

@@ -22,7 +22,8 @@ from redundant_envs.scene import Scene
 TORN_LOOSE = 1.0 + 1e-12
 """A joint sticks until holding it takes this share of its limit: rounding must not tear it loose."""
 LOST_IN_LOADS = 1e-14
-"""The same of all torques at the joints, which nearly cancel where a small friction decides."""
+"""The same of all torques at the joints, and with dry friction of gravity and of what turning takes, which
+nearly cancel where a small friction decides: with none, joints would slip and stick by rounding for ever."""
 SLIPS_FREELY = -1.0
 """Value of the guard of a joint with a stop and no friction that does not rest: it never gets to 0."""
 
@@ -233,7 +234,8 @@ class SceneBoundaries:
         for b in self.sticking:
             mode = x[b.side]
             if held is None:
-                loads = total(abs(x[f"t{k + 1}"]) for k in range(self.count))
+                forces = "tGh" if self.frictions else "t"
+                loads = total(abs(x[f"{force}{k + 1}"]) for force in forces for k in range(self.count))
                 most = TORN_LOOSE * self.friction_limit(b, x, 0.0) + LOST_IN_LOADS * loads
                 hold = x[f"hold{b.number}"]
                 load = abs(hold)

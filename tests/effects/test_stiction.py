@@ -230,6 +230,35 @@ def test_the_limit_at_rest_is_that_of_static_friction_and_errors_stay_below_a_to
         assert bool(batch.qd.any()) is moves
 
 
+def test_how_late_a_rest_is_found_costs_no_accuracy():
+    """A slider far out has a friction of 18 N: until its rest was found, the arm was pushed as if it slid.
+    Another program found the tip."""
+    masses = (1.2772558680633215, 0.5548617605105043, 0.6257547466951878, 1.673352399063898)
+    levels = (0.2069690005405073, 0.27837445757698187, 18.12562398179966, 0.40379153177170973)
+    q = (0.32169516416062327, -0.4074025178083903, -1.7915379719100903, 8.730343997802555)
+    qd = (-0.03594581262447852, -0.0, 0.18908114944385543, 0.4204891821900181)
+    efforts = (0.882947420728567, 1.9721354123439192, -3.254420578037593, 1.5828399664206532)
+    arm = rde.Chain("RPRP", masses, (0.2954454083497294, 0.9937503258505889))
+    made = rde.Scene(arm, (e.CoulombFriction(levels),), control_dt=0.1, tolerance=1e-6, actuation="joint")
+    batch, _ = advanced(made, q, qd, efforts)
+    tip = (-2.066342308202145, -9.607815077491992)
+    np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("level", [(0.0,) * 4, (0.2, 0.0, 0.0, 0.0)], ids=["none", "of one joint"])
+@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
+def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):
+    """Stretched out its joints have no acceleration but for rounding, which must not decide who slips."""
+    stops = (e.PrismaticStop((0.0, 0.0), (0.2, 0.2), 0.0),) if arm.sliders() else ()
+    q = np.random.default_rng(0).choice([0.0, np.pi, np.pi / 2], (8, 4))
+    q[0] = 0.0
+    q[:, arm.sliders()] = 0.0
+    scene = rde.Scene(arm, (e.Gravity(), e.CoulombFriction(level), *stops), tolerance=1e-6)
+    batch, status = advanced(scene, q, 0.0 * q, intervals=3)
+    assert not status.numerics.any()
+    assert batch.qd[0].any()
+
+
 def test_rounding_of_large_forces_neither_holds_nor_tears_loose_a_joint_in_turn():
     """The last joint balances near its limit, which is a ten-thousandth of the load."""
     level, rng, n = 1e-4, np.random.default_rng(2), 512
