@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from redundant_envs.backends import llvm
 FOLDER = Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(FOLDER))
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+for library in ("OMP", "OPENBLAS", "MKL"):  # sums of torch and NumPy depend on their number of threads
+    os.environ[f"{library}_NUM_THREADS"] = "1"
 
 COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
@@ -24,6 +27,20 @@ QUICKLY_MADE = {
 LLVM makes their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all
 others test the code that users get, and ``test_properties.py`` has each effect. ``make test-long`` tests that
 code everywhere."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """``@pytest.mark.quick("row", ...)`` names the rows of a test that ``make test`` runs: others are long."""
+    rows = defaultdict(set)
+    for item in items:
+        for mark in item.iter_markers("quick"):
+            rows[item.parent, item.originalname, mark.args].add(item.callspec.id)
+            if item.callspec.id not in mark.args:
+                item.add_marker("long")
+    for (parent, name, quick), found in rows.items():
+        if missing := {*quick} - found and len(found) > 1:
+            raise pytest.UsageError(f"{parent.nodeid}::{name} has no rows {missing}")
 
 
 @pytest.fixture(autouse=True, scope="module")

