@@ -1,7 +1,7 @@
-# make test: set up and test.  make test-long: all tests, also those that compile many scenes.
-# make train: set up, learn to reach, report.  make coverage: what tests reach.
-# make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test skips
-# those whose program it does not find.
+# make test: set up, and test each promise once.  make test-long: all tests and checks, with every library that
+# one of them needs.  make train: set up, learn to reach, report.  make coverage: what tests reach.
+# make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test-long
+# skips those whose program it does not find.
 # make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
 # network. Notebooks are executed again only if they or the package changed.
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
@@ -13,33 +13,39 @@ BIN := $(VENV)/bin
 .PHONY: test test-long test-page docs fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
+INSTALL = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 --editable
+
 $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 \
-	  --editable '.[train,plot,human,verify,casadi,onnx,datasets,ray,tune,dev]'
+	$(INSTALL) '.[train,plot,verify,dev]'
+	$(BIN)/python -c 'import stable_baselines3, sb3_contrib, scipy.optimize, matplotlib.pyplot'  # makes their bytecode
 	touch $@
 
-test: $(VENV)/ready check
-	$(BIN)/python -m pytest -m "not long" --numprocesses auto --maxprocesses 4 --dist worksteal
+$(VENV)/ready-all: $(VENV)/ready
+	$(INSTALL) '.[human,casadi,onnx,datasets,ray,tune,docs]'
+	touch $@
 
-DOCS = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[docs]'
+PYTEST = $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
 
-test-long: $(VENV)/ready
-	$(DOCS)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal
+test: $(VENV)/ready
+	$(PYTEST) -m "not long"
 
-test-page: $(VENV)/ready
+# .ci/run leaves out the tests that make test has run: make test-long MARK=long.
+test-long: $(VENV)/ready-all check
+	$(PYTEST) -m "$(MARK)"
+
+test-page: $(VENV)/ready-all
 	$(BIN)/python -m pip install --quiet 'playwright>=1.45'
 	REDUNDANT_ENVS_TEST_PAGE=1 $(BIN)/python -m pytest tests/web
 
 docs: $(VENV)/ready
-	$(DOCS)
+	$(INSTALL) '.[docs]'
 	$(BIN)/python docs/site/make.py --out build/site
 
-coverage: $(VENV)/ready
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --cov --cov-report=term
+coverage: $(VENV)/ready-all
+	$(PYTEST) --cov --cov-report=term
 
 MINUTES ?= 10
 fuzz: $(VENV)/ready
@@ -50,7 +56,7 @@ mutation: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet 'cosmic-ray>=8.4'
 	$(BIN)/python -m tests.mutation --count $(COUNT) $(if $(SEED),--seed $(SEED))
 
-check: $(VENV)/ready
+check: $(VENV)/ready-all
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2

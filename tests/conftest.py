@@ -15,23 +15,27 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 for library in ("OMP", "OPENBLAS", "MKL"):  # sums of torch and NumPy depend on their number of threads
     os.environ[f"{library}_NUM_THREADS"] = "1"
 
+LONG_FILE = "\npytestmark = pytest.mark.long\n"
 COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
-QUICKLY_MADE = {
-    "control", "effects", "envs", "events", "fuzz", "hard_cases", "lane", "model", "numerics", "oracles",
-    "outside", "studies", "test_effect_pages.py", "verify",
-}  # fmt: skip
-"""Folders and files of tests that compile many scenes and compute little with each: with its least effort
-LLVM makes their code in a third of the time. No bit depends on that (``backends/test_processors.py``); all
-others test the code that users get, and ``test_properties.py`` has each effect. ``make test-long`` tests that
-code everywhere."""
+AS_USERS_GET_IT = {"backends", "batch", "exports", "tracing"}
+"""Folders whose tests are about code as users get it. Elsewhere tests compile many scenes and compute little
+with each: with its least effort LLVM makes their code in a third of the time. No bit depends on that
+(``backends/test_processors.py``). ``make test-long`` without MARK has the code of users everywhere."""
+
+
+def pytest_ignore_collect(collection_path, config):
+    """``make test`` does not import files of long tests: together they import most of what there is."""
+    if collection_path.suffix == ".py" and "not long" in config.getoption("markexpr"):
+        return LONG_FILE in collection_path.read_text(encoding="utf-8") or None
+    return None
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """``@pytest.mark.quick("row", ...)`` names the rows of a test that ``make test`` runs: others are long."""
+    """``@pytest.mark.quick("row", ...)`` names the rows of a test that ``make test`` runs."""
     rows = defaultdict(set)
     for item in items:
         for mark in item.iter_markers("quick"):
@@ -47,8 +51,7 @@ def pytest_collection_modifyitems(items):
 def quickly_made(request):
     """LLVM's effort for the tests of a module."""
     with pytest.MonkeyPatch.context() as patch:
-        short = "not long" in request.config.getoption("markexpr")
-        if short and QUICKLY_MADE & {*request.path.relative_to(Path(__file__).parent).parts}:
+        if request.config.getoption("markexpr") and request.path.parent.name not in AS_USERS_GET_IT:
             patch.setattr(llvm, "EFFORT", 0)
         yield
 

@@ -29,6 +29,7 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_simulate_writes_numbers_and_pictures(tmp_path, capsys):
     assert main(["simulate", "--seconds", "0.2", "--out", str(tmp_path)]) == 0
     out, err = capsys.readouterr()
@@ -42,6 +43,7 @@ def test_simulate_writes_numbers_and_pictures(tmp_path, capsys):
         assert np.ptp([float(r["total"]) for r in table]) < 1e-6 * max(float(r["kinetic"]) for r in table)
 
 
+@pytest.mark.long
 def test_simulate_takes_a_file_and_a_state_and_draws_a_clip(tmp_path):
     imageio = pytest.importorskip("imageio.v3")
     path, clip = tmp_path / "mine.yaml", tmp_path / "arm.gif"
@@ -53,6 +55,7 @@ def test_simulate_takes_a_file_and_a_state_and_draws_a_clip(tmp_path):
     assert imageio.imread(clip, index=None).shape[:3] == (6, 480, 480)
 
 
+@pytest.mark.long
 def test_wasm_writes_a_module_and_its_host(tmp_path, capsys):
     out = tmp_path / "made"
     assert main(["wasm", "four_r_reach", "--out", str(out)]) == 0
@@ -136,6 +139,7 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
+@pytest.mark.long
 def test_scene_prints_what_it_costs(capsys, monkeypatch):
     monkeypatch.setattr(cost, "costs", functools.partial(cost.costs, lanes=16, turns=2))
     assert main(["scene", "four_r_free", "--cost"]) == 0
@@ -147,6 +151,7 @@ def test_scene_prints_what_it_costs(capsys, monkeypatch):
     assert "cost 1/" in err
 
 
+@pytest.mark.long
 def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
     for kind in ("svg", "png"):
         pictures = [tmp_path / f"{name}.{kind}" for name in ("one", "two")]
@@ -181,6 +186,7 @@ def test_each_part_is_a_line(capsys):
     assert capsys.readouterr() == ("", "parts 1/2: b\nparts 2/2: d\n")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pty")
 @pytest.mark.parametrize("blocked", [False, True], ids=["rich", "without rich"])
 def test_a_terminal_has_a_bar_if_rich_is_installed(blocked):

@@ -104,6 +104,7 @@ TOGETHER = [
 """Packages that are away in one process."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("packages", TOGETHER, ids=str)
 def test_what_needs_a_package_names_the_extra_in_one_line_and_the_rest_works(packages, tmp_path):
     run = str(published_run("rprp_reach_ppo/seed130", tmp_path / "run"))

@@ -94,7 +94,7 @@ def test_a_bad_file_is_one_error_with_file_and_line(content, words, tmp_path, ca
     path = tmp_path / "mine.yaml"
     path.write_bytes(content)
     for name, reader in READERS.items():
-        message = refusal(at_once, reader, path)
+        message = refusal(at_once, reader, path) if name == "scene" else refusal(reader, path)
         assert str(path) in message
         assert short(message)
         assert name != "scene" or words in message
@@ -164,6 +164,7 @@ def test_values_are_read_as_yaml_1_2_reads_them(text, value):
     assert type(read) is type(value)
 
 
+@pytest.mark.quick("cheap_sensors")
 @pytest.mark.parametrize("name", scene_names())
 def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp_path):
     path = config_folder("scenes") / f"{name}.yaml"
@@ -175,6 +176,7 @@ def test_files_of_the_package_and_what_scenes_print_are_read_as_before(name, tmp
     assert rde.load_scene(printed) == rde.load_scene(name)
 
 
+@pytest.mark.quick("a: 1\\n")
 @pytest.mark.parametrize(
     "unit",
     ["a: 1\n", "- 1\n", "[", "{", "'", '"', "x ", "- - ", "? ", ": ", "#\n", "\n", "|\n", "!", "&a ", "1,",
@@ -304,6 +306,7 @@ SCENE = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.long
 @ANYTHING
 @given(SCENE | PLAIN)
 def test_plain_data_makes_a_scene_or_a_value_error(data):

@@ -43,6 +43,7 @@ for name, program in {programs!r}.items():
 """
 
 
+@pytest.mark.long
 def test_a_module_works_as_the_first_import():
     pytest.importorskip("sympy", reason="sympy is in the extra 'verify'")
     program = [sys.executable, "-c", EACH.format(programs=FIRST)]

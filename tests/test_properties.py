@@ -30,6 +30,15 @@ def missed(trial, checks):
     return [(o.check, o.finding) for o in outcomes if o.verdict is Verdict.MISSED]
 
 
+@pytest.mark.quick(
+    "4R free 1e-12",
+    "stops dop853",
+    "RPRP every effect 1e-6",
+    "4R motors rk8",
+    "RPRP stiction 1e-6",
+    "4R obstacles rk8",
+    "4R bodies rk8",
+)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]
 )
@@ -37,11 +46,13 @@ def test_a_scene_keeps_every_promise(name):
     assert missed(Trial(Subject(name, SCENES[name]), STATES, Mode.STANDARD, SEED), CHECKS) == []
 
 
+@pytest.mark.quick("redundant_envs/RPRPReach-v0")
 @pytest.mark.parametrize("env_id", IDS)
 def test_an_environment_keeps_every_promise(env_id):
     assert missed(Trial(subject_of(env_id), STATES, Mode.STANDARD, SEED), OF_ENVIRONMENTS) == []
 
 
+@pytest.mark.quick("copy-{}-4R free 1e-12")
 @on("4R free 1e-12", "RPRP every effect 1e-6", "RPRP users' all 1e-6", "stops dop853")
 @pytest.mark.parametrize("kwargs", [{}, {"threads": 2}, {"track_work": True}], ids=str)
 @pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
@@ -58,11 +69,13 @@ def test_a_copy_in_the_middle_of_a_motion_continues_to_the_same_bits(scene, copi
         assert twin.events() == batch.events()
 
 
+@pytest.mark.quick("4R every effect rk8")
 @on("4R every effect *", "RPRP every effect 1e-6", "RPRP users' all 1e-6")
 def test_the_work_that_is_tracked_changes_no_bit_of_a_motion(scene):
     assert_same_bits(motion(started(scene, track_work=True)), motion(started(scene)))
 
 
+@pytest.mark.long
 @on("RPRP users' all 1e-6")
 def test_a_simulated_motion_is_that_of_a_batch(scene):
     q, qd, efforts = np.array([-0.2, 0.15, -0.4, 0.1]), np.array([0.5, -0.6, 0.9, 0.8]), np.ones(4)

@@ -110,6 +110,7 @@ def test_a_scene_without_ranges_is_the_one_that_has_no_such_argument(none):
     assert "randomize" not in scene(none).to_dict()
 
 
+@pytest.mark.long
 def test_simulations_use_the_numbers_of_the_scene_and_run_the_same_program():
     one, fixed = scene(ALL_FORMS), scene(None)
     assert rde.listing(one) == rde.listing(fixed)

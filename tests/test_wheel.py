@@ -15,6 +15,8 @@ import pytest
 
 import redundant_envs
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[1]
 PROGRAM = """
 import importlib.util, sys

@@ -39,6 +39,7 @@ def changed_state(folder):
     torch.save(checkpoint.plain(state), path)
 
 
+@pytest.mark.quick("ppo")
 @pytest.mark.parametrize(
     "case", [c if c in ("ppo", "sac", "td3") else pytest.param(c, marks=pytest.mark.long) for c in CASES]
 )
@@ -84,6 +85,7 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
     assert resume(killed)["env_steps"] == 2400
 
 
+@pytest.mark.long
 def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, tmp_path, refused):
     state = killed / "checkpoint" / "state.pt"
     whole = state.read_bytes()
@@ -109,6 +111,7 @@ def test_a_checkpoint_of_another_configuration_is_refused(entries, word, killed,
     refused(["resume", change(killed / "config.yaml", **entries)], word)
 
 
+@pytest.mark.quick("place0-x-")
 @pytest.mark.parametrize(
     ("place", "value", "word"),
     [

@@ -133,6 +133,7 @@ def answers():
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", REFUSALS["commands"])
 def test_a_mistake_is_one_line_and_status_2_before_anything_large_is_imported(words, answers):
     code, out, err, large = answers[words]

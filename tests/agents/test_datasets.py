@@ -19,6 +19,8 @@ from redundant_envs.scene import load_scene
 from redundant_envs_train.shipping import dataset
 from redundant_envs_train.shipping.dataset import dataset_id, source_of, write_dataset
 
+pytestmark = pytest.mark.long
+
 minari = pytest.importorskip("minari", reason="datasets need the extra 'datasets'")
 
 

@@ -303,6 +303,7 @@ def test_computed_torque_is_drawn_at_its_success_and_learners_of_different_lengt
     assert panels[0].get_xlabel() == "environment steps, millions (logarithmic)"
 
 
+@pytest.mark.long
 def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
     folders = make_runs(tmp_path / "runs", 5)[:10]  # of one environment
     path = curves(folders, tmp_path / "out" / "curves.png")
@@ -328,6 +329,7 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
         assert float(row["hold_success"]) == pytest.approx(np.mean(values[1:-1]))
 
 
+@pytest.mark.long
 def test_of_two_points_at_one_step_the_last_counts_and_a_figure_may_be_svg(tmp_path):
     folder = write_run(tmp_path / "a", curve=[*CURVE, (3000, 3.6, 0.5, 0.5, 50.0)])
     (same,) = read_groups([folder])

@@ -91,6 +91,7 @@ def test_adam_takes_the_steps_of_torch():
     torch.testing.assert_close(networks.vector, parameter.detach(), rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("algo", "env"), [("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")])
 def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losses(algo, env):
     at_goal = {"smoothness_at_goal": 2.0} if algo == "her" else {}
@@ -216,6 +217,7 @@ def test_actions_are_smooth_within_episodes_and_not_from_one_to_the_next():
         np.testing.assert_allclose(sums[step, lane], expected, atol=1e-6)
 
 
+@pytest.mark.quick("0.9")
 @pytest.mark.parametrize("average", [0.9, 0.0])  # without one the policy is the last actor
 def test_an_average_is_the_running_mean_of_weights_and_is_there_inside_alone(average):
     model = make("sac", average=average)
@@ -255,6 +257,7 @@ def test_actions_are_those_of_stable_baselines3(starts, tolerance):
         assert ours.dtype == theirs.dtype
 
 
+@pytest.mark.quick("plain")
 @pytest.mark.parametrize("case", ["plain", "time limits as ends", "normalized"])
 def test_transitions_are_stored_as_by_stable_baselines3(case):
     # episodes end within 150 steps, and the buffer of 160 begins anew
@@ -280,6 +283,7 @@ def test_transitions_are_stored_as_by_stable_baselines3(case):
         assert np.array_equal(mine, other), name
 
 
+@pytest.mark.quick("sac-RPRPReach-v0-settings0-False")
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(
     ("algo", "env", "settings"),
@@ -309,6 +313,7 @@ def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, env, settings, 
             assert torch.equal(mine, other), name
 
 
+@pytest.mark.long
 def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_the_other():
     ours, theirs = (make("sac", policy_delay=3, gradient_steps=8).learn(1600) for _ in range(2))
     before = theirs.networks["actor"].vector.clone()
@@ -338,6 +343,7 @@ def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_t
         torch.testing.assert_close(networks.vector, theirs.networks[name].vector, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.long
 def test_smoothness_at_the_goal_weighs_steps_that_reach_it_whatever_the_two_rewards_are():
     model = make("her", "RPRPGoalReach-v0", smoothness=0.25, smoothness_at_goal=2.0)
     for missed, reached in ((0.0, 1.0), (-1.0, 0.0)):
@@ -348,6 +354,7 @@ def test_smoothness_at_the_goal_weighs_steps_that_reach_it_whatever_the_two_rewa
     assert make("sac", smoothness=0.25)._smoothness(torch.tensor([[0.0], [1.0]])).tolist() == [[0.25]] * 2
 
 
+@pytest.mark.long
 def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
     space = make_sb3("FourRGoalReach-v0", 1).observation_space
     achieved, desired = np.array([0.5, -0.2]), np.array([0.51, -0.2])  # the reach is 1 m
@@ -403,6 +410,7 @@ def test_a_rollout_of_ppo_holds_what_stable_baselines3_would_compute(env):
     np.testing.assert_allclose(buffer.advantages, again.advantages, rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.long
 def test_every_gradient_step_has_its_share_of_asked_for_goals(monkeypatch):
     model = make("her", "RPRPGoalReach-v0", batch_size=100, gradient_steps=8)
     model.learn(1600)

@@ -12,6 +12,8 @@ from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.pages import MEASURES
 from redundant_envs_train.run_folder import read_config
 
+pytestmark = pytest.mark.long
+
 FOLDERS = sorted((ROOT / "policies").iterdir())
 
 

@@ -23,6 +23,8 @@ from ray.cluster_utils import Cluster
 
 from redundant_envs_train.training import on_ray
 
+pytestmark = pytest.mark.long
+
 COMMAND = ["train", "rprp_reach_ppo", *TINY, "--on", "ray"]
 
 

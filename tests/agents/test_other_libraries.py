@@ -23,6 +23,8 @@ from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 from redundant_envs_train.training.train import train
 
+pytestmark = pytest.mark.long
+
 EXAMPLE = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
 PAGE = ROOT / "docs" / "other_libraries.md"
 

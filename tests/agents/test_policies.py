@@ -68,6 +68,7 @@ def observations(config):
     return env.reset()
 
 
+@pytest.mark.quick("ppo")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_policy_loads_without_this_package_and_acts_the_same_however_it_is_read(kind, runs, monkeypatch):
     folder, config, model = runs(kind)
@@ -225,6 +226,7 @@ def test_a_learner_its_average_and_its_targets_begin_at_the_policy(preset, polic
         np.testing.assert_allclose(squashed, expected, rtol=0, atol=1e-4)
 
 
+@pytest.mark.long
 def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypatch, refused):
     monkeypatch.chdir(tmp_path)
     start = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", "start"))

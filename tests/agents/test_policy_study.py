@@ -48,6 +48,7 @@ def test_mistakes_name_the_key_and_what_is_valid(case):
         load_study(SHIPPED, case["given"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("physics", [Physics(integrator="euler", substeps=4), EXACT, Physics(accuracy=1e-5)])
 def test_only_the_stepping_of_a_scene_changes(physics):
     config = load(PRESET, ["env_kwargs.accuracy=1e-4", "env_kwargs.max_episode_steps=7"])
@@ -65,6 +66,7 @@ def test_only_the_stepping_of_a_scene_changes(physics):
 # ---- pairs and intervals -------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_episodes_are_pairs_and_their_costs_are_told():
     config = load("configs/training/four_r_reach_ppo.yaml")
     euler, exact = (
@@ -220,6 +222,7 @@ def small(folder, arm, **more):
     return ["study", "policy", "--config", folder / "study.yaml", "--out", folder / "out"]
 
 
+@pytest.mark.long
 def test_a_study_explains_itself(tmp_path, call):
     out = tmp_path / "out"
     shown, _ = call(*small(tmp_path, {"run": str(RUN)}))

@@ -95,6 +95,7 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert "The learner loses to computed torque." in summary(result)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("actions", ["expert", "zero", "random"])
 def test_play_works_without_a_policy(actions, tmp_path, monkeypatch, call):
     monkeypatch.setattr(play, "CLIP_EVERY", 25)
@@ -130,6 +131,7 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
 
 
+@pytest.mark.quick("None")
 @pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
 def test_a_missing_or_damaged_scene_is_one_line(damage, run, tmp_path, refused):
     (run / "scene.yaml").unlink()
@@ -161,6 +163,7 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
 # ---- nothing is written --------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_changed(run, tmp_path, call):
     write_scene_file(Path(), 8.0)
     before = kept(run)
@@ -173,6 +176,7 @@ def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_chan
     assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
 
 
+@pytest.mark.long
 def test_reading_changes_nothing_in_an_exported_policy(tmp_path, monkeypatch, call, refused):
     monkeypatch.setattr(stops, "DRAWS", 1)
     exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
@@ -255,6 +259,7 @@ def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
     assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
 
 
+@pytest.mark.long
 def test_a_training_that_is_stopped_before_its_first_point_leaves_a_run(
     tmp_path, monkeypatch, call, interrupts
 ):
@@ -384,6 +389,7 @@ report.clip, report.plots = (lambda *given, **more: None), (lambda *given: [])
 """A module of workers: reports have no pictures, and seed 4 goes on only after a request to stop."""
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
 def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
     tmp_path, monkeypatch, call, refused, interrupts

@@ -51,6 +51,7 @@ def observations(env, seed=7):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("folder", SHIPPED)
 def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_tells_what_it_does(folder):
     config = read_config(folder)
@@ -121,6 +122,7 @@ def test_silu_does_not_overflow():
     np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("file", "value"),
     [("policy.zip", 0.0), ("policy.onnx", 1e-3), ("policy.npz", 1e-3), ("policy.onnx", np.nan)],
@@ -162,6 +164,7 @@ def test_nothing_of_a_strangers_pickles_and_markup_is_passed_on(run, tmp_path):
     assert [part for part in ("<", "`rm`") if part in card] == []
 
 
+@pytest.mark.long
 def test_one_command_exports_a_policy_once_and_numpy_alone_acts(
     run, tmp_path, monkeypatch, capsys, call, refused
 ):
@@ -193,6 +196,7 @@ def without_differences(card):
     return text + re.sub(r"[\d.]+e-\d+", "?", last)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["four_r_goal_reach_her/seed110", pytest.param("rprp_reach_sac/seed100", marks=pytest.mark.long)]
 )

@@ -18,6 +18,8 @@ from redundant_envs_train.rollout import EVALUATION_SEED
 from redundant_envs_train.studies import strength
 from redundant_envs_train.studies.strength import ARMS, EXPERT, HOLDABLE, LIGHTEST, learner_rows, weakened
 
+pytestmark = pytest.mark.long
+
 PRESETS = {"4R": "four_r_reach_ppo", "RPRP": "rprp_reach_sac"}
 ROWS = [
     strength.Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000)

@@ -9,6 +9,8 @@ from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import expert_act, policy_act, run_episodes
 from redundant_envs_train.run_folder import own_config
 
+pytestmark = pytest.mark.long
+
 EPISODES, SEED = 80, 5_000_000
 TASK = ReachTask()
 PATTERNS = [  # size, and shape over the steps

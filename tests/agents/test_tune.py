@@ -25,6 +25,8 @@ from redundant_envs_train.tuning.study import LEAST_AHEAD, tune
 from redundant_envs_train.tuning.trials import STARTUP_TRIALS, score
 from redundant_envs_train.tuning.workers import Worker
 
+pytestmark = pytest.mark.long
+
 SMALL = [*TINY, "total_steps=2048", "curve_every=1024"]
 CONFIG = load("rprp_reach_ppo", SMALL)
 GAMMA = ["ppo.gamma=0.5..0.9"]

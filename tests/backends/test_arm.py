@@ -100,6 +100,7 @@ def on_arm(monkeypatch, tmp_path):
     assert calls
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
 )

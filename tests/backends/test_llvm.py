@@ -49,6 +49,7 @@ def test_exponentials_to_the_last_place_and_at_both_ends(exp):
     np.testing.assert_array_equal(ends, [1.0, 1.0, np.inf, np.inf, np.inf, 0.0, 0.0, np.nan])
 
 
+@pytest.mark.quick("compiled")
 @pytest.mark.filterwarnings("ignore:overflow")
 @pytest.mark.parametrize(
     "expm1", [lambda x: on_columns(algebra.expm1, x)[0], algebra.expm1], ids=["compiled", "arrays"]
@@ -286,6 +287,7 @@ def test_llvm_has_its_own_order_again_afterwards():
     assert by_others() == before
 
 
+@pytest.mark.long
 def test_a_program_is_compiled_to_the_same_code_every_time():
     """Another process requests the same program, even for one whose graphs were changed."""
     scene = SCENES["4R friction rk8"]

@@ -12,6 +12,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.backends.cache import CACHE_VARIABLE, SUFFIX
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(rde.__file__).parents[1]
 SCENE = """
 import redundant_envs as rde

@@ -54,6 +54,7 @@ def made_for(monkeypatch, tmp_path):
     return change
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "processor"),
     [
@@ -66,6 +67,7 @@ def test_the_recorded_bits_are_those_of_another_processors_code(name, processor,
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
 
 
+@pytest.mark.quick("4R all rk8")
 @pytest.mark.parametrize(
     "name", [n if n in LITTLE_EFFORT else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
 )
@@ -74,6 +76,7 @@ def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     sys.platform == "win32", reason="whether the C library rounds fma once is not known there"
 )

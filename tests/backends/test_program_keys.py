@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import redundant_envs as rde
 from redundant_envs.backends import cache, llvm
 from redundant_envs.model.programs import batch_simulator, environment_simulator
@@ -77,6 +79,7 @@ def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
             assert small_key() != before
 
 
+@pytest.mark.long
 def test_keys_are_the_same_in_every_process():
     text = """
 import redundant_envs as rde

@@ -99,6 +99,7 @@ def differing(run, arrays):
     return np.array(arrays)[:, bad]
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("lanes", WIDTHS)
 def test_it_rounds_as_the_processor_does(lanes):
     run = machine_code(lanes, checked=False)
@@ -107,6 +108,7 @@ def test_it_rounds_as_the_processor_does(lanes):
     assert differing(run, special(SPECIAL)).shape[1] == 0
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("lanes", WIDTHS)
 def test_checked_it_does_so_for_all_numbers(lanes):
     run, rng = machine_code(lanes, checked=True), np.random.default_rng([42, lanes])

@@ -32,6 +32,7 @@ def run(scene, q, qd, efforts, intervals=4, threads=1):
     return np.stack(seen, axis=1)
 
 
+@pytest.mark.quick("substeps")
 @pytest.mark.parametrize("scene", MADE.values(), ids=MADE)
 def test_lanes_of_many_groups_are_those_of_one(scene):
     states = random_states(scene, COUNT, 4)
@@ -43,6 +44,7 @@ def test_lanes_of_many_groups_are_those_of_one(scene):
         assert_same_bits([run(scene, *(x[part] for x in states), threads=threads)], [whole[part]])
 
 
+@pytest.mark.long
 def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
     states, calm = random_states(MADE["1e-6"], GROUP, 7), np.tile([-np.pi / 2, 0.15] * 2, (8, 1))
     more = (np.vstack([x, y]) for x, y in zip(states, (calm, 0.0 * calm, 0.0 * calm), strict=True))

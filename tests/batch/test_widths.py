@@ -19,6 +19,8 @@ from redundant_envs.tasks import ReachTask
 from redundant_envs.tracing.flow import Program
 from redundant_envs.verify.checks import random_states
 
+pytestmark = pytest.mark.long
+
 COUNT = 29  # more blocks than one of either width, the last of them not full
 TYPES = {"f64": np.float64, "f32": np.float32, "i64": np.int64, "i8": np.int8, "u32": np.uint32}
 

@@ -50,6 +50,7 @@ def drawn_goals(count, seed, most=0.95):
 # ---- poses at a goal: each has its tip there, and the set is complete ----------------------------------
 
 
+@pytest.mark.long
 @every_scene
 @pytest.mark.parametrize("unequal", [False, True])
 def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(name, unequal):
@@ -124,6 +125,7 @@ def test_a_stop_pushes_and_never_pulls():
 # ---- goals that can be held: loads by hand, and the simulator -------------------------------------------
 
 
+@pytest.mark.long
 def test_goals_out_of_reach_have_no_pose_and_no_load():
     goals = np.array([[1.0001, 0.0], [0.0, 1.0], [0.0, -0.3]])
     for scene in SCENES.values():
@@ -137,6 +139,7 @@ def test_goals_out_of_reach_have_no_pose_and_no_load():
     assert holding_load(folding, [[0.3, 0.0], [0.0, -0.55]]).tolist() == [np.inf, pytest.approx(0.0, abs=0.9)]
 
 
+@pytest.mark.long
 def test_loads_by_hand():
     for scene in SCENES.values():
         assert holding_load(scene, [[0.0, -1.0]]) == pytest.approx([0.0], abs=1e-6)  # it hangs straight
@@ -149,6 +152,7 @@ def test_loads_by_hand():
     assert load == pytest.approx([0.0, 0.0, 0.5 * 9.81 / 1e-3], abs=1e-6)
 
 
+@pytest.mark.long
 @every_scene
 def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
     scene = SCENES[name]
@@ -165,6 +169,7 @@ def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
     assert holding_load(changed(name, e.Gravity(0.0)), drawn_goals(20, 6)).tolist() == [0.0] * 20
 
 
+@pytest.mark.long
 @one_short
 def test_loads_do_not_depend_on_the_grid(name, monkeypatch):
     goals = drawn_goals(24, 8)
@@ -173,6 +178,7 @@ def test_loads_do_not_depend_on_the_grid(name, monkeypatch):
     np.testing.assert_allclose(load, holding_load(SCENES[name], goals), rtol=0.0, atol=1e-3)
 
 
+@pytest.mark.long
 @one_short
 def test_a_tolerance_finds_the_best_point_near_the_goal(name):
     scene, goals = SCENES[name], drawn_goals(8, 9)
@@ -188,6 +194,7 @@ def test_a_tolerance_finds_the_best_point_near_the_goal(name):
 # ---- the expert ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("RPRPReach-v0")
 @pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
 def test_the_expert_holds_the_goals(env_id):
     outcome = run_episodes(env_id, expert_act(), 1000, seed=3_000_000)
@@ -195,6 +202,7 @@ def test_the_expert_holds_the_goals(env_id):
     assert np.median(outcome.distance) < 1e-4
 
 
+@pytest.mark.long
 @every_scene
 def test_poses_are_at_the_goal_inside_the_travel_and_the_lightest_loads_no_motor_more(name):
     scene, arm, limits = SCENES[name], SCENES[name].robot, effort_limits(SCENES[name])

@@ -100,6 +100,7 @@ def test_the_ceilings_of_a_page_are_those_of_the_study(name):
     )
 
 
+@pytest.mark.quick("Armature")
 @EVERY
 def test_the_example_of_a_page_runs_and_has_the_effect(name, capsys):
     (_, _, block), *more = blocks(page_of(name), "python")

@@ -30,6 +30,7 @@ def test_every_attribute_that_a_subclass_may_define_is_shown_once_with_its_defau
             assert str(getattr(kind, name)) == found[1].strip('"')
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [rde.Task, rde.effects.Effect])
 def test_the_example_of_a_class_runs(kind, capsys):
     exec(textwrap.dedent(section(kind, "Examples").partition("::\n")[2]), {"__name__": "__main__"})

@@ -93,6 +93,7 @@ def test_every_file_that_the_page_names_is_there():
     assert {n for n in named if not (PACKAGE / n).exists()} == set()
 
 
+@pytest.mark.long
 def test_the_way_of_a_number_has_the_functions_that_run(ran):
     way = listed()
     assert len(way) <= MOST_FILES
@@ -101,6 +102,7 @@ def test_the_way_of_a_number_has_the_functions_that_run(ran):
     assert {(file, function) for file, function in way.items() if (file, function) not in ran} == set()
 
 
+@pytest.mark.long
 def test_no_module_runs_that_is_neither_on_the_way_nor_excused(ran):
     excused = {f"{module}.py" for modules in EXCUSED.values() for module in modules.split()}
     assert {file for file, _ in ran} - {*listed()} - excused == set()

@@ -83,6 +83,7 @@ def test_figures_of_derived_equations_are_those_of_the_study():
         assert seconds == row["compile_seconds"]
 
 
+@pytest.mark.long
 def test_the_default_accuracy_is_what_every_id_has():
     stated = float(re.search(r"for the scenes of all four ids it is (\S+) m", page("accuracy"))[1])
     for env_id in IDS:

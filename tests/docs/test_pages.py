@@ -44,6 +44,7 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     assert ("print(" in block) == bool(shown)
 
 
+@pytest.mark.long
 def test_the_scene_file_of_the_page_is_a_scene(tmp_path):
     scenes = []
     for *_, block in blocks(ROOT / "docs" / "scenes.md", "yaml"):
@@ -71,6 +72,7 @@ def test_example_scenes_have_their_sentence_effects_and_picture():
         assert picture.stat().st_size < 60_000
 
 
+@pytest.mark.quick("README.md")
 @pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(ROOT)) for page in PAGES])
 def test_links_lead_to_files_and_headings(page):
     for link in re.findall(r"\]\(([^)\s]+)\)", prose(page)) + re.findall(r'src="([^"]+)"', prose(page)):

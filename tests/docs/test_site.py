@@ -56,6 +56,7 @@ def test_every_block_of_the_new_pages_runs(pages, capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.long
 def test_every_id_scene_and_method_has_its_page_or_line(pages, parts):
     import redundant_envs as rde
     from redundant_envs.numerics.tableaus import METHODS

@@ -68,6 +68,7 @@ LONG = "moving_target.md"
 """The other one has the commands of both."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", [pytest.param(p, marks=[pytest.mark.long] * (p == LONG)) for p in SAID])
 def test_a_tutorial_without_its_training(page, tmp_path):
     outputs = run_tutorial(FOLDER / page, tmp_path, without=TRAINING)

@@ -145,6 +145,7 @@ def test_a_free_mass_stays_where_it_is_while_the_base_moves():
     assert motion.work.max() > 0.1
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize("name", STARTS)
 def test_a_moving_base_is_felt_as_a_force_on_each_mass(name):
     arm, q, qd = STARTS[name]
@@ -162,6 +163,7 @@ def test_a_moving_base_is_felt_as_a_force_on_each_mass(name):
     )
 
 
+@pytest.mark.quick("4R-{'tolerance': 1e-09}")
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-9}, {"integrator": "rk8"}], ids=str)
 @pytest.mark.parametrize("name", STARTS)
 def test_on_a_base_that_falls_there_is_no_gravity(name, steps):
@@ -181,6 +183,7 @@ class Wind(e.Gravity):
     key = "wind"
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize("name", STARTS)
 def test_constant_fields_of_a_scene_add(name):
     arm, q, qd = STARTS[name]

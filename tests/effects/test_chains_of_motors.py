@@ -62,6 +62,7 @@ MOTOR, LIMITS = Converter(factor=0.25, named="motor"), EffortLimits(5.0)
 DELAY = Converter(Link.DELAY, "", named="delay", asked=False)
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
     for effects, unit in (((DELAY, MOTOR), "V"), ((DELAY, SERVO, MOTOR, LIMITS), "rad/s")):

@@ -36,6 +36,7 @@ def pair(arm, seconds, lanes=12, dt=DT, **steps):
     return (*made, rng.uniform(-4.0, 4.0, (7, lanes, count)))
 
 
+@pytest.mark.quick("0.0-4R-rk8")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP with stops"])
 @pytest.mark.parametrize("seconds", FRACTIONS)
@@ -104,6 +105,7 @@ def test_a_control_interval_chooses_how_many_commands_are_kept():
     assert len(least.states()) == 4
 
 
+@pytest.mark.quick("RRR")
 @pytest.mark.parametrize("arm", [ARMS[kind] for kind in ("RRR", "PPR")], ids=["RRR", "PPR"])
 def test_any_chain_has_delayed_commands(arm):
     delayed, bare, commands = pair(arm, 0.033, lanes=3)
@@ -147,6 +149,7 @@ def test_a_lane_is_refused_a_delay_beyond_the_longest():
             delayed.set_parameters({"command_delay.seconds": wrong})
 
 
+@pytest.mark.quick("lag")
 @pytest.mark.parametrize("behind", [e.Lag(0.03), e.DCMotor(1.0, 0.02, 0.8)], ids=["lag", "motor"])
 def test_a_state_in_closed_form_behind_a_delay_follows_the_delayed_command(behind):
     """Fixed steps hold the command of each piece, as they do for commands that are delayed by hand."""

@@ -23,6 +23,7 @@ def tip_at(batch):
     return batch.scene.robot.forward_kinematics(batch.q)[:, 0]
 
 
+@pytest.mark.quick("half-plane")
 @WITH
 def test_a_constant_force_rests_at_its_static_depth(obstacle):
     scene = rde.Scene(SLIDER, (obstacle, e.ViscousFriction(200.0)), control_dt=0.1, tolerance=1e-9)
@@ -30,6 +31,7 @@ def test_a_constant_force_rests_at_its_static_depth(obstacle):
     assert tip_at(batch)[0] - 1.0 == pytest.approx(40.0 / 5e3, rel=1e-9)
 
 
+@pytest.mark.quick("False-half-plane")
 @WITH
 @pytest.mark.parametrize("along_links", [False, True])
 def test_a_point_bounces_as_hunt_and_crossley_say(obstacle, along_links):
@@ -133,6 +135,7 @@ OBSTACLES = {
 }
 
 
+@pytest.mark.quick("disc-4R")
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 @pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
 def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
@@ -148,6 +151,7 @@ def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
     assert np.median(status.evaluations) <= 150.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
 def test_the_energy_book_closes_in_contact(obstacle):
     q, qd, efforts = near(FOUR_R, obstacle, 64, seed=4)
@@ -160,6 +164,7 @@ def test_the_energy_book_closes_in_contact(obstacle):
     assert motion.relative_error.max() < 1e-8
 
 
+@pytest.mark.long
 def test_the_potential_energy_of_a_half_plane_is_that_of_all_points_in_it():
     floor = e.HalfPlane((0.0, -0.05), stiffness=200.0, friction=0.3, along_links=True)
     scene = rde.Scene(FOUR_R, (floor,), tolerance=1e-10)
@@ -170,6 +175,7 @@ def test_the_potential_energy_of_a_half_plane_is_that_of_all_points_in_it():
     np.testing.assert_allclose(motion.potential_energy, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.quick("half-plane")
 @WITH
 def test_the_energy_book_closes_where_a_lost_contact_ends(obstacle):
     """A point leaves faster than 1/c from the start on, at a depth of 20.3 mm: all of k d^2 / 2 is lost. The
@@ -181,6 +187,7 @@ def test_the_energy_book_closes_where_a_lost_contact_ends(obstacle):
     assert motion.work[0] == pytest.approx(-0.5 * 5e3 * 0.0203**2, rel=1e-6)
 
 
+@pytest.mark.quick("-0.7-0.005-half-plane")
 @WITH
 @pytest.mark.parametrize("dt", [0.005, 0.05])
 @pytest.mark.parametrize("rate", [-0.7, -1.0, -2.0])
@@ -227,6 +234,7 @@ def test_a_number_of_a_lane_that_covers_the_base_is_refused():
         batch.set_parameters({"disc.radius": np.array([[0.1], [0.7]])})
 
 
+@pytest.mark.long
 def test_contacts_that_begin_and_end_together_are_found_together():
     """Two equal discs are one of twice the stiffness, whose guards pass 0 at the same time."""
     numbers, rng = {"centre": (0.6, 0.1), "radius": 0.25, "damping": 0.1}, np.random.default_rng(1)

@@ -79,6 +79,7 @@ def test_a_periodic_force_moves_a_cart_as_it_should(how, near):
     assert batch.qd[0, 0] == pytest.approx(speed, abs=30.0 * near)
 
 
+@pytest.mark.quick("0.0001")
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_error_control_sees_forces_that_oscillate_within_an_interval(tolerance):
     """Also at whole periods in an interval, whose mean is 0."""
@@ -101,6 +102,7 @@ def test_error_control_sees_forces_that_oscillate_within_an_interval(tolerance):
 LANES = 200_000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("control_dt", [0.005, 0.02, 0.1])
 def test_white_noise_does_not_depend_on_the_interval(control_dt):
     """The velocity of a free mass has the variance density^2 t / m^2, whatever the interval."""
@@ -123,6 +125,7 @@ def test_white_noise_at_the_tip_has_its_densities():
 # ---- Ornstein-Uhlenbeck ----------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("deviation", "time_constant", "control_dt"), [(3.0, 0.05, 0.02), (0.2, 2.0, 0.01)])
 def test_an_ornstein_uhlenbeck_force_in_ten_million_draws(deviation, time_constant, control_dt):
     """x' = x e^(-T/tau) + sigma sqrt(1 - e^(-2 T/tau)) n, from a stationary start."""
@@ -167,6 +170,7 @@ METHODS = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 @EVERY
 def test_their_work_closes_the_energy_book(robot):
     scene = rde.Scene(robot, (e.Gravity(), *ALL), tolerance=1e-10)
@@ -175,6 +179,7 @@ def test_their_work_closes_the_energy_book(robot):
     assert np.abs(motion.work).max() > 1.0
 
 
+@pytest.mark.long
 @EVERY
 def test_methods_agree(robot):
     ends = []
@@ -185,6 +190,7 @@ def test_methods_agree(robot):
         np.testing.assert_allclose(end, ends[-1], rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.long
 @EVERY
 def test_a_disturbance_does_not_change_the_draws_of_another(robot):
     one, both = (rde.BatchSimulator(rde.Scene(robot, x), 5) for x in (ALL[1:], ALL))
@@ -258,6 +264,7 @@ def test_impossible_disturbances_are_refused(what):
         kind(**given)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "how"), [(RPRP, {"tolerance": 1e-6}), (FOUR_R, {})], ids=["RPRP", "FourR"])
 def test_torques_of_zero_change_no_bit(robot, how):
     """Of a force at the tip, and of a periodic one, products join other sums: these agree to rounding."""

@@ -120,6 +120,7 @@ def all_draws(normal, count=DRAWS):
     return np.stack([*found.values()])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", MOMENTS)
 def test_the_moments_of_ten_million_draws(kind):
     x, exact = all_draws(kind == "normal"), MOMENTS[kind]
@@ -214,6 +215,7 @@ def test_a_scene_without_draws_has_no_memory_for_them():
 # ---- bits --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("4R rk8")
 @EVERY
 def test_lanes_have_the_same_bits_in_any_batch_with_any_threads_in_copies_and_snapshots(scene):
     batch = begun(scene, 21)
@@ -260,6 +262,7 @@ def played(env, steps=12, seed=3):
 ENVS = {"FourRReach-v0": (Shaken(), Hidden()), "RPRPReach-v0": (Shaken(2.0),)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("env_id", ENVS)
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
 def test_environments_have_the_same_bits_whatever_their_number_face_threads_and_autoreset(env_id, mode):
@@ -306,6 +309,7 @@ def test_a_step_that_is_undone_gives_its_draws_back():
     assert not same[[0, 2], names.index("draw_interval")].any()
 
 
+@pytest.mark.long
 def test_every_episode_draws_anew_and_a_seed_gives_it_again():
     env = gym.make("redundant_envs/FourRReach-v0", scene=scene_of("FourRReach-v0", Shaken())).unwrapped
     seen = []
@@ -329,6 +333,7 @@ def at_start(batch):
     )
 
 
+@pytest.mark.quick("4R rk8")
 @EVERY
 def test_arrays_and_single_numbers_draw_what_compiled_code_draws(scene):
     batch = begun(scene, 3)

@@ -169,6 +169,7 @@ def test_limit_spring_is_one_sided_and_continuous():
 # ---- what counts as potential energy, and what as work --------------------------------------------------
 
 
+@pytest.mark.quick("(SoftJoint(k=8.0, c=8.0),)")
 @pytest.mark.parametrize(
     "effects", [(SoftJoint(8.0, 8.0),), (e.Gravity(9.81), StiffeningSpring(8.0))], ids=str
 )

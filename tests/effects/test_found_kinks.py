@@ -140,6 +140,7 @@ def limits_reached_between_stages(q, qd, efforts, share=0.05, parts=200):
     return limits
 
 
+@pytest.mark.long
 def test_a_limit_that_is_reached_and_left_between_two_stages_is_seen():
     """With twice as many steps it may be between two of their stages, too."""
     rng, n, tolerance = np.random.default_rng(23), 2048, 1e-9

@@ -102,6 +102,7 @@ def test_a_joint_is_slowed_down_by_the_steady_friction():
     assert batch.qd[0, 0] == pytest.approx(decayed, rel=1e-8)
 
 
+@pytest.mark.quick("{'tolerance': 1e-08}")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-8}, {"integrator": "dop853"}], ids=str)
 def test_fixed_steps_agree_with_error_control(how):
     soft = e.LuGre(200.0, 2.0, 0.4, 1.0, 1.5, 0.5)
@@ -135,6 +136,7 @@ def stored_and_taken(effect, rates, h=1e-4):
     return least, taken
 
 
+@pytest.mark.long
 def test_lu_gre_friction_is_passive_with_enough_viscous_friction():
     """sigma2 >= sigma1 (F_S - F_C) / F_C (Barabanov and Ortega 2000)."""
     times = np.arange(0.0, 1.0, 1e-4)
@@ -153,6 +155,7 @@ EACH = e.QuadraticFriction(0.3), e.SmoothCoulombFriction(0.3, 0.3), e.LuGre(30.0
 STEPS = {"rk8": {"integrator": "rk8", "substeps": 8}, "1e-6": {"tolerance": 1e-6}}
 
 
+@pytest.mark.quick("quadratic_friction-4R")
 @pytest.mark.parametrize(
     ("effect", "kind", "how"),
     [
@@ -194,6 +197,7 @@ def test_wrong_numbers_are_refused(said):
     assert said in str(error.value)
 
 
+@pytest.mark.long
 def test_the_page_of_smooth_coulomb_friction_has_what_it_costs():
     """Evaluations of a control interval at a tolerance of 1e-6 m; they are the same on every machine."""
     page = (ROOT / "docs/effects/smooth_coulomb_friction.md").read_text()

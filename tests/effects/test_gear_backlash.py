@@ -25,6 +25,7 @@ def motor(effect, u, intervals, arm=WALL, rate=0.0, **how):
     return *(batch.z[0] - [0.3, 0.0]), batch.q[0, 0] - 0.3, batch.qd[0, 0]
 
 
+@pytest.mark.quick("{'tolerance': 1e-09}")
 @METHODS
 def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(how):
     contact = np.sqrt(GAP * J / U)
@@ -74,6 +75,7 @@ def test_teeth_never_pull_however_fast_they_part():
         assert teeth(lead, closing, 0.0, 0.0, 0.0, K, 1e3, *sides) == pytest.approx(torque)
 
 
+@pytest.mark.quick("{'integrator': 'rk8', 'substeps': 4}")
 @pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
 def test_the_energy_book_closes_at_the_joints(how):
     limits = e.EffortLimits((8.0, 6.0, 4.0, 2.0))

@@ -34,6 +34,7 @@ def test_the_time_of_an_impact_does_not_depend_on_the_substep_it_falls_in(integr
     assert events[0].time == pytest.approx(0.2 / speed, abs=1e-12)
 
 
+@pytest.mark.long
 def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
     arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
     made = scene(arm, lower=(-0.9, -0.9), gravity=0.0, tolerance=1e-6)
@@ -43,6 +44,7 @@ def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
     assert batch.q[0, 3] == pytest.approx(batch.q[1, 3], abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "how", [{"tolerance": 1e-9}, {"tolerance": None, "integrator": "rk4", "substeps": 3}], ids=str
 )
@@ -114,6 +116,7 @@ def judged_under_a_tolerance(made, states):
     return *judged(found, coarser, finer, 1e-7), status.numerics != 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("restitution", "control_dt", "smallest"),
     [(0.0, 0.02, -18.0), (1.0, 0.02, -18.0), (0.5, 1e-4, -18.0), (0.5, 0.02, -13.0)],
@@ -134,6 +137,7 @@ def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, cont
     assert flagged.mean() < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("travel", "restitution"), [(0.001, 0.7), (0.25, 0.0)])
 def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, restitution):
     """They start a few digits before them, are slow, and some are pulled away: no impact is made up."""
@@ -162,6 +166,7 @@ def slow_leavers():
     return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("restitution", "control_dt"), [(0.0, 0.02), (0.7, 0.1)])
 def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
     control_dt, restitution
@@ -178,6 +183,7 @@ def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other
         assert judged(end, coarser, finer, 1e-10)[0].max() <= limit
 
 
+@pytest.mark.long
 def test_an_account_that_shares_no_code_lets_slow_sliders_leave_their_stops():
     """If these rested, they would be off by 6e-6."""
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
@@ -193,6 +199,7 @@ def test_an_account_that_shares_no_code_lets_slow_sliders_leave_their_stops():
 HANGING = [-math.pi / 2, 0.3, -math.pi / 2, 0.3]
 
 
+@pytest.mark.quick("0.0")
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_every_start_at_both_stops_goes_on(restitution):
     """All signs of speed and force, down to rounding: no lane bounces without end."""
@@ -210,6 +217,7 @@ def test_every_start_at_both_stops_goes_on(restitution):
         status = batch.advance(efforts)
 
 
+@pytest.mark.long
 def test_slow_sliders_at_both_stops_come_to_rest():
     rng, n = np.random.default_rng(0), 20_000
     speeds = 10.0 ** rng.uniform(-15.0, -3.0, (n, 1)) * rng.normal(size=(n, 2))
@@ -245,11 +253,13 @@ def test_a_slider_thrown_off_its_stop_by_the_other_is_let_go_in_the_log():
 FAST = [0.3, 0.1, 0.3, 0.1], [0.0, 1e5, 0.0, 0.0]
 
 
+@pytest.mark.long
 def test_simulate_refuses_a_motion_with_too_many_impacts():
     with pytest.raises(ValueError, match=r"more than 256 impacts, or 65536 pieces, in .* at t = 0 s"):
         rde.simulate(scene(gravity=0.0, tolerance=1e-6), *FAST, [0.02, 0.04])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {}, {"tolerance": 1e-6}], ids=str)
 def test_steps_far_too_long_end_lanes_but_never_hang(kwargs):
     """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
@@ -284,6 +294,7 @@ def damped(**how):
 BETWEEN = [0.755, 0.0, 0.702, 0.42]
 
 
+@pytest.mark.quick("euler-1")
 @pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk8", 50)])
 def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integrator, substeps):
     """Every trial step ended beyond a stop, 1e7 times in an interval."""
@@ -295,6 +306,7 @@ def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integ
         np.testing.assert_array_equal(batch.q[0], BETWEEN)
 
 
+@pytest.mark.long
 def test_a_tolerance_is_not_sought_without_end():
     """16384 steps, too, are unstable here, and each may end beyond a stop many times."""
     rng = np.random.default_rng(0)

@@ -56,6 +56,7 @@ def ulp(batch, low, high):
     return 4.0 * np.spacing(size)
 
 
+@pytest.mark.quick("how0")
 @STEPS
 def test_a_link_between_two_stops_loses_the_same_share_of_its_rate_at_each(how):
     scene = rde.Scene(LINK, (e.JointStop((-0.3,), (0.4,), 0.8),), control_dt=0.02, **how)
@@ -68,6 +69,7 @@ def test_a_link_between_two_stops_loses_the_same_share_of_its_rate_at_each(how):
     assert motion.qd[-1, 0] == pytest.approx(0.8**4, rel=1e-15)
 
 
+@pytest.mark.quick("how0")
 @STEPS
 def test_a_link_pressed_onto_its_stop_rests_until_its_effort_turns(how):
     """The effort lags behind its command: it is 0 at T ln 2 after the command has turned."""
@@ -89,6 +91,7 @@ def test_a_link_pressed_onto_its_stop_rests_until_its_effort_turns(how):
     assert batch.qd[0, 0] == pytest.approx(rate, rel=1e-5 if not how else 1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 def test_no_joint_is_beyond_its_stop_and_the_energy_book_closes(name):
     scene, n = SCENES[name], 32
@@ -112,6 +115,7 @@ def test_no_joint_is_beyond_its_stop_and_the_energy_book_closes(name):
     assert (np.abs(energy(batch) - begun - batch.work) < 1e-11 * largest).all()
 
 
+@pytest.mark.long
 def test_an_impact_gives_momentum_to_its_own_joint_alone():
     """M dqd = b_j lambda, with the rate of the joint reversed: e of it."""
     scene, n = SCENES["4R"], 48
@@ -135,6 +139,7 @@ def test_an_impact_gives_momentum_to_its_own_joint_alone():
     assert np.abs(others).max() < 1e-8 * np.abs(push).max()
 
 
+@pytest.mark.long
 def test_a_joint_at_rest_on_its_stop_keeps_it_while_the_arm_moves():
     """A wrist is pressed onto its stop with 2 N m, while the shoulder swings to and fro."""
     stop = e.JointStop((None,) * 4, (None, None, None, 0.5), 0.6)
@@ -151,6 +156,7 @@ def test_a_joint_at_rest_on_its_stop_keeps_it_while_the_arm_moves():
     assert len(seen) > 900
 
 
+@pytest.mark.long
 def test_lanes_do_not_depend_on_each_other():
     scene, n = SCENES["RPRP"], 11
     rng = np.random.default_rng(4)
@@ -168,6 +174,7 @@ def test_lanes_do_not_depend_on_each_other():
     assert np.array_equal(np.concatenate([moved([7]), moved([3])]), together[[7, 3]])
 
 
+@pytest.mark.long
 def test_stops_of_sliders_alone_are_those_of_prismatic_stop():
     for effects in ((), (e.CoulombFriction(0.1),)):
         ends = [
@@ -184,6 +191,7 @@ def test_stops_of_sliders_alone_are_those_of_prismatic_stop():
         assert np.array_equal(*moved)
 
 
+@pytest.mark.long
 def test_states_beyond_a_stop_are_refused_and_starts_are_inside():
     scene = SCENES["4R"]
     batch = rde.BatchSimulator(scene, 1)

@@ -85,6 +85,7 @@ dialled = physics(lambda delay: delay)
 # ---- impulses ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("4R-Point(number=1)-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("place", [e.Point(1), e.Point(3), 0, 2], ids=str)
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
@@ -110,6 +111,7 @@ def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place
     assert abs(work) > 0.01
 
 
+@pytest.mark.quick("4R-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
@@ -139,6 +141,7 @@ def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
         assert found.work[k] == pytest.approx(work + hand.work[0] * (time < 0.02), abs=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 def test_an_impulse_of_zero_changes_no_bit(steps):
     scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0,) * 2, (0.3,) * 2, 0.5)), **steps)
@@ -150,6 +153,7 @@ def test_an_impulse_of_zero_changes_no_bit(steps):
     np.testing.assert_array_equal(found.qd, expected.qd)
 
 
+@pytest.mark.quick("0.0-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restitution):
@@ -168,6 +172,7 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
     np.testing.assert_allclose(found.q[1:, 0], expected, atol=1e-13)
 
 
+@pytest.mark.long
 def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse():
     """A slider between elastic stops that are a micrometre apart has more impacts than are allowed."""
     effects = e.PrismaticStop((0.0,), (1e-6,), 1.0), Blow(0, 0.0, 20.0)
@@ -178,6 +183,7 @@ def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse():
         assert (found.q.tolist(), found.qd.tolist(), found.z.tolist()) == ([[5e-7]], [[0.0]], [[1.0]])
 
 
+@pytest.mark.quick("{'integrator': 'rk8'}")
 @pytest.mark.parametrize("accuracy", [{"integrator": "rk8"}, {"tolerance": 1e-6}], ids=str)
 def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
     monkeypatch.setitem(e.REGISTRY, "Blow", Blow)
@@ -194,6 +200,7 @@ def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
 # ---- masses that come and go ---------------------------------------------------------------------------
 
 
+@pytest.mark.quick("4R-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, steps):
@@ -263,6 +270,7 @@ class Thrown(e.Effect):
         return (e.PointMass(e.Point(3), ".held", (state,)),)
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_a_mass_that_leaves_takes_its_energy_along_and_no_velocity_jumps(arm):
     scene = rde.Scene(arm, (e.Gravity(), Thrown()), integrator="dop853")

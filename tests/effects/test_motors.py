@@ -131,6 +131,7 @@ def test_limits_are_located_where_a_link_before_them_moves_and_cost_nothing_wher
         assert not Dynamics(rde.Scene(FOUR_R, effects)).guards
 
 
+@pytest.mark.long
 def test_limits_behind_a_motor_keep_the_tolerance_with_few_evaluations():
     """As kinks that are watched they take 3400 evaluations of such intervals."""
     rng = np.random.default_rng(1)
@@ -169,6 +170,7 @@ def test_a_motor_brakes_with_its_stall_effort_and_passes_what_is_below_its_line(
         assert (batch.qd[0, 0] - rate) / 1e-3 * INERTIA == pytest.approx(effort, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and_the_stall_effort():
     """A force turns it, so that it drives, brakes, and is faster than its free speed."""
     cases = itertools.product((0.0, 4.0, 8.0, 8.0 + 1e-9, 20.0), (-14.0, -2.0, 0.0, 2.0, 9.0), (-80.0, 80.0))
@@ -188,6 +190,7 @@ def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and
         assert np.allclose(*ends, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("before", [e.DCMotor(1.0, 0.02, 0.8), e.Lag(0.03)], ids=lambda x: x.key)
 def test_an_effort_that_moves_passes_a_line_and_limits_that_are_equal(before):
     """It rises beyond both at once, and changes its sign near the free speed."""
@@ -243,6 +246,7 @@ def test_an_armature_adds_to_the_inertia_of_its_joint():
 # ---- all of them on all arms -------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("4R-{'integrator': 'rk8', 'substeps': 4}")
 @pytest.mark.parametrize(
     ("kind", "how"),
     [

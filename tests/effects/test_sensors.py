@@ -91,6 +91,7 @@ SENSORS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("what", "env_id"),
     [*zip(SENSORS, ["FourRReach-v0", "RPRPReach-v0"] * 3, strict=True), ("all", "FourRReach-v0")],
@@ -106,6 +107,7 @@ def test_motion_reward_and_info_know_the_truth(env_id, what):
     assert np.abs(np.array(read.obs) - np.array(true.obs)).max() > 0.003
 
 
+@pytest.mark.long
 def test_goals_know_the_truth():
     true, read = (motion(made("FourRGoalReach-v0", *x)) for x in ((), SENSORS["all"]))
     for place in ("achieved_goal", "desired_goal"):
@@ -115,6 +117,7 @@ def test_goals_know_the_truth():
     assert np.abs(told - known).max() > 0.01
 
 
+@pytest.mark.quick("FourRReach-v0")
 @IDS
 def test_a_bias_that_an_episode_sets_shows_an_arm_elsewhere(env_id):
     env = made(env_id, e.SensorBias(0.0, 0.0))
@@ -124,6 +127,7 @@ def test_a_bias_that_an_episode_sets_shows_an_arm_elsewhere(env_id):
     assert_shows(env_id, env, found, positions + BIAS, rates + SPEEDS)
 
 
+@pytest.mark.long
 @IDS
 def test_steps_are_whole_and_the_nearest_ones(env_id):
     env = made(env_id, e.Quantisation((0.02, 0.05, 0.01, 0.03)))
@@ -132,6 +136,7 @@ def test_steps_are_whole_and_the_nearest_ones(env_id):
     assert_shows(env_id, env, found, steps * np.round(positions / steps), rates)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effects", "expected"),
     [
@@ -147,6 +152,7 @@ def test_sensors_act_in_the_order_of_the_scene(effects, expected):
 # ---- noise -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @IDS
 def test_noise_is_added_to_each_reading_also_at_the_start(env_id):
     env = made(env_id, e.SensorNoise((0.01, 0.02, 0.005, 0.01), 0.05))
@@ -157,6 +163,7 @@ def test_noise_is_added_to_each_reading_also_at_the_start(env_id):
     assert_shows(env_id, env, found, positions + errors[:, :4], rates + errors[:, 4:])
 
 
+@pytest.mark.long
 def test_the_noise_of_many_lanes_has_its_deviation_and_is_independent():
     deviations = np.array((0.01, 0.02, 0.005, 0.0, 0.3, 0.2, 0.1, 0.05))
     scene = made("FourRReach-v0", e.SensorNoise(tuple(deviations[:4]), tuple(deviations[4:]))).unwrapped.scene
@@ -185,6 +192,7 @@ DELAYS = {0.0: 0.0, 0.02: 1.0, 0.06: 3.0, 0.05: 2.5, 0.07: 3.5, 0.1: 5.0, 0.013:
 """Delays, s, and as many control steps of 0.02 s."""
 
 
+@pytest.mark.long
 @IDS
 @pytest.mark.parametrize("seconds", DELAYS)
 def test_a_delay_shows_what_was_on_the_line_between_readings(env_id, seconds):
@@ -199,6 +207,7 @@ def test_a_delay_shows_what_was_on_the_line_between_readings(env_id, seconds):
     assert_shows(env_id, env, found, *shown)
 
 
+@pytest.mark.long
 def test_whole_steps_show_kept_readings_bit_for_bit():
     """0.3 s are three steps of 0.1 s, though 0.3 / 0.1 is less than 3."""
     assert 0.3 / 0.1 < 3.0
@@ -230,6 +239,7 @@ def test_lanes_have_delays_of_their_own():
         env.reset(options=options)
 
 
+@pytest.mark.long
 def test_a_delay_keeps_readings_with_their_noise():
     env = made("FourRReach-v0", e.SensorNoise(0.01, 0.02), e.SensorDelay(0.06, 0.06))
     rng, core, kept = np.random.default_rng(0), env.unwrapped, []
@@ -248,6 +258,7 @@ def test_a_delay_keeps_readings_with_their_noise():
 # ---- dropped samples -------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @IDS
 def test_a_dropped_sample_shows_the_last_one_that_arrived(env_id):
     env = made(env_id, e.DroppedSamples((0.4, 0.0, 1.0, 0.5)))
@@ -265,6 +276,7 @@ def test_a_dropped_sample_shows_the_last_one_that_arrived(env_id):
     assert_shows(env_id, env, found, shown[:, :4], shown[:, 4:])
 
 
+@pytest.mark.long
 def test_samples_are_dropped_as_often_as_they_should():
     scene = made("FourRReach-v0", e.DroppedSamples(0.3)).unwrapped.scene.to_dict()
     env = gym.make_vec("redundant_envs/FourRReach-v0", 4096, scene=scene)
@@ -287,6 +299,7 @@ NOTHING = {
 }
 
 
+@pytest.mark.quick("noise-FourRReach-v0")
 @IDS
 @pytest.mark.parametrize("what", NOTHING)
 def test_sensors_without_an_error_show_the_bits_of_good_ones(env_id, what):
@@ -295,6 +308,7 @@ def test_sensors_without_an_error_show_the_bits_of_good_ones(env_id, what):
     np.testing.assert_array_equal(good.obs, other.obs)
 
 
+@pytest.mark.long
 def test_what_is_absent_has_no_memory():
     one = made("FourRReach-v0", e.SensorNoise(rate=0.1)).unwrapped
     assert [n for n in one.parameters if "sensor" in n] == ["sensor_noise.rate"]
@@ -313,6 +327,7 @@ def test_numbers_have_units():
     assert units["sensor_delay.seconds"] == "s"
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize("arm", ARMS)
 def test_every_arm_has_sensors(arm):
     scene = rde.Scene(ARMS[arm], (e.SensorBias(0.1, 0.2), *SENSORS["all"][1:]), "rk4")
@@ -346,6 +361,7 @@ def test_impossible_sensors_are_refused(what):
         kind(*given)
 
 
+@pytest.mark.long
 def test_a_sensor_keeps_at_most_1024_readings():
     longest = (MOST_KEPT - 1) * 0.001
     assert rde.Scene(FOUR_R, (e.SensorDelay(0.0, longest),), control_dt=0.001).effects[0].kept == 1024

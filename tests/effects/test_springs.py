@@ -37,6 +37,7 @@ def tips(made, *states):
 # ---- the tolerance is kept ------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arm", "stiffness", "damping"), [(FOUR_R, 5e3, 0.0), (RPRP, 1e5, 0.0), (RPRP, 2e3, 500.0)]
 )
@@ -60,6 +61,7 @@ class Silent(e.LimitSpring):
         return tuple(dataclasses.replace(hook, kink=None, damping=None) for hook in super().hooks(arm))
 
 
+@pytest.mark.long
 def test_the_tolerance_is_kept_where_a_damper_lets_go():
     """Thrown back at k / c the force of a spring ends with a kink, which some do not declare."""
     arm, tolerance = rde.FourR((0.2072, 0.1558, 0.1156, 0.0924), (0.1086, 0.1842, 0.1824, 0.1086)), 1e-6
@@ -81,6 +83,7 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
     assert np.linalg.norm(np.subtract(ends[1:], ends[0]), axis=-1).max() <= tolerance
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("travel", [1e-3, 1e-9, 1e-12])
 def test_limits_close_together_are_passed_both(travel):
     """In a step the joint goes through its travel and into the spring behind it."""
@@ -98,6 +101,7 @@ def test_limits_close_together_are_passed_both(travel):
 # ---- what it costs --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
     """It settles to rounding; no noise switches it from one law to the other and back."""
     friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
@@ -109,6 +113,7 @@ def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
     assert batch.q[0, 1] == pytest.approx(0.3 + 3.0 * 9.81 / 5e3, abs=1e-9)
 
 
+@pytest.mark.long
 def test_at_rest_exactly_at_a_limit_nothing_happens():
     made = rde.Scene(RPRP, (e.Gravity(0.0), *springs(RPRP, 5e3)), tolerance=1e-9)
     q = np.array([[0.3, 0.3, -0.2, 0.0], [0.3, 0.0, -0.2, 0.3]])
@@ -135,6 +140,7 @@ def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
 # ---- beside others --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("damping", "how"), [(35.0, {"tolerance": 1e-6}), (0.0, {"integrator": "dop853"})], ids=str
 )

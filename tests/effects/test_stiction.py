@@ -31,6 +31,7 @@ def joints_at(arm, phi):
     return np.asarray(phi) @ np.linalg.inv(arm.motor_map)
 
 
+@pytest.mark.quick("0-1e-12")
 @pytest.mark.parametrize("how", EXACT.values(), ids=EXACT)
 @pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
 def test_motions_of_another_program(case, how):
@@ -48,6 +49,7 @@ def test_motions_of_another_program(case, how):
     assert abs(energies[1] - energies[0] - batch.work)[0] < 1e-11 * largest
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dt", [0.02, 0.005, 0.001])
 @pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
@@ -67,6 +69,7 @@ def test_a_loaded_arm_below_its_limits_keeps_every_bit_for_ten_seconds(arm, how,
     assert not batch.qd.any()
 
 
+@pytest.mark.long
 def test_a_joint_that_sticks_in_a_moving_arm_stays_where_it_is():
     arm, rng = FOUR_R, np.random.default_rng(8)
     level = (0.5, HELD, 0.3, HELD)
@@ -83,12 +86,14 @@ def test_a_joint_that_sticks_in_a_moving_arm_stays_where_it_is():
     assert (moved[:, [1, 3]] <= 4.0 * np.spacing(np.abs(batch.q).max())).all()
 
 
+@pytest.mark.long
 def test_no_pose_of_an_arm_that_sticks_changes_by_rounding():
     q = np.random.default_rng(6).uniform(-10.0, 10.0, (4096, 4))
     batch, _ = advanced(rde.Scene(FOUR_R, (e.Gravity(), e.CoulombFriction(HELD))), q, 0.0 * q)
     assert np.array_equal(batch.q, q)
 
 
+@pytest.mark.long
 def test_events_of_friction_take_few_evaluations():
     """With limits of 5 % of the motors' efforts; smooth friction takes hundreds of times as many."""
     limits, rng = np.array((20.0, 12.0, 8.0, 4.0)), np.random.default_rng(9)
@@ -127,6 +132,7 @@ class JointSpring(Effect):
         return (e.Force(3, pull, bind, potential=stretched),)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", EXACT.values(), ids=EXACT)
 def test_an_oscillator_loses_the_same_way_in_each_half_cycle(how):
     k, level, inertia = 20.0, 0.7, 0.5 * 0.25**2
@@ -181,6 +187,7 @@ def test_a_joint_is_torn_loose_at_the_time_at_which_its_limit_is_passed():
     assert abs(batch.qd[0, 3] - rate) / slope < 1e-11
 
 
+@pytest.mark.quick("euler")
 @pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
 def test_modes_are_decided_for_all_joints_at_once(how):
     """From rest, each joint accelerates against its friction, or has the rate 0."""
@@ -219,6 +226,7 @@ class Stribeck(Effect):
         return tuple(Friction(k, falling, own) for k in range(len(arm.joints)))
 
 
+@pytest.mark.long
 def test_the_limit_at_rest_is_that_of_static_friction_and_errors_stay_below_a_tolerance():
     arm, rng = single().robot, np.random.default_rng(3)
     scenes = [rde.Scene(arm, (Stribeck(),), **how) for how in ({"tolerance": 1e-6}, {"integrator": "dop853"})]
@@ -259,6 +267,7 @@ def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):
     assert batch.qd[0].any()
 
 
+@pytest.mark.long
 def test_rounding_of_large_forces_neither_holds_nor_tears_loose_a_joint_in_turn():
     """The last joint balances near its limit, which is a ten-thousandth of the load."""
     level, rng, n = 1e-4, np.random.default_rng(2), 512
@@ -294,6 +303,7 @@ def still():
     return HELD
 
 
+@pytest.mark.quick("2.0-rk8")
 @pytest.mark.parametrize("how", [{}, *EXACT.values()], ids=["rk8", *EXACT])
 @pytest.mark.parametrize("rate", [2.0, -2.0])
 def test_a_joint_that_slips_loses_what_the_limit_at_its_speed_takes(rate, how):

@@ -37,6 +37,7 @@ def energy(batch, g):
     return arm.kinetic_energy(batch.q, batch.qd) + arm.potential_energy(batch.q, g)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", EXACT.values(), ids=EXACT)
 @pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
 def test_motions_of_another_program(case, how):
@@ -55,6 +56,7 @@ def test_motions_of_another_program(case, how):
     assert abs(energy(batch, g) - begun - batch.work)[0] < 1e-11 * largest
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
 def test_arms_below_their_limits_at_and_near_stops_keep_every_bit_for_ten_seconds(how):
     """Friction alone holds most joints, by 0.999 of its limits; sliders that are pressed onto a stop have a
@@ -77,6 +79,7 @@ def test_arms_below_their_limits_at_and_near_stops_keep_every_bit_for_ten_second
     assert not batch.qd.any()
 
 
+@pytest.mark.long
 def test_modes_of_all_joints_and_stops_are_decided_at_once():
     """From rest, each joint accelerates against its friction, or has the rate 0; a stop adds any force that
     pushes its slider away."""
@@ -112,6 +115,7 @@ def alone(restitution=0.5, level=1.0, **how):
     return rde.Scene(SLIDER, (e.CoulombFriction(level), stops(SLIDER, restitution)), **how)
 
 
+@pytest.mark.quick("0.5-1e-12")
 @pytest.mark.parametrize("how", EXACT.values(), ids=EXACT)
 @pytest.mark.parametrize("restitution", [0.5, 1.0])
 def test_bounces_under_friction_fade_as_they_should(restitution, how):
@@ -134,6 +138,7 @@ def test_bounces_under_friction_fade_as_they_should(restitution, how):
     assert batch.qd[0, 0] == 0.0
 
 
+@pytest.mark.quick("0.5")
 @pytest.mark.parametrize("rate", [0.5, 1e-5])
 def test_friction_that_exceeds_the_push_ends_a_bounce_where_it_is(rate):
     """Even a bounce of less than 1e-9 m, which would otherwise count as none."""
@@ -152,6 +157,7 @@ def test_an_elastic_slider_with_friction_comes_to_rest_within_the_impacts_of_an_
     assert batch.qd[0, 0] == 0.0
 
 
+@pytest.mark.long
 def test_many_turns_in_an_interval_keep_its_tolerance():
     """An elastic slider at its stop bounces 25 times, and each turn is found a little late: with a millionth
     of the step for each, the tip was off by 2.3 tolerances."""
@@ -217,6 +223,7 @@ def started(**how):
     return batch
 
 
+@pytest.mark.long
 def test_stops_walls_and_friction_go_together_and_the_energy_book_closes():
     """Fine steps without error control and dop853 agree."""
     ends = []
@@ -236,6 +243,7 @@ def test_stops_walls_and_friction_go_together_and_the_energy_book_closes():
     assert np.abs(ends[0] - ends[1]).max() < 1e-10
 
 
+@pytest.mark.long
 def test_lanes_alone_have_the_bits_of_a_batch_and_numpy_agrees():
     batch = started(tolerance=1e-6)
     efforts = np.random.default_rng(1).uniform(-5.0, 5.0, batch.q.shape)

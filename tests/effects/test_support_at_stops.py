@@ -62,6 +62,7 @@ QUICK = (0, 2, 4, 8, 3032)
 MORE = [pytest.param(seed, marks=pytest.mark.long) for seed in range(36) if seed not in QUICK]
 
 
+@pytest.mark.quick("0")
 @pytest.mark.parametrize("seed", [*QUICK, *MORE])
 def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed):
     """Whatever was known before, and as a little later."""
@@ -89,6 +90,7 @@ def test_sliders_pressed_onto_their_stops_are_supported_when_others_strike(seed)
     assert {what: np.flatnonzero(bad).tolist() for what, bad in found.items() if bad.any()} == {}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("types", "count", "restitution"), [("RPRP", 8, 0.0), ("RPRP", 8, 1.0), ("PRPRP", 12, 0.5)]
 )
@@ -103,6 +105,7 @@ def test_an_account_that_shares_no_code_supports_them_too(types, count, restitut
     assert np.abs(after - np.reshape(ends, after.shape)).max() < 1e-8
 
 
+@pytest.mark.quick("0.0")
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_it(restitution):
     """Stops that were moved hold no slider: the rest of r1 is forgotten, but it is pressed onto its stop."""
@@ -119,6 +122,7 @@ def test_a_slider_is_supported_when_a_stop_is_moved_to_another_that_moves_into_i
     assert np.abs(ends[0] - ends[1]).max() < 1e-9
 
 
+@pytest.mark.quick("0.0")
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_slider_that_nothing_presses_or_pulls_is_supported_known_to_rest_or_not(restitution):
     """A straight arm without weight: r1 has no acceleration at all until r2 is struck."""

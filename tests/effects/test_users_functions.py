@@ -154,6 +154,7 @@ W = pushing("W", h=0.7, count=0.2, j=(0.1, 0.3))
 """A short name with numbers of short names, those of fields of lanes among them."""
 
 
+@pytest.mark.quick("limit spring")
 @pytest.mark.parametrize(
     "effect", [pushing("LimitSpringJoint1", lower=0.7), TIP, W], ids=["limit spring", "tip", "short"]
 )

@@ -33,6 +33,7 @@ def motion(scene, start):
     return found
 
 
+@pytest.mark.quick("CentringSpring-one rk8 step")
 @pytest.mark.parametrize("how", HOW.values(), ids=HOW)
 @pytest.mark.parametrize("name", ENTRIES)
 def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magnitude(name, how):

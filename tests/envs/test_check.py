@@ -116,6 +116,7 @@ SB3 = [
 ]
 
 
+@pytest.mark.quick("rules0-spaces-next_step-spoils0")
 @pytest.mark.parametrize(
     ("rules", "rule", "mode", "spoils"),
     [

@@ -49,6 +49,7 @@ def test_an_effect_is_compared_with_the_bare_arm_and_one_of_the_bare_arm_with_th
     assert cost.alone(bare, moon)[0].effects == (moon, *bare.effects[1:])
 
 
+@pytest.mark.long
 def test_scenes_are_compared_without_their_ranges_some_of_which_are_of_effects_that_are_left_out():
     ranges = {"payload.mass": {"uniform": [0, 1]}, "gravity.g": {"uniform": [9, 10]}}
     ranges["sensor_bias.position"] = {"uniform": [0, 0.1]}
@@ -88,6 +89,7 @@ def test_motors_without_limits_take_the_commands_of_the_scene_beside_them():
     assert [x.tolist() for x in cost.limits_of(none)] == [[0.0] * 4] * 2
 
 
+@pytest.mark.long
 def test_the_table_has_every_scene_at_both_accuracies(capsys):
     scene = rde.Scene(FOUR_R, (*BARE.effects, FIRST))
     rows = cost.costs(cost.parts(scene), lanes=8, turns=2, seconds=1e-9)
@@ -107,6 +109,7 @@ def test_the_table_has_every_scene_at_both_accuracies(capsys):
     assert "cost 1/" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_table_counts_what_the_motion_needs_and_no_task():
     bill = rde.bill(rde.Scene(RPRP, (GRAVITY, stops(RPRP), LIMITS), "rk8"))
     total = [
@@ -115,6 +118,7 @@ def test_the_table_counts_what_the_motion_needs_and_no_task():
     assert cost.price(rde.Scene(RPRP, (GRAVITY, stops(RPRP), LIMITS), "rk8")) == (sum(total[:-1]), total[-1])
 
 
+@pytest.mark.long
 def test_readings_of_sensors_are_timed_where_an_environment_can_have_them():
     read = cost.Readings.of(rde.Scene(FOUR_R, (*BARE.effects, Shifted())), 8)
     assert [len(core.scene.effects) for core in read.cores] == [4, 3]

@@ -157,6 +157,7 @@ def check_episode(env, options):
         assert np.isfinite(flat([obs, reward, info["distance"]])).all(), options
 
 
+@pytest.mark.long
 @quiet
 @pytest.mark.parametrize("env_id", [ID, "redundant_envs/FourRGoalReach-v0"])
 def test_parameters_and_starts_of_every_size(env_id):
@@ -174,6 +175,7 @@ def test_parameters_and_starts_of_every_size(env_id):
                 check_episode(env, {name: [size if i == k else 0.05 for i in range(width)]})
 
 
+@pytest.mark.long
 @quiet
 @pytest.mark.parametrize(("env_id", "lengths"), [(ID, 2), (FOUR_R, 4)])
 def test_masses_and_lengths_of_every_allowed_size_together(env_id, lengths):

@@ -67,6 +67,7 @@ def test_scenes_with_effects_are_drawn_on_all_faces(kind):
 # ---- the window ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_window_opens_without_a_warning_and_shows_every_step(goal_id, monkeypatch):
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     shown, show = [], Window.show
@@ -99,6 +100,7 @@ def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
 # ---- trails --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_trail_has_the_tip_of_every_step_however_seldom_it_is_rendered(goal_id):
     often, seldom = drawn(goal_id), drawn(goal_id)
     tips = [often.tip]
@@ -237,6 +239,7 @@ def still(arm, shape=(), effects=()):
     return Trajectory(t, q, 0 * q, zero, zero, zero, 0 * q, rde.Scene(arm, effects))
 
 
+@pytest.mark.long
 def test_files_and_notebooks_show_the_motion_in_real_time(tmp_path):
     scene = rde.Scene(ARMS["4R"], control_dt=0.02)
     moving = rde.animate(rde.simulate(scene, np.full(4, 0.3), np.ones(4), np.linspace(0.0, 0.2, 11)))
@@ -296,6 +299,7 @@ def test_what_cannot_be_drawn_is_refused():
 # ---- energies of a motion ------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["rprp_limit_springs", "rprp_report_spring"])
 def test_energies_of_a_run_and_their_figures(name):
     """The command ``simulate`` writes those of all presets; ``tests/test_cli.py`` reads them."""
@@ -315,6 +319,7 @@ def test_energies_of_a_run_and_their_figures(name):
     is_picture(rde.animate(run).frame(-1))
 
 
+@pytest.mark.long
 def test_balance_closes_where_energy_is_lost():
     scene = dataclasses.replace(rde.load_scene("rprp_reach"), substeps=20, tolerance=None)
     run = energy.energy_run(scene, 0.5, (0.5, 0.1, 0.0, 0.1))

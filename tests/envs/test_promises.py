@@ -16,6 +16,7 @@ from redundant_envs.envs.core import AHEAD
 from redundant_envs.envs.face import observation_of
 
 
+@pytest.mark.quick("single-deepcopy-unused-redundant_envs/RPRPGoalReach-v0")
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPGoalReach-v0", FOUR_R])
 @pytest.mark.parametrize("steps", [None, 0, 2, STEPS], ids=["unused", "reset", "in an episode", "at its end"])
 def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
@@ -97,6 +98,7 @@ def test_copies_within_what_stable_baselines3_copies():
     assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
 
 
+@pytest.mark.long
 def test_copies_and_new_environments_in_spawned_workers_equal_those_here():
     def make():
         import redundant_envs  # noqa: F401  # a worker knows the ids only then
@@ -159,6 +161,7 @@ def test_sb3_equals_a_vector_in_the_same_step(plain_id):
             assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
 
 
+@pytest.mark.long
 def test_final_info_of_lanes_that_did_not_end_is_zero(env_id):
     env = made("same_step", env_id, 16, max_episode_steps=6)
     env.reset(seed=0)

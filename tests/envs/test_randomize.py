@@ -78,6 +78,7 @@ def assert_uniform(shares, most=4.0):
     assert np.abs(order - (np.arange(n) + 0.5) / n).max() < 2.0 / np.sqrt(n)
 
 
+@pytest.mark.long
 def test_uniform_factors_are_uniform_and_those_of_the_entries_independent(many):
     factors = many["lengths"] / 0.25
     assert factors.min() >= 0.9 - 1e-15
@@ -154,6 +155,7 @@ def test_a_range_changes_no_other_draw_neither_starts_nor_goals():
     np.testing.assert_array_equal(one.goal, none.goal)
 
 
+@pytest.mark.quick("redundant_envs/FourRReach-v0-four_r_reach-numbers0")
 @pytest.mark.parametrize(("env_id", "name", "numbers"), [
     (FOUR_R, "four_r_reach", RANGES), (ID, "rprp_reach", STOPS), (GOAL, "four_r_reach", OF_GOALS),
 ])  # fmt: skip
@@ -200,6 +202,7 @@ def test_a_neighbour_that_options_reset_changes_no_bit_of_a_lane():
         np.testing.assert_array_equal(one.q[lane], other.q[lane])
 
 
+@pytest.mark.long
 def test_what_follows_from_drawn_numbers_has_the_bits_of_numbers_that_options_set():
     """Here also what bounds the mobility of the joints of a chain, with sums of products."""
     numbers = {name: {"scale": {"uniform": [0.5, 2.0]}} for name in ("masses", "lengths")}
@@ -270,6 +273,7 @@ def test_randomize_is_true_or_false(kind, given):
         made(kind, FOUR_R, scene=scene(), randomize=given)
 
 
+@pytest.mark.long
 def test_a_start_or_goal_of_options_has_to_be_possible_with_all_that_may_be_drawn():
     env = running("next_step", scene=scene(STOPS, "rprp_reach"))
     refused(env, lambda env: begin(env, {"q": (0.0, 0.25, 0.0, 0.1)}), "stops are at 0.05 and 0.2 m")
@@ -329,6 +333,7 @@ def test_info_has_what_the_episode_has_drawn(kind):
 OBSERVED = ("gravity.g", "masses", "hold_steps", "effort_limits.limits", "viscous_friction.coefficients[2]")
 
 
+@pytest.mark.long
 def test_observations_end_with_the_numbers_that_are_asked_for(kind):
     env = made(kind, FOUR_R, scene=scene(), observe_parameters=OBSERVED, max_episode_steps=3)
     face, plain = getattr(env, "unwrapped", env), made(kind, FOUR_R, scene=scene(), max_episode_steps=3)
@@ -357,6 +362,7 @@ def test_observations_end_with_the_numbers_that_are_asked_for(kind):
         assert env.observation_space.contains(observation) or kind == "sb3"
 
 
+@pytest.mark.long
 def test_fixed_numbers_are_observed_too_and_spaces_do_not_depend_on_whether_ranges_are_drawn():
     drawn_or_not = [
         made("single", FOUR_R, scene=scene(), randomize=r, observe_parameters=OBSERVED) for r in (True, False)
@@ -441,6 +447,7 @@ def test_ranges_that_the_task_of_an_environment_refuses(kind, name):
 # ---- copies, states, specs, files ------------------------------------------------------------------------
 
 
+@pytest.mark.quick("single-deepcopy")
 def test_copies_go_on_to_the_same_bits(kind, way):
     env = made(kind, FOUR_R, scene=scene(), observe_parameters=OBSERVED, max_episode_steps=4)
     begin(env, {"parameters": {"hold_steps": 4}}, seed=3)
@@ -461,6 +468,7 @@ def test_a_state_brings_back_numbers_ranges_and_what_options_fixed(kind):
     assert (env.parameters["hold_steps"].value == 4.0).all()
 
 
+@pytest.mark.long
 def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():
     env = running("next_step", FOUR_R, 8, scene=scene({"gravity.g": RANGES["gravity.g"]}))
     begin(env, {"parameters": {"gravity.g": 9.5}}, seed=3)
@@ -469,6 +477,7 @@ def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():
     assert len(np.unique(env.parameters["gravity.g"].value)) == 8
 
 
+@pytest.mark.long
 def test_a_state_with_another_range_is_refused():
     env = running("next_step", FOUR_R, scene=scene())
     other = running("next_step", FOUR_R, scene=scene({**RANGES, "gravity.g": {"uniform": [9, 10]}}))
@@ -492,6 +501,7 @@ def test_a_spec_is_json_and_makes_the_same_environment(tmp_path):
     assert_same_bits([env.reset(seed=4)[0]], [of_file.reset(seed=4)[0]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["next_step", "sb3"])
 def test_the_checker_of_vectors_finds_nothing(kind):
     rde.check_vec_env(made(kind, FOUR_R, scene=scene(), observe_parameters=("gravity.g", "masses")))

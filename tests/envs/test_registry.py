@@ -20,6 +20,7 @@ import redundant_envs as rde
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 
 
+@pytest.mark.quick("redundant_envs/RPRPReach-v0")
 def test_checkers_pass_without_a_warning(env_id):
     """Those of vectors are a promise of ``verify``, which test_properties.py holds every id to."""
     with warnings.catch_warnings():
@@ -34,6 +35,7 @@ def test_checkers_pass_without_a_warning(env_id):
     assert modes == [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
+@pytest.mark.quick("redundant_envs/RPRPReach-v0")
 def test_specs_are_json_and_make_the_same_environment(env_id):
     data = rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
     env = gym.make(env_id, scene=data | {"control_dt": 0.01})
@@ -51,6 +53,7 @@ HEAVY = ("torch", "matplotlib", "pygame", "sympy", "scipy", "stable_baselines3")
 MADE = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"
 
 
+@pytest.mark.long
 def test_the_ids_are_those_promised_and_importing_and_drawing_import_nothing_heavy():
     tell = "print(*(name for name in sys.modules if '.' not in name))"
     code = f"import sys, gymnasium, redundant_envs\n{tell}\n{MADE}\n{tell}\n"

@@ -1,6 +1,5 @@
 """Environments of stable-baselines3: attributes, options, episodes that a monitor counts, learners."""
 
-
 import numpy as np
 import pytest
 from faces import FOUR_R, ID, STEPS, actions, begin, made, motion, running

@@ -33,6 +33,7 @@ def assert_inside(positions, lower, upper):
     assert np.ptp((positions - lower) / (upper - lower)) > 0.9
 
 
+@pytest.mark.long
 def test_starts_of_every_episode_follow_limits_that_a_lane_moved():
     scene = limited(FOUR_R, ("joint1", -6.0, 6.0), ("joint3", -1.0, 1.0))
     env = made("same_step", FOUR_R, LANES, max_episode_steps=2, scene=scene)
@@ -50,6 +51,7 @@ def test_starts_of_every_episode_follow_limits_that_a_lane_moved():
             assert not infos["numerics"].any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("env_id", "springs", "stop", "expected"),
     [
@@ -71,6 +73,7 @@ def test_starts_lie_in_springs_and_stops_even_where_the_usual_range_does_not(env
         assert env.core.start_ranges()[k] == pytest.approx((lower, upper))
 
 
+@pytest.mark.long
 def test_a_start_beyond_a_spring_is_allowed_and_shown():
     env = made("single", FOUR_R, scene=limited(FOUR_R, ("joint1", -1.0, 1.0), ("joint3", -0.5, 2.0)))
     q = (1.25, 1.5, 1.5, 1.5)

@@ -68,6 +68,7 @@ def test_options_set_everything_exactly(goal_id):
     np.testing.assert_array_equal(read, (1, 2, 3, 4, 1.6, 0.25 if "RPRP" in goal_id else 0.75))
 
 
+@pytest.mark.long
 def test_observation_and_reward_are_continuous_across_half_turns(plain_id):
     rows = []
     for sign in (-1.0, 1.0):
@@ -92,6 +93,7 @@ def test_the_observation_of_a_goal_environment_holds_nothing_of_the_goal(goal_id
         assert (one["desired_goal"] != other["desired_goal"]).any()
 
 
+@pytest.mark.quick("redundant_envs/RPRPReach-v0")
 def test_hold_success_needs_ten_slow_steps_at_the_goal(plain_id):
     slow, fast, short = (
         [env.step(ZERO)[4] for _ in range(12)]
@@ -134,6 +136,7 @@ def test_every_reward_term_lies_between_nothing_and_its_weight(plain_id):
         assert (sum(terms.values()) <= 1.0).all()
 
 
+@pytest.mark.long
 def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
     """The reward is exactly compute_reward, of a pair or of many, as hindsight replay calls it."""
     env = made("next_step", goal_id, 8, info_keys="all")
@@ -212,6 +215,7 @@ def test_accuracy_chooses_the_tolerance():
     assert 12 * 20 <= evaluations[0] < evaluations[1] < evaluations[2]
 
 
+@pytest.mark.quick("single")
 def test_a_scene_that_says_nothing_is_standard_and_one_that_does_is_kept(face):
     data = rde.load_scene("four_r_reach").to_dict()
     bare = {k: v for k, v in data.items() if k not in ("integrator", "substeps", "tolerance")}

@@ -252,6 +252,7 @@ LIVING = [
 ]
 
 
+@pytest.mark.quick("an action with a NaN or an infinity-next_step")
 @pytest.mark.parametrize("kind", ["next_step", "sb3"])
 @pytest.mark.parametrize("what", LIVING)
 def test_a_neighbour_of_trouble_goes_on_with_the_same_bits(what, kind):

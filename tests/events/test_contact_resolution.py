@@ -100,6 +100,7 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
     assert len(seen) == 2**count
 
 
+@pytest.mark.quick("one slider")
 @SLIDERS
 def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     """Sliders that stay are decided together; they do not move, and sliders that no stop presses are

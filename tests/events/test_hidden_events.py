@@ -46,6 +46,7 @@ def advanced(scene, q, qd, efforts):
     return np.concatenate([batch.q, batch.qd], axis=1), status
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-6, None])
 def test_events_undone_within_the_interval_are_found(tolerance):
     (fine, known), (coarse, found) = (
@@ -60,6 +61,7 @@ def test_events_undone_within_the_interval_are_found(tolerance):
 MANY_IMPACTS = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("family", "count", "seed", "judged", "flagged"),
     [
@@ -87,6 +89,7 @@ def test_a_slider_that_leaves_a_single_stop_at_zero_may_come_back_to_it(side):
     assert beyond[0 if side > 0.0 else 1] > 0.0
 
 
+@pytest.mark.long
 def test_what_is_not_near_a_stop_does_not_meet_one():
     rng = np.random.default_rng(6)
     overshoot = crossings.Overshoot(between=0.1, at_ends=0.01)
@@ -124,6 +127,7 @@ def random_states(count, seed=1):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
+@pytest.mark.long
 def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
     q, qd, efforts = random_states(2000)
     q[::7, 1] = 0.1
@@ -135,6 +139,7 @@ def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
     assert pieces.mean() < 1.15  # with a last piece that had to be straight it was 1.6
 
 
+@pytest.mark.long
 def test_the_common_step_is_the_first_trial_step_where_a_slider_rests_too():
     batch, pieces = resting(500), []
     for _ in range(12):
@@ -146,6 +151,7 @@ def test_the_common_step_is_the_first_trial_step_where_a_slider_rests_too():
     assert np.mean(pieces) < 1.15  # when it was thrown away there it was 2.0
 
 
+@pytest.mark.long
 def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
     family = StopFamily(
         control_dt=0.05, effort=50.78106734486679, travel=0.08798962107726063, restitution=0.9, g=0.0,
@@ -160,6 +166,7 @@ def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
     assert ((error <= family.tolerance) | (status.numerics != 0)).all()
 
 
+@pytest.mark.quick("a joint slips, sticks again, and slips the other way")
 @pytest.mark.parametrize("found", BEYOND, ids=lambda found: found["what"])
 def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
     family = next(family for family in FAMILIES if family.name == found["family"])
@@ -203,6 +210,7 @@ def test_the_last_piece_to_a_stop_is_short_and_alone(time, acceleration, other, 
         assert [position == 0.25 for position in piece.positions] == arrived
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", [{"tolerance": 1e-12}, {"integrator": "dop853"}], ids=str)
 def test_motions_behind_an_impact_are_as_exact_as_those_of_shorter_last_pieces(how):
     """Of the hundredth of a step of 20 ms; a last piece of first order would leave 1e-9 m/s."""
@@ -213,6 +221,7 @@ def test_motions_behind_an_impact_are_as_exact_as_those_of_shorter_last_pieces(h
     assert np.quantile(np.abs(got - fine)[once].max(axis=1), 0.99) < 2e-12
 
 
+@pytest.mark.quick("{'integrator': 'euler'}-10-100")
 @pytest.mark.parametrize(
     ("kwargs", "mean", "most"),
     [({"integrator": "euler"}, 10, 100), ({}, 250, 3000),
@@ -249,6 +258,7 @@ def resting(count, push=(0.0, -30.0, 0.0, -30.0), **kwargs):
 PULLS = [(0.0, 60.0, 0.0, -30.0), (0.0, -60.0, 0.0, 40.0), (0.0, 60.0, 0.0, 40.0)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pull", PULLS, ids=str)
 def test_sliders_that_an_effort_lets_go_take_the_common_step_alone_and_are_logged(pull):
     batch, fine = resting(9), resting(9, substeps=32)
@@ -265,6 +275,7 @@ def test_sliders_that_an_effort_lets_go_take_the_common_step_alone_and_are_logge
     np.testing.assert_allclose(trajectory.q[-1], batch.q[0], rtol=0, atol=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kwargs", [{"tolerance": 1e-6}, {"integrator": "rk4", "control_dt": 0.1}], ids=str)
 def test_one_that_is_let_go_and_comes_back_in_the_same_step_is_not_beyond_its_stop(kwargs):
     rng, count = np.random.default_rng(8), 2000

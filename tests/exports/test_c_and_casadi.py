@@ -65,6 +65,7 @@ def called(function, *state):
     return list(result)
 
 
+@pytest.mark.long
 @NEEDS_C
 def test_c_has_the_accelerations_of_every_scene_and_compiles_without_a_warning(tmp_path):
     scenes = smooth_catalogue()
@@ -110,6 +111,7 @@ def ca():
     )
 
 
+@pytest.mark.long
 def test_casadi_has_the_accelerations_of_every_scene(ca, tmp_path):
     for name, scene in smooth_catalogue().items():
         write(scene, "casadi", tmp_path / "arm.casadi")
@@ -123,6 +125,7 @@ def test_casadi_has_the_accelerations_of_every_scene(ca, tmp_path):
             assert difference(found, ours(scene, *state)) < 1e-12, name
 
 
+@pytest.mark.long
 def test_casadi_finds_mass_matrix_and_bias_forces_to_the_last_bit(ca):
     from redundant_envs.exports.casadi import casadi_function
 

@@ -39,6 +39,7 @@ def exact_effects(arm, form):
     return tuple(made)
 
 
+@pytest.mark.quick("0-mjcf")
 @pytest.mark.parametrize("form", ["mjcf", "urdf"])
 @pytest.mark.parametrize("seed", range(3))
 def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
@@ -104,6 +105,7 @@ def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refuse
 EXACT = {"Gravity", "ViscousFriction", "EffortLimits", "CentringSpring", "Payload", "LinkInertia", "Armature"}
 
 
+@pytest.mark.quick("mjcf")
 @pytest.mark.parametrize("form", ["mjcf", "urdf"])
 def test_what_has_no_exact_counterpart_is_refused_by_name_and_noted_if_it_is_allowed(form):
     exact = EXACT - ({"CentringSpring", "Armature"} if form == "urdf" else set())
@@ -142,6 +144,7 @@ def test_limits_behind_what_is_left_out_stay_limits():
         np.testing.assert_array_equal(model.actuator_gear[:, 0], [4.0, 3.0, 2.0, 1.0])
 
 
+@pytest.mark.quick("4R free euler")
 @on("*")
 def test_every_scene_is_written_or_refused_in_one_sentence(scene):
     for form in ("mjcf", "urdf"):
@@ -225,6 +228,7 @@ def test_of_two_ends_of_a_travel_the_nearer_one_is_written():
         np.testing.assert_array_equal(model.jnt_range[1], [0.05, 0.2])
 
 
+@pytest.mark.quick("0.001")
 @pytest.mark.parametrize("control_dt", [0.001, 0.02, 1.0])
 def test_soft_ends_hold_a_pushed_slider(control_dt):
     effects = (e.PrismaticStop((0.0, 0.0), (0.25, 0.25)), e.ViscousFriction(0.2), e.EffortLimits(16.0))

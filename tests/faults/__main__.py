@@ -1,5 +1,9 @@
-"""Bring mended faults back, in a copy, and run the test of each: ``python -m tests.faults [PART ...]``."""
+"""Bring mended faults back, in a copy, and run the test of each: ``python -m tests.faults [PART ...]``.
 
+``--list`` writes the faults whose tests are long into docs/mutation.md, and brings none back.
+"""
+
+import ast
 import os
 import re
 import shutil
@@ -42,11 +46,38 @@ def faults() -> list[Fault]:
     return [Fault(**entry) for entry in yaml.safe_load(Path(__file__).with_name("faults.yaml").read_bytes())]
 
 
-def outcome(tests: Sequence[str], copy: Path, kernels: str = KERNELS) -> str:
+PAGE = ROOT / "docs" / "mutation.md"
+HEAD, TAIL = "<!-- faults that make test does not see -->\n", "<!-- end -->\n"
+MOST_UNSEEN = 0.2
+"""Share of the faults that only ``make test-long`` may see."""
+
+
+def is_long(test: str) -> bool:
+    """Whether only ``make test-long`` runs a test, as its marks say."""
+    path, name, row = re.match(r"(.*?)::(\w+)(?:\[(.*)\])?$", test).groups()
+    body = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+    marks = [ast.unparse(x.value) for x in body if ast.unparse(x).startswith("pytestmark = ")]
+    (found,) = (x for x in body if isinstance(x, ast.FunctionDef) and x.name == name)
+    for mark in found.decorator_list:
+        if row and isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.quick":
+            return row not in [ast.literal_eval(x) for x in mark.args]
+        marks.append(ast.unparse(mark))
+    return "pytest.mark.long" in marks
+
+
+def listed() -> str:
+    """The page's list of faults whose tests are long."""
+    found = faults()
+    unseen = [fault for fault in found if is_long(fault.test)]
+    head = f"{len(unseen)} of {len(found)} mended faults:\n\n"
+    return head + "".join(f"* {fault.name} (`{fault.test}`)\n" for fault in unseen)
+
+
+def outcome(tests: Sequence[str], copy: Path, kernels: str = KERNELS, mark: str = "not long") -> str:
     """The outcome of tests in a copy of the tree: green, red, or what else happened."""
     paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": kernels}
     options = ["-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-    command = [sys.executable, *options, "-m", "not long", *tests]
+    command = [sys.executable, *options, "-m", mark, *tests]
     try:
         done = subprocess.run(command, cwd=copy, env=os.environ | paths, capture_output=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:
@@ -69,17 +100,22 @@ def in_copies(what: str, items: Sequence[T], workers: int, do: Callable[[T, Path
 
 
 def main(parts: list[str]) -> int:
+    if parts == ["--list"]:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(HEAD)
+        PAGE.write_text(before + HEAD + listed() + TAIL + rest.partition(TAIL)[2], encoding="utf-8")
+        return 0
     chosen = [fault for fault in faults() if not parts or any(part in fault.name for part in parts)]
-    green = outcome([fault.test for fault in chosen], ROOT) == "green"  # quicker than one by one
+    green = outcome([fault.test for fault in chosen], ROOT, mark="") == "green"  # quicker than one by one
     outcomes: dict[Fault, str] = {}
 
     def seen(fault: Fault, copy: Path) -> str:
-        found = "green" if green else outcome([fault.test], copy)
+        mark = "" if is_long(fault.test) else "not long"
+        found = "green" if green else outcome([fault.test], copy, mark=mark)
         if found == "green":
             path = copy / fault.file
             whole = path.read_text(encoding="utf-8")
             path.write_text(fault.brought_back(whole), encoding="utf-8")
-            found = outcome([fault.test], copy)
+            found = outcome([fault.test], copy, mark=mark)
             path.write_text(whole, encoding="utf-8")
             outcomes[fault] = "red" if found == "red" else f"NOT SEEN, as its test is {found}"
         else:

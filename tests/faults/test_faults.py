@@ -7,7 +7,7 @@ import pytest
 
 from tests.mutation import __main__ as mutation
 
-from .__main__ import ROOT, faults
+from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, faults, is_long, listed
 
 FAULTS = faults()
 
@@ -27,6 +27,13 @@ def test_a_fault_can_be_brought_back_and_has_a_test(fault):
     path, function = re.match(r"(tests/.*\.py)::(\w+)(\[.*\])?$", fault.test).group(1, 2)
     tests = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
     assert function in {test.name for test in tests if isinstance(test, ast.FunctionDef)}
+
+
+def test_make_test_sees_most_faults_and_the_page_lists_the_others():
+    unseen = [fault.name for fault in FAULTS if is_long(fault.test)]
+    assert len(unseen) <= MOST_UNSEEN * len(FAULTS)
+    page = PAGE.read_text(encoding="utf-8")
+    assert f"{HEAD}{listed()}{TAIL}" in page, "renew it: python -m tests.faults --list"
 
 
 def test_mutants_are_drawn_from_modules_and_seen_by_tests_that_there_are():

@@ -30,6 +30,7 @@ def kernels_of_its_own(monkeypatch):
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
     tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT, lambda *_: None)
@@ -38,6 +39,7 @@ def test_cases_of_a_fixed_seed():
     assert tally["intervals"] > 100
 
 
+@pytest.mark.long
 def test_the_command_counts_what_it_did(tmp_path):
     command = [sys.executable, "-m", "tests.fuzz", "--minutes", "0", "--seed", "1", "--out", tmp_path]
     subprocess.run(command, cwd=HERE.parents[1], check=True, capture_output=True)
@@ -53,6 +55,7 @@ LONG = {
 """Failures whose kernels take long to compile."""
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 @pytest.mark.parametrize(
     "path",
@@ -78,6 +81,7 @@ FACES = {
 }
 
 
+@pytest.mark.quick("simulator-0", "env-0", "sb3-0", "next_step-0")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("face", FACES)
 def test_no_order_of_calls_breaks_a_promise(face, seed):
@@ -97,6 +101,7 @@ def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
     assert drawn(4, 0) != drawn(3, 0)
 
 
+@pytest.mark.long
 def test_every_effect_and_every_way_to_step_is_drawn():
     rng = np.random.default_rng(0)
     scenes = [drawn_scene(rng) for _ in range(120)]

@@ -16,6 +16,8 @@ from .cases import plain, with_lanes
 from .drawing_calls import step
 from .invariants import GIVEN_UP, SHORT, violations
 
+pytestmark = pytest.mark.long
+
 LANES = 10
 RNG = np.random.default_rng(0)
 SCENE = {**rde.load_scene("rprp_reach").to_dict(), "tolerance": 1e-7}

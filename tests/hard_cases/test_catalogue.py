@@ -25,6 +25,7 @@ OF_THE_INTERFACE = {"16", "17", "30", "47"}
 TEXT = page.PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("case", "variant"), PAIRS)
 def test_a_naive_variant_fails_its_case(case, variant):
     with np.errstate(all="ignore"):
@@ -79,6 +80,7 @@ def test_this_package_keeps_every_promise_of_the_page_and_each_variant_misses_on
             assert name not in ("this package", *names) or bold == (name != "this package"), (part[:40], name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "number",
     [pytest.param(n, marks=pytest.mark.long) if n == "23" else n for n in page.PICTURES],  # takes 5 s

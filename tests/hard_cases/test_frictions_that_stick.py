@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -21,6 +22,7 @@ def dry(levels, **how):
     return rde.Scene(m.LAB, (e.CoulombFriction(tuple(levels)),), **how)
 
 
+@pytest.mark.long
 @hard_case
 def test_33_true_stiction(subject):
     for dt in (0.02, 0.005, 0.001):

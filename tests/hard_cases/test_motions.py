@@ -2,6 +2,7 @@
 
 import gymnasium as gym
 import numpy as np
+import pytest
 from refusals import refusal
 
 import redundant_envs as rde
@@ -138,6 +139,7 @@ def test_10_a_polar_fly_by_is_a_straight_line(subject):
         yield at_most(f"passing at {b:g} m flagged intervals", motion.numerics[0], 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_44_the_tolerance_is_kept_with_nearly_vanishing_links(subject):
     arm, tolerance = rde.FourR((1.0,) * 4, (1.0, 1e-5, 1.0, 1e-5)), 1e-6
@@ -234,6 +236,7 @@ def test_14_the_upright_arm_stands(subject):
     yield at_most("the number of lanes that differ from the first", differing.sum(), 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_15_bang_bang_efforts_lose_no_lane(subject):
     lanes, intervals = 200, 200
@@ -265,6 +268,7 @@ def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
     yield at_most("the largest return of those ends", most, 1e-9)
 
 
+@pytest.mark.long
 @hard_case
 def test_20_a_long_spin_keeps_its_angle(subject):
     scene = rde.Scene(m.LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
@@ -279,6 +283,7 @@ def test_20_a_long_spin_keeps_its_angle(subject):
     yield at_most("at 100.2 rad/s, whose sums are rounded, the angle", off, 1.2e-10, "of itself off")
 
 
+@pytest.mark.long
 @hard_case
 def test_21_energy_drifts_as_the_method_does(subject):
     q = np.random.default_rng(21).uniform(-np.pi, np.pi, (8, 4))
@@ -292,6 +297,7 @@ def test_21_energy_drifts_as_the_method_does(subject):
         yield at_most(what, np.median(off), bound, "J off")
 
 
+@pytest.mark.long
 @hard_case
 def test_22_the_time_is_a_product(subject):
     instants = subject.instants(10000, 1e-3)

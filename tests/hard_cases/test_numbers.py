@@ -5,6 +5,7 @@ from functools import partial
 
 import gymnasium as gym
 import numpy as np
+import pytest
 from held_command import HeldCommand
 from refusals import refusal
 
@@ -17,6 +18,7 @@ from .hard_case import at_least, at_most, hard_case
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 
 
+@pytest.mark.long
 @hard_case
 def test_16_actions_of_any_size(subject):
     huge = np.array([1e6, -1e300, 0.5, -1.0])
@@ -75,6 +77,7 @@ def test_19_large_angles_are_exact_or_refused(subject):
     yield at_least("the number of starts beyond 1e6 rad that environments refuse", refused, 2)
 
 
+@pytest.mark.long
 @hard_case
 def test_39_crossing_pi_is_continuous(subject):
     spring = e.LimitSpring("joint2", -2.0, 2.0, 500.0)
@@ -104,6 +107,7 @@ def test_40_energy_with_unequal_numbers(subject):
         yield at_most(f"{arm.kind}: the energy within 1 s", m.energy_error(scene, motion), 1e-10, "J off")
 
 
+@pytest.mark.long
 @hard_case
 def test_41_numbers_at_the_ends_of_their_ranges(subject):
     q, qd = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
@@ -141,6 +145,7 @@ def book(arm, batch):
     return float(arm.kinetic_energy(batch.q, batch.qd)[0] + arm.potential_energy(batch.q)[0])
 
 
+@pytest.mark.long
 @hard_case
 def test_46_starts_at_and_beyond_limits(subject):
     ends, rates, forces = [(0.0, 0.3)] * 2, [(-1.0, -1e-15, 0.0, 1e-12)] * 2, [(-30.0, 0.0, 30.0)] * 2
@@ -179,6 +184,7 @@ def random_states(count, seed):
     return q, rng.normal(0, 2, (count, 4)), rng.uniform(-20, 20, (count, 4))
 
 
+@pytest.mark.long
 @hard_case
 def test_36_steps_converge_within_the_interval(subject):
     smooth = (0.2, 1.0, -0.5, 2.0), (3.0, -2.0, 4.0, -5.0)
@@ -200,6 +206,7 @@ def test_36_steps_converge_within_the_interval(subject):
             yield at_least(f"{name}, the order of {integrator}", found, order - 0.1)
 
 
+@pytest.mark.long
 @hard_case
 def test_37_two_substeps_are_two_intervals(subject):
     q, qd, efforts = random_states(64, 6)
@@ -211,6 +218,7 @@ def test_37_two_substeps_are_two_intervals(subject):
         yield at_most(f"with {name} the count of differing numbers, of 512,", differing, 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_38_a_lane_does_not_know_its_neighbours(subject):
     count = 83
@@ -238,6 +246,7 @@ def test_38_a_lane_does_not_know_its_neighbours(subject):
             yield at_most(f"with {name} the count of numbers changed by other {what}", differing, 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_42_a_restored_state_continues_to_the_same_bits(subject):
     plastic = m.stopped(m.UNEQUAL, 0.0, tolerance=1e-6)

@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import numpy as np
+import pytest
 from refusals import refusal
 
 import redundant_envs as rde
@@ -29,6 +30,7 @@ def test_23_five_impacts_keep_the_order(subject):
     yield at_most("at exact the energy", m.energy_error(scene, motion), 1e-10, "J off")
 
 
+@pytest.mark.long
 @hard_case
 def test_24_an_impact_loses_what_restitution_says(subject):
     rng, count, dt = np.random.default_rng(3), 1000, 1e-9
@@ -55,6 +57,7 @@ def test_24_an_impact_loses_what_restitution_says(subject):
         yield at_most(f"{name} change of the other momenta", np.abs(jump).max(), 1e-6, "kg m/s or kg m^2/s")
 
 
+@pytest.mark.long
 @hard_case
 def test_27_grazing_within_one_step_is_found(subject):
     subject.longest = 0.02
@@ -98,6 +101,7 @@ def test_28_both_sliders_at_once_do_not_know_their_order(subject):
     yield at_most("the momenta off the sliders", np.abs(impulses[:, [0, 2]]).max(), 1e-9, "kg m^2/s changed")
 
 
+@pytest.mark.long
 @hard_case
 def test_29_many_bounces_in_one_step(subject):
     subject.longest = 0.02
@@ -131,6 +135,7 @@ def test_30_stops_do_not_pass_their_sliders(subject):
     yield at_most("the largest change of a state by them", np.abs(batch.q - inside).max(), 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_43_an_impact_before_another_event_is_found(subject):
     subject.longest = 0.02
@@ -200,6 +205,7 @@ def test_25_bounces_come_to_rest_on_time(subject):
         yield at_most(f"{name} number of intervals after it that end off the stop", moved, 0)
 
 
+@pytest.mark.long
 @hard_case
 def test_26_a_pressed_slider_is_let_go_on_time(subject):
     subject.longest = 5e-3
@@ -218,6 +224,7 @@ def test_26_a_pressed_slider_is_let_go_on_time(subject):
         yield at_most(f"at {tolerance:g} m the time of release", off, bound, "s off")
 
 
+@pytest.mark.long
 @hard_case
 def test_31_a_stiff_spring_is_seen_before_it_is_touched(subject):
     springs = [e.LimitSpring(joint, 0.0, 0.3, 1e6) for joint in ("r1", "r2")]
@@ -260,6 +267,7 @@ def test_32_the_printed_spring_has_its_two_frequencies(subject):
         yield at_most(f"the frequency of {w:.4g} rad/s", abs(off) / (10.0 * w), 1e-10, "of itself off")
 
 
+@pytest.mark.long
 @hard_case
 def test_49_a_step_follows_a_damper_that_it_is_deep_in(subject):
     arm = rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3))

@@ -71,6 +71,7 @@ def test_which_states_are_autonomous():
         assert Dynamics(rde.Scene(arm, (Oscillator(alone=alone),))).autonomous == found
 
 
+@pytest.mark.quick("4R-False-how0")
 @pytest.mark.parametrize(
     "how", [{"integrator": "rk4", "substeps": 20}, {"integrator": "rk8"}, {"tolerance": 1e-9}]
 )

@@ -87,6 +87,7 @@ def test_the_time_at_which_a_changing_quantity_is_taken():
     assert share(1e300) == 1.0
 
 
+@pytest.mark.quick("euler-1.0")
 @pytest.mark.parametrize(("method", "most"), [("euler", 1.0), ("rk4", 2.0), ("rk8", 2.0)])
 def test_steps_shorter_than_the_time_constant_converge_with_the_second_order(method, most):
     order = measured_order(LaggingDrag(20.0), method, 32)
@@ -98,6 +99,7 @@ def test_without_a_rate_quantities_are_those_of_the_stage_and_the_order_is_one()
     assert order == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.long
 def test_steps_of_a_thousand_time_constants_are_as_exact_as_the_state_is_fast():
     """A state that follows its joint at once leaves a drag, which rk8 integrates."""
     for rate in (1e5, 1e6, 1e8):
@@ -119,6 +121,7 @@ def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
     assert at_once > 2e-4
 
 
+@pytest.mark.quick("how0")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}])
 def test_error_control_integrates_the_derivative(how):
     """To the bit as without a closed form."""
@@ -159,6 +162,7 @@ def test_a_state_may_follow_another_one_in_closed_form():
         assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
 
 
+@pytest.mark.long
 def test_the_energy_book_closes_and_stops_are_met_with_states_in_closed_form():
     arm = ARMS["RPRP"]
     free = rde.effects.Gravity(), LaggingDrag(1e5, 3.0)

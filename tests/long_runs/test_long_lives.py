@@ -17,6 +17,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.effects import Gravity, PrismaticStop
 
+pytestmark = pytest.mark.long
+
 MEGABYTE = 1e6
 STARTING = 90.0
 """Time for imports and a first compilation, s; a process that takes longer than this and its run hangs."""

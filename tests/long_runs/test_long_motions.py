@@ -13,6 +13,8 @@ import redundant_envs as rde
 from redundant_envs.effects import CentringSpring, Gravity, PrismaticStop
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 
+pytestmark = pytest.mark.long
+
 RPRP, FOUR_R = rde.RPRP((1.0,) * 4, (0.5,) * 2), rde.FourR((1.0,) * 4, (0.5,) * 4)
 FREE = rde.Scene(FOUR_R, (Gravity(),))
 SPRUNG = rde.Scene(RPRP, (Gravity(), CentringSpring((200.0, 200.0), (0.0, 0.0), (0.3, 0.3))))

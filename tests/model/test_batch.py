@@ -27,6 +27,7 @@ def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
 # ---- separate parameters of a lane -----------------------------------------------------------------
 
 
+@pytest.mark.quick("4R free euler")
 @on(
     "4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8", "RPRP generalized rk8", "4R all 1e-6",
     "4R free 1e-12", "stops 1e-6, inelastic", "RPRP limit springs 1e-6", "*R* gravity dop853",
@@ -79,6 +80,7 @@ def test_prepared_numbers_warn_no_more_than_compiled_ones(recwarn):
 # ---- status ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("4R limits, 3 substeps, rk4")
 @on("4R limits, 3 substeps, rk4", "4R all rk8", "4R all 1e-6", "stops 1e-6, inelastic")
 def test_few_lanes_have_the_bits_and_the_status_of_many(scene):
     """A program for at most four lanes computes half a block; the last lane of each batch is not finite."""

@@ -16,6 +16,7 @@ import redundant_envs as rde
 FIXED, STOPS = SCENES["4R all rk8"], SCENES["stops 1e-6, inelastic"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", COPIES.values(), ids=COPIES)
 def test_a_copy_is_independent(way):
     batch = started(STOPS, varied=True)
@@ -35,6 +36,7 @@ def test_a_copy_is_independent(way):
     assert_same_bits(motion(twin), expected)
 
 
+@pytest.mark.long
 def test_records_are_copied_and_pickled():
     scene = STOPS
     trajectory = rde.simulate(scene, (0.1, 0.15, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
@@ -57,6 +59,7 @@ def continued(data):
     return rows, str(error.value)
 
 
+@pytest.mark.long
 def test_a_copy_in_a_spawned_process_continues_to_the_same_bits():
     batch = started(STOPS, varied=True, threads=2)
     with multiprocessing.get_context("spawn").Pool(1) as pool:
@@ -92,6 +95,7 @@ print(data.hex(), *(float(x).hex() for x in batch.q.ravel()))
 """
 
 
+@pytest.mark.long
 def test_a_simulator_with_an_effect_of_a_users_program_is_taken_elsewhere_by_cloudpickle(tmp_path):
     program = tmp_path / "program.py"
     program.write_text(NOTEBOOK)

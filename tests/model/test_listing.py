@@ -90,6 +90,7 @@ def words_of(effect):
     return (rf" for {re.escape(effect.key)},", *(rf"\b{name}\b" for name in own))
 
 
+@pytest.mark.quick("RPRP-0")
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("arm", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 def test_every_second_effect_has_lines_and_entries_and_the_others_none(arm, first):
@@ -160,6 +161,7 @@ SHOWN = {
 }
 
 
+@pytest.mark.quick("rk4")
 @pytest.mark.parametrize("made", SHOWN.values(), ids=SHOWN)
 def test_an_operation_stands_under_a_function_a_file_and_a_line_that_asked_for_it(made):
     """The source line of an operation of an arm or of an effect contains its operator."""
@@ -200,6 +202,7 @@ def kinds(*counts, size):
     return (*counts, *(0,) * (7 - len(counts)), size)
 
 
+@pytest.mark.quick("euler")
 @pytest.mark.parametrize("integrator", STAGES)
 def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
     n = STAGES[integrator]
@@ -274,6 +277,7 @@ def test_the_bill_of_an_environment_grows_by_what_its_task_adds():
     assert not any(map(any, (changed[owner] for owner in ("action", "arm", "integrator", "interval"))))
 
 
+@pytest.mark.quick("how0")
 @pytest.mark.parametrize(
     "how", [{"integrator": "rk4"}, {"integrator": "rk4", "substeps": 2}, {"tolerance": 1e-6}]
 )

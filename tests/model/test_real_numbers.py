@@ -70,6 +70,7 @@ def test_parameters_are_real_numbers_on_every_face(faces, face, name, what):
             faces["sb3"]("gravity.g", 9.81)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", [w for w in NONE if w != "nothing"])
 def test_starts_and_efforts_are_real_numbers(what):
     scene, value = rde.load_scene(SCENE), NONE[what]

@@ -288,6 +288,7 @@ def test_a_bill_is_a_dict():
     assert {"gravity", "sine pairs", str(found["arm"].additions)} <= {*shown.cells}
 
 
+@pytest.mark.long
 def test_nothing_is_shown_by_matplotlib():
     program = """
 import sys

@@ -60,6 +60,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "changes"), OTHERS.items(), ids=OTHERS)
 def test_a_snapshot_of_another_scene_is_refused_by_name_and_changes_nothing(unchanged, words, changes):
     other = started(replaced(**changes))
@@ -164,6 +165,7 @@ class Braked(e.Effect):
         return (e.Force(0, self.law.function, {"rate": "phid1"}),)
 
 
+@pytest.mark.long
 def test_of_objects_in_static_fields_the_class_is_told_and_the_program_distinguishes_them():
     first, again, other = (started(replaced(effects=(Braked(Law(f)),))) for f in (slow, slow, slower))
     assert '"law": "test_snapshots.Law"' in first.save()["simulator"]

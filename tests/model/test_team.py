@@ -35,6 +35,7 @@ def test_a_worker_does_one_thing_after_another_and_raises_what_went_wrong():
     assert done[-1] == 3
 
 
+@pytest.mark.long
 def test_threads_end_with_their_simulator_and_its_copies():
     before = workers()
     batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=3)

@@ -44,6 +44,7 @@ def short(*pairs):
     return pytest.mark.parametrize(("arm", "steps"), marked, ids=[f"{arm.kind} {x}" for arm, x in every])
 
 
+@pytest.mark.quick("FourR three rk4")
 @short((FOUR_R, "three rk4"), (RPRP, "rk8"), (RPRP, "1e-9"))
 def test_motion_is_that_of_the_simulator(arm, steps):
     scene = scene_of(arm, steps)
@@ -56,6 +57,7 @@ def test_motion_is_that_of_the_simulator(arm, steps):
     np.testing.assert_allclose(qd_new.numpy(), batch.qd, rtol=1e-12, atol=1e-11)
 
 
+@pytest.mark.quick("RPRP three rk4")
 @short((RPRP, "three rk4"), (RPRP, "1e-9"))
 def test_gradients_agree_with_central_differences(arm, steps):
     step = rde.torch_step(scene_of(arm, steps))
@@ -81,6 +83,7 @@ def test_gradients_agree_with_central_differences(arm, steps):
         assert gradient == pytest.approx(difference, rel=1e-6, abs=1e-7)
 
 
+@pytest.mark.long
 def test_any_batch_shape_and_parameters_of_each_lane():
     step = rde.torch_step(scene_of(FOUR_R, "rk8"))
     q, qd, efforts = (x.reshape(3, 4, 4) for x in start(FOUR_R))

@@ -21,6 +21,7 @@ RUNS = {
 METHODS = pytest.mark.parametrize(("method", "dt"), [("rk8", 0.002), ("dop853", 0.1)], ids=["rk8", "dop853"])
 
 
+@pytest.mark.quick("RPRP-0-rk8")
 @METHODS
 @pytest.mark.parametrize(("arm", "run"), RUNS.values(), ids=RUNS)
 def test_known_motions_are_followed(arm, run, method, dt):
@@ -132,6 +133,7 @@ every_step = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.quick("rk8")
 @every_step
 def test_times_around_a_control_instant_give_states_of_their_own(kwargs):
     scene = rde.Scene(SLIDING, STOPPED, **kwargs)
@@ -154,6 +156,7 @@ def test_the_floats_beside_a_control_instant_are_not_it():
         assert asked == [j * dt for j in range(calls)]
 
 
+@pytest.mark.quick("0.02")
 @pytest.mark.parametrize("dt", [0.02, 0.01, 0.1, 0.03, 1 / 3, 0.007, 1e-3, 0.0123456789])
 def test_multiples_of_the_control_interval_are_its_instants(dt):
     rng = np.random.default_rng(0)
@@ -166,6 +169,7 @@ def test_multiples_of_the_control_interval_are_its_instants(dt):
             assert _instant(float(np.nextafter(time, 0.0)), dt) == k - 1
 
 
+@pytest.mark.quick("5e-324-rk8")
 @every_step
 @pytest.mark.parametrize("rest", [5e-324, 1e-160, 1e-18, 5e-12])
 def test_tiny_times_are_well_defined(kwargs, rest):
@@ -191,6 +195,7 @@ def feedback(t, q, qd):
     return np.array([3.0 * np.sign(np.sin(9.0 * t)), 20.0, -1.0, -10.0]) - 0.5 * q - 0.1 * qd
 
 
+@pytest.mark.long
 @every_step
 @pytest.mark.parametrize(
     "efforts", [None, (1.0, 20.0, -0.5, -9.0), feedback], ids=["none", "constant", "called"]

@@ -13,6 +13,7 @@ e = rde.effects
 RPRP = EQUAL["RPRP"]
 
 
+@pytest.mark.long
 def test_scipy_agrees_and_needs_as_many_evaluations():
     integrate = pytest.importorskip("scipy.integrate", reason="SciPy is in the extra verify")
     arm = ARMS["RPRP"]
@@ -41,6 +42,7 @@ def test_a_motion_that_overflows_ends():
         rde.simulate(batch.scene, [0.3, 0.1, -0.4, 0.2], [0, 1e200, 0, 0], [1.0])
 
 
+@pytest.mark.long
 def test_a_lane_that_needs_more_than_a_million_steps_goes_back_and_its_neighbour_does_not():
     stiff = e.ViscousFriction((1e12, 0.0, 0.0, 0.0))
     batch = rde.BatchSimulator(rde.Scene(RPRP, (e.Gravity(), stiff), integrator="dop853"), 2)

@@ -63,6 +63,7 @@ def test_true_error_is_within_the_tolerance(tolerance, most):
     assert not status.numerics.any()
 
 
+@pytest.mark.long
 def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     """Hundreds of rad/s for 0.2 s; a hostile review saw a last digit move unflagged tips by up to 1.4 m."""
     arm, n = rde.FourR((0.2,) * 4, (0.25,) * 4), 200
@@ -90,6 +91,7 @@ def test_the_tolerance_is_kept_where_sliders_are_thrown_far_away():
     assert tip_errors(arm, got, reference).max() <= 2e-8
 
 
+@pytest.mark.long
 def test_a_lane_is_that_many_fixed_steps_bit_for_bit():
     arm, (q, qd, efforts) = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)), lab_states(200, 1)
     q[:, [1, 3]] *= 0.05
@@ -122,6 +124,7 @@ def test_fast_links_get_their_steps_before_any_estimate():
     np.testing.assert_array_equal(status.evaluations, 12 * np.array([1, 1, 2, 4, 8]))
 
 
+@pytest.mark.quick("effect0-0.45-1")
 @pytest.mark.parametrize(
     ("effect", "least", "steps"),
     [
@@ -151,6 +154,7 @@ class UntoldSpring(Effect):
         return (Force(1, untold, {"position": "phi2"}),)
 
 
+@pytest.mark.long
 def test_a_tolerance_out_of_reach_is_flagged_not_hidden():
     scene = rde.Scene(LAB, (e.LimitSpring("joint2", -2.0, 2.0, 1e12),), tolerance=1e-6)
     _, status = advance(scene, np.zeros((1, 4)), np.zeros((1, 4)))
@@ -232,6 +236,7 @@ STEPS = ("4R, smooth", "4R, masses over five decades", "RPRP, lengths over six d
          "RPRP, 50 ms, generalized forces")  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", STEPS)
 def test_random_steps_are_off_by_at_most_their_estimate(name):
     """Of 65 536 single steps of smooth motions. By a blend of e5 and e3 alone some are off by hundreds of
@@ -335,6 +340,7 @@ def test_after_32_impacts_a_thousandth_of_the_tolerance_is_compared_but_not_roun
     assert (passes(32.0, 0.99 * share), passes(32.0, 1.01 * share)) == (True, False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-6, 1e-7, 1e-8])
 def test_a_spring_that_brings_a_light_slider_back_to_its_stop_keeps_the_tolerance(tolerance):
     """It just touches the stop, which multiplies the error of a step: the tip was off by 17 tolerances."""

@@ -22,6 +22,7 @@ def path(scene, q, qd, efforts):
     return np.stack([batch.q, batch.qd])
 
 
+@pytest.mark.quick("RPRP")
 @pytest.mark.parametrize("robot", ARMS.values(), ids=ARMS)
 def test_mirrors_and_turns_are_symmetries(robot):
     """g = 0: theta -> -theta bitwise, theta + alpha and theta + 2 pi to rounding; g: theta -> pi - theta.

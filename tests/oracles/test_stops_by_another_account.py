@@ -14,6 +14,8 @@ from redundant_envs.studies.intervals import families, tips_after
 from redundant_envs.verify.judging import judge
 from tests.oracles.independent_stops import StoppedArm
 
+pytestmark = pytest.mark.long
+
 FAMILIES = families("impacts", 0)
 
 

@@ -30,6 +30,7 @@ IDS = ("RRPTrack-v0", "ThreeRReach-v0", "RRPReach-v0", "FourRTrack-v0", "ThreeRE
 # ---- environments --------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [IDS[0], *(pytest.param(x, marks=pytest.mark.long) for x in IDS[1:])])
 def test_environments_of_all_kinds_are_sound_and_have_the_same_bits(name):
     assert verify(subject_of(name), 64, checks=checks_of(environments)).misses == ()
@@ -43,6 +44,7 @@ def test_environments_of_all_kinds_are_sound_and_have_the_same_bits(name):
         np.testing.assert_array_equal(vector.step(actions)[0], sb3.step(actions)[0])
 
 
+@pytest.mark.long
 def test_environments_render_and_tell_of_themselves():
     env = gym.make("redundant_envs/RRPTrack-v0", render_mode="rgb_array")
     env.reset(seed=0)
@@ -66,6 +68,7 @@ def test_a_target_moves_before_it_is_measured_and_observed_and_stays_while_a_fau
     assert np.array_equal(env.goal, goal)
 
 
+@pytest.mark.long
 def test_effects_with_states_begin_anew_with_each_episode():
     scene = {**three_r.SCENE}
     scene["effects"] = [*scene["effects"], {"type": "LagChain", "time_constant": 0.1}]
@@ -139,6 +142,7 @@ def test_scenes_of_an_arm_from_outside_are_plain_data():
         gym.make("redundant_envs/ThreeRReach-v0", scene=rrp.SCENE)
 
 
+@pytest.mark.long
 def test_spawned_processes_import_the_module_of_an_environment():
     spec = gym.spec("redundant_envs/ThreeRTrack-v0")
     assert spec.entry_point == "redundant_envs.envs.named:three_r/track/ThreeRTrackEnv"

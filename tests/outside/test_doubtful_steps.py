@@ -87,6 +87,7 @@ CASES = {  # scene, q, qd, efforts
 }  # fmt: skip
 
 
+@pytest.mark.quick("a slider carries the tip past its joint")
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_the_tolerance_is_kept_near_a_state_where_it_was_missed(case):
     scene, *states = case
@@ -96,6 +97,7 @@ def test_the_tolerance_is_kept_near_a_state_where_it_was_missed(case):
     assert errors(scene, *near).max() < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
 def test_the_tolerance_is_kept_where_an_arm_in_relative_angles_starts_folded(tolerance):
     rng, n = np.random.default_rng(1), 4000
@@ -110,6 +112,7 @@ QUICK = ("RRP, smooth friction, 1e-09 m", "3R, quadratic drag, 1e-09 m")
 LIFTERS = [rde.FourR((0.5,) * 4, (0.25,) * 4), rde.RPRP((0.5,) * 4, (0.25, 0.25))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "arm", [pytest.param(LIFTERS[0], marks=pytest.mark.long), LIFTERS[1]], ids=["4R", "RPRP"]
 )
@@ -123,6 +126,7 @@ def test_the_kink_of_a_limit_behind_a_lag_is_found_and_the_tolerance_is_kept(arm
     assert errors(scene, q, qd, commands, lagging).max() < 0.2
 
 
+@pytest.mark.long
 def test_the_tolerance_is_kept_behind_a_row_of_lags():
     """An error in the first of them moves nothing before it has passed through the others."""
     arm = RelativeTwoR((0.002,) * 2, (0.25,) * 2)
@@ -169,6 +173,7 @@ def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequenc
     assert np.abs(one.z[:, 0] - np.cos(frequency * 0.02)).max() < 1e-11
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "family",
     [

@@ -14,6 +14,7 @@ e = rde.effects
 GRAVITY = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.7)
 
 
+@pytest.mark.quick("ThreeR-joint")
 @pytest.mark.parametrize("actuation", ["joint", "generalized"])
 @pytest.mark.parametrize(
     "arm",

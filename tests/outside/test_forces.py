@@ -65,6 +65,7 @@ def test_wrong_potentials_are_found():
         assert "derivative of the potential" in miss
 
 
+@pytest.mark.long
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
     arm = ARMS["4R"]
     scene = rde.Scene(arm, (e.Tether(4, (0.5, 0.5), 4e4),), tolerance=1e-6)
@@ -155,6 +156,7 @@ GRADIENTS = {
 }
 
 
+@pytest.mark.quick("z")
 @pytest.mark.parametrize("what", GRADIENTS)
 def test_torch_steps_have_the_gradients_of_differences(what):
     scene, values = GRADIENTS[what]

@@ -43,6 +43,7 @@ def errors(made, state):
     return np.linalg.norm(apart, axis=1), status.evaluations, status.numerics != 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arm", "effect", "tolerance"),
     [
@@ -61,6 +62,7 @@ def test_an_interval_in_which_a_law_changes_keeps_its_tolerance(arm, effect, tol
     assert error.max() < tolerance
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "lanes", "most"),
     [(SpeedCurve(), 512, 150.0), (e.TorqueSpeed(10.0, 8.0), 512, 150.0), (GEAR, 64, 1000.0)],
@@ -79,6 +81,7 @@ def test_locating_a_change_of_law_takes_few_evaluations(effect, lanes, most):
     assert np.mean(counts[3:]) <= most
 
 
+@pytest.mark.quick("0.0001")
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_all_passages_of_a_guard_in_one_step_are_found(tolerance):
     """Up to three: a search that found the last of them left the others out, in 118 of 512 lanes."""
@@ -118,6 +121,7 @@ def test_at_fixed_steps_the_sign_at_each_stage_selects_the_law():
     assert not Dynamics(one.scene).guards
 
 
+@pytest.mark.long
 def test_a_lane_with_guards_does_not_depend_on_its_neighbours_and_can_be_saved():
     made, (q, qd, efforts) = scene(RPRP, SpeedCurve(), GEAR), start(RPRP, 24, seed=6)
     whole, _ = advanced(made, q, qd, efforts, intervals=2)
@@ -138,6 +142,7 @@ def test_torch_and_numpy_take_the_same_laws():
     np.testing.assert_allclose(moved.numpy(), found.q, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_motor_tells_the_effort_behind_the_law_that_holds():
     made = scene(FOUR_R, SpeedCurve(stall=2.0))
     motion = rde.simulate(made, np.zeros(4), np.zeros(4), [0.0, 0.01, 0.02], efforts=(5.0, 1.0, -5.0, 0.5))

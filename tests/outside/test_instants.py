@@ -73,6 +73,7 @@ def simulators(*scenes, lanes=24):
 # ---- one instant ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("0.013-rk8-4R")
 @BOTH
 @ON
 @pytest.mark.parametrize("seconds", [0.013, 1e-9])
@@ -91,6 +92,7 @@ def test_an_interval_ends_as_its_pieces_do_one_after_the_other(arm, steps, secon
         before = command
 
 
+@pytest.mark.quick("0.0-0-rk8-4R")
 @BOTH
 @ON
 @pytest.mark.parametrize(("seconds", "acts"), [(0.0, 0), (-0.001, 1), (LENGTH, 1), (0.3, 1), (math.inf, 1)])
@@ -142,6 +144,7 @@ def test_lanes_have_instants_of_their_own():
 # ---- states that are updated at an instant -------------------------------------------------------------
 
 
+@pytest.mark.quick("rk8")
 @ON
 def test_a_state_is_updated_at_an_instant_from_the_motion_there(steps):
     plain = bare(FOUR_R, **steps)
@@ -192,6 +195,7 @@ SEVERAL = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", SEVERAL.values(), ids=SEVERAL)
 @pytest.mark.parametrize("steps", [STEPS["rk8"], STEPS["1e-6"]], ids=["rk8", "1e-6"])
 def test_instants_happen_in_the_order_of_time(times, steps):
@@ -217,6 +221,7 @@ def test_instants_happen_in_the_order_of_time(times, steps):
 # ---- the tolerance and faults --------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_pieces_share_the_tolerance():
     """Each piece may have its share of the error, and both together no more than the whole interval."""
     scene = with_effects(bare(RPRP, tolerance=1e-10), LateCommand(0.011))
@@ -233,6 +238,7 @@ def test_pieces_share_the_tolerance():
         assert (gap <= 1e-10)[status.numerics == 0].all()
 
 
+@pytest.mark.long
 def test_a_piece_that_is_given_up_gives_up_its_interval():
     falling = rde.RPRP((1.0,) * 4, (0.5,) * 2)
     scene = rde.Scene(falling, (LateCommand(0.01), e.Gravity(), wall()), tolerance=1e-6)
@@ -280,6 +286,7 @@ def test_lanes_that_are_not_finite_end_alone():
 # ---- everywhere alike ----------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("FourR, rk8")
 @ON_ARMS
 def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
     scene = with_effects(bare(arm, **steps), *LATE_AND_SAMPLED)
@@ -302,6 +309,7 @@ def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
             assert float(lane[name]) == pytest.approx(expected[k], rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.quick("rk4")
 @pytest.mark.parametrize("steps", [STEPS["rk4, 3 substeps"], STEPS["1e-6"]], ids=["rk4", "1e-6"])
 def test_differentiable_steps_are_those_of_the_simulator_and_know_the_time_of_an_instant(steps):
     scene = with_effects(bare(FOUR_R, **steps), *LATE_AND_SAMPLED)
@@ -325,6 +333,7 @@ def test_differentiable_steps_are_those_of_the_simulator_and_know_the_time_of_an
     assert abs(slope) > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", [STEPS["rk8"], STEPS["1e-6"]], ids=["rk8", "1e-6"])
 def test_saved_and_copied_simulators_and_threads_continue_to_the_same_bits(steps):
     scene = with_effects(bare(RPRP, **steps), *LATE_AND_SAMPLED)
@@ -355,6 +364,7 @@ def test_efforts_within_an_interval_know_whether_the_instant_has_passed():
     assert_same_bits([found.efforts], [np.outer(share, given)])
 
 
+@pytest.mark.long
 def test_events_at_stops_are_told_at_their_times_in_all_pieces():
     plain = bare(RPRP, tolerance=1e-9)
     q, qd = np.array([0.3, 0.05, -0.4, 0.1]), np.array([0.5, 7.0, 0.2, -9.0])
@@ -464,6 +474,7 @@ def test_any_chain_has_instants(arm):
 # ---- what one piece leaves to the next --------------------------------------------------------------------
 
 
+@pytest.mark.quick("FourR, rk8")
 @ON_ARMS
 def test_lanes_of_one_block_have_their_own_pieces_or_none(arm, steps):
     """Sliders begin at rest at their stops, some pressed onto them and some pulled away."""
@@ -503,6 +514,7 @@ def after_each_piece(scene, q, qd, efforts, names):
     return [{name: float(lane[name]) for name in names} for lane in in_steps(interval, known)][:-1]
 
 
+@pytest.mark.long
 def test_pieces_share_the_tolerance_and_their_errors_add_up():
     tolerance, seconds = 1e-11, 0.004
     made = with_effects(bare(FOUR_R, tolerance=tolerance), LateCommand(seconds))

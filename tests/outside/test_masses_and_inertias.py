@@ -42,11 +42,13 @@ def motion(scene, change=None):
 # ---- loads ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_load_moves_as_a_heavier_arm():
     loaded, heavy = scenes("RRP", tolerance=1e-6)
     np.testing.assert_array_equal(motion(loaded), motion(heavy))
 
 
+@pytest.mark.long
 def test_lanes_have_loads_and_masses_of_their_own():
     loads, arm = np.linspace(0.0, 2.0, 16), ARMS["4R"]
     found = motion(scenes("4R", load=0.0, integrator="rk4")[0], {"payload.mass": loads})
@@ -84,6 +86,7 @@ def test_computed_torque_carries_a_load_and_turns_rotors():
     assert np.abs(actions["rotors"] - actions["bare"]).max() > 0.01
 
 
+@pytest.mark.long
 def test_a_load_is_a_parameter_of_an_episode_and_zero_is_nothing():
     bare, action = rde.load_scene("four_r_reach"), np.full(4, 0.4, np.float32)
     loaded = dataclasses.replace(bare, effects=(*bare.effects, e.Payload(0.0)))

@@ -95,6 +95,7 @@ def laid_out(role, name):
     return episode_of(ReachTask(), scene_of(**{role: name})).layout()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("role", [*ROLES, "quantity", "coordinate"])
 def test_a_name_is_given_once_and_the_message_says_whose_it_is(role):
     """Those that functions take; numbers, memory and coordinates have the name of no other field."""
@@ -115,6 +116,7 @@ ENGINES = "error", "h", "step", "fault", "tip_tolerance", "least_step_rate"
 """Names of numbers that only the engine has."""
 
 
+@pytest.mark.quick("error-False")
 @pytest.mark.parametrize(
     ("name", "of_arm"), [*itertools.product(ENGINES, (False, True)), ("command2", False)]
 )
@@ -132,6 +134,7 @@ IN_INFO = (
 )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("given", [False, True])
 def test_a_metric_has_no_name_of_what_every_step_shows(given):
     """Also where a function of the task gives it."""
@@ -143,6 +146,7 @@ def test_a_metric_has_no_name_of_what_every_step_shows(given):
             episode_of(with_metric(name, given=given), scene).layout()
 
 
+@pytest.mark.long
 def test_a_metric_may_be_a_quantity_of_the_arm_an_effect_or_the_task():
     shown = ("alpha1", "m1", "gravity_g", "lag_chain__effort__2", "hold", "start_angle", "phid2")
     rde.register_task(type("ShownTask", (type(with_metric(*shown)),), {"name": "Shown"}))
@@ -166,6 +170,7 @@ def test_the_message_says_what_a_name_means():
         laid_out("memory", "error")
 
 
+@pytest.mark.quick("unused")
 @pytest.mark.parametrize("name", ["unused", "achieved_x", "work"])
 def test_a_number_may_have_a_name_that_only_another_program_uses(name):
     environment_simulator(scene_of(), with_number(name))

@@ -38,6 +38,7 @@ def folder(tmp_path, monkeypatch):
     effects.REGISTRY.pop("QuadraticDrag", None)
 
 
+@pytest.mark.long
 def test_the_command_line_knows_what_an_imported_module_registers(capsys):
     assert main(["--import", "my_effects", "verify", "--quick", "my_scene.yaml", "--states", "32"]) == 0
     assert "my_scene.yaml" in capsys.readouterr().out
@@ -60,6 +61,7 @@ def test_without_the_import_it_says_what_is_missing(words, said, capsys):
     assert re.search(said, capsys.readouterr().err)
 
 
+@pytest.mark.long
 def test_the_application_knows_it_as_well(capsys):
     pytest.importorskip("stable_baselines3", reason="the application needs the extra 'train'")
     from redundant_envs_train.__main__ import main as application

@@ -493,6 +493,7 @@ def test_a_class_without_its_decorator_or_a_default_without_its_type():
     refused(r"write a: float = 7\.0", rde.Scene, RPRP, (more(),))
 
 
+@pytest.mark.long
 def test_sb3_environments_need_no_success():
     @physics(gives="near_only")
     def near_only(distance):
@@ -560,6 +561,7 @@ def test_a_task_whose_ids_clash_is_refused_and_the_next_one_is_registered():
     assert "redundant_envs/FourRNewNextReach-v0" in IDS
 
 
+@pytest.mark.long
 def test_another_scene_of_a_registered_arm_takes_its_place_and_is_a_copy():
     def length():
         return gym.make("redundant_envs/ThreeRReach-v0").unwrapped.core.scene.robot.lengths[0]

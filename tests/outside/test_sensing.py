@@ -42,6 +42,7 @@ def test_motion_reward_and_info_know_the_truth():
     assert np.abs(told - known).max() > 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("env_id", ["FourRReach-v0", "RPRPReach-v0"])
 def test_sensors_from_outside_show_what_an_arm_elsewhere_shows(env_id):
     q, qd, read, *_ = motion(made(env_id, EccentricEncoders(0.05), FilteredRates(0.05)))
@@ -71,6 +72,7 @@ class EnergyTask(rde.ReachTask):
     metrics = (*rde.ReachTask.metrics, "T")
 
 
+@pytest.mark.long
 def test_a_sensor_that_asks_for_more_changes_nothing_that_is_true():
     rde.register_task(EnergyTask)
     rde.register_effect(Told)
@@ -95,6 +97,7 @@ class Broken(Effect):
         return (Sensing(0, broken_above, {"limit": ".limit"}),)
 
 
+@pytest.mark.quick("0.31-1")
 @pytest.mark.parametrize(("limit", "fault"), [(0.31, rde.Numerics.NON_FINITE), (9.0, 0)])
 def test_a_reading_that_is_no_number_is_a_fault(limit, fault):
     rde.register_effect(Broken)

@@ -172,6 +172,7 @@ FAULTS = {
 }  # fmt: skip
 
 
+@pytest.mark.quick("M of one link")
 @pytest.mark.parametrize(("arm", "red"), FAULTS.values(), ids=FAULTS)
 def test_a_wrong_equation_is_red_and_named(arm, red):
     assert misses(arm) == red
@@ -206,6 +207,7 @@ MOTIONS = {
 }  # fmt: skip
 
 
+@pytest.mark.quick("a motor without its reaction")
 @pytest.mark.parametrize(("arm", "checks", "red"), MOTIONS.values(), ids=MOTIONS)
 def test_a_wrong_motion_is_red_and_named(arm, checks, red):
     assert misses(arm, checks, (*GRAVITY, STOP) if "impacts: energy" in red else GRAVITY) == red
@@ -224,6 +226,7 @@ def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):
         assert misses(ARMS["3R"], (accuracy.order,), integrator=said.name) == red
 
 
+@pytest.mark.long
 def test_a_tolerance_that_is_not_kept_is_red(monkeypatch):
     """The estimate of a step is a millionth of the right one."""
     step = {"tolerance": 1e-9, "control_dt": 0.3}
@@ -254,6 +257,7 @@ QUICK = {  # most kinds of effects that move, once; the package's own have laws 
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "name", "steps"),
     [
@@ -269,6 +273,7 @@ def test_scenes_from_outside_keep_every_promise(kind, name, steps):
     assert misses(rde.Scene(arm, effects, **STEPS[steps]), checks, states=64) == set()
 
 
+@pytest.mark.quick("0")
 @pytest.mark.parametrize("seed", range(3))
 def test_intervals_that_magnify_rounding_make_no_evaluator_red(seed):
     """Steps too long for stiff springs end at 1e13 rad/s, where last bits are 1e-9 of everything."""
@@ -318,6 +323,7 @@ SUBJECTS = {  # the checks that apply, if they are told
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SUBJECTS)
 def test_what_is_right_is_verified(name):
     thing, apply = SUBJECTS[name]
@@ -376,6 +382,7 @@ RIGHT = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
 def test_what_is_right_is_green_whatever_the_states(seed):
     rng = np.random.default_rng(seed)

@@ -59,6 +59,7 @@ def beyond(batch):
     return (np.abs(batch.scene.robot.forward_kinematics(batch.q)[:, 0]) - PLACE).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["3R", "RPRP"])
 def test_a_hundred_impacts_at_walls_keep_the_energy_and_the_tip_between_them(name):
     batch = started(name, integrator="dop853")
@@ -73,6 +74,7 @@ def test_a_hundred_impacts_at_walls_keep_the_energy_and_the_tip_between_them(nam
     assert farthest <= 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-6}, {"tolerance": 1e-9}, {"integrator": "rk8"}])
 @pytest.mark.parametrize("name", ["3R", pytest.param("RPRP", marks=pytest.mark.long)])
 def test_steps_of_other_kinds_find_the_impacts_that_dop853_finds(name, steps):
@@ -87,6 +89,7 @@ def test_steps_of_other_kinds_find_the_impacts_that_dop853_finds(name, steps):
     assert np.abs(tips[0] - tips[1]).max() <= 40.0 * allowed
 
 
+@pytest.mark.long
 def test_walls_work_on_single_numbers_as_compiled():
     batch = started("3R", tolerance=1e-6)
     dynamics = Dynamics(batch.scene)

@@ -64,6 +64,7 @@ QUANTITIES = {
 """Kind of an arm, names, functions that it has beside its own, and what of a state is known."""
 
 
+@pytest.mark.quick("FourR accelerations")
 @pytest.mark.parametrize(("kind", "wanted", "more", "known"), QUANTITIES.values(), ids=QUANTITIES)
 def test_quantities_err_by_no_more_than_ten_times_their_inputs(kind, wanted, more, known):
     """With forces and without, of heavy tips and of any masses."""
@@ -111,6 +112,7 @@ def hard_state(kind, place, rng):
     return rde.Chain(KINDS[kind], hand.masses, hand.lengths), hand, values
 
 
+@pytest.mark.quick("any-FourR")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("place", ["any", "short links", "straight", "heavy tip", "any masses"])
 def test_accelerations_lose_no_more_digits_than_the_scaled_mass_matrix(kind, place):

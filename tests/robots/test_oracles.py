@@ -39,6 +39,7 @@ def test_there_are_64_cases_each():
         assert all(np.abs(c["qd"]).min() > 0.0 and len(set(c["m"])) == 4 for c in found)
 
 
+@pytest.mark.quick("rprp-0")
 @pytest.mark.parametrize(("arm", "case"), PARAMETERS)
 def test_an_arm_has_the_numbers_of_the_oracle(arm, case):
     m, q, qd, g = case["m"], case["q"], case["qd"], case["g"]

@@ -12,6 +12,8 @@ import redundant_envs as rde
 sp = pytest.importorskip("sympy", reason="sympy is in the extra 'verify'")
 import mpmath  # noqa: E402
 
+pytestmark = pytest.mark.long
+
 ROBOTS = {
     "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (1.0, 0.8)),
     "FourR": rde.FourR((2.0, 1.5, 1.0, 0.5), (1.0, 0.8, 0.6, 0.4)),

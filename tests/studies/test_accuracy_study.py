@@ -89,6 +89,7 @@ def test_bounce_keeps_energy_and_all_momenta_but_one():
     np.testing.assert_allclose((arm.mass_matrix(q) @ (after - qd))[:3], 0.0, atol=1e-14)
 
 
+@pytest.mark.long
 def test_impacts_of_a_straight_arm():
     """The last mass flies to its stop, bounces, flies back to the other end."""
     pytest.importorskip("scipy")
@@ -101,6 +102,7 @@ def test_impacts_of_a_straight_arm():
         impacts.impact_motion(rde.Scene(STOPS.robot, (e.LimitSpring("r1", 0, 1),)), start, 0.1, 1e-9)
 
 
+@pytest.mark.long
 def test_stop_metrics_of_ours():
     start = np.array([[0.3, 0.2, 0.1, 0.3]]), np.array([[0.5, 0.0, -0.5, 2.0]]), np.zeros((1, 4))
     path, ((motion, time),) = Ours("rk8", 0.02, substeps=2).path(STOPS, start, 0.1, 10)
@@ -109,6 +111,7 @@ def test_stop_metrics_of_ours():
     assert (motion, time) == (0, pytest.approx(long.first_impacts(STOPS, start)[0], abs=1e-11))
 
 
+@pytest.mark.long
 def test_mujoco_goes_a_little_beyond_its_stops():
     pytest.importorskip("mujoco")
     start = np.array([[0.0, 0.2, 0.0, 0.3]]), np.array([[0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 4))
@@ -194,6 +197,7 @@ def test_config_errors(change, said):
         build(Study, "config", QUICK | change)
 
 
+@pytest.mark.long
 def test_the_study_writes_its_files(tmp_path, capsys):
     for name in ("mujoco", "scipy", "matplotlib"):
         pytest.importorskip(name)

@@ -36,6 +36,7 @@ def test_bare_arms_effects_and_scenes_are_timed_or_those_that_are_named():
     assert [*some] == ["bare FourR", "Gravity", "rprp_stops"]
 
 
+@pytest.mark.long
 def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys):
     light = {"type": "ViscousFriction", "numbers": {"coefficients": 0.1}}
     entries = {"ViscousFriction": FRICTION, "light": {**light, "ceilings": {"step": 1e6, "tolerance": 1e-6}}}
@@ -79,6 +80,7 @@ def changed(**entry):
     return {"effects": {"ViscousFriction": {**FRICTION, **entry}}}
 
 
+@pytest.mark.quick("change0-config.lanes is 0")
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -24,6 +24,7 @@ FLAGGED = {"RPRP, links on a disc": 10}
 """While one link touches a disc, contacts of others are not located: some intervals are flagged for that."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "family",
     [pytest.param(f, id=f.name, marks=() if f.name in QUICK else pytest.mark.long) for f in FAMILIES],
@@ -44,6 +45,7 @@ class Loose(Family):
         return super().scene(**(how or {"integrator": "rk4"}))
 
 
+@pytest.mark.long
 def test_a_tolerance_that_is_not_kept_is_told_with_the_intervals():
     fast = next(f for f in FAMILIES if f.name == "4R, fast")
     loose = Loose(**{f.name: getattr(fast, f.name) for f in dataclasses.fields(Family)})
@@ -73,6 +75,7 @@ class Sends(contextlib.nullcontext):
         return map(sent, *arguments)
 
 
+@pytest.mark.long
 def test_processes_find_what_one_finds(monkeypatch):
     monkeypatch.setattr(intervals, "FAMILIES", [f for f in FAMILIES if f.name in (*QUICK, "4R, friction")])
     alone = intervals.run("intervals", 300, seed=3)
@@ -90,6 +93,7 @@ def test_the_same_intervals_are_judged_at_several_tolerances(monkeypatch):
     assert loose["evaluations"] < tight["evaluations"]
 
 
+@pytest.mark.long
 def test_estimates_are_compared_with_errors_and_drawn(monkeypatch):
     monkeypatch.setattr(estimates, "FAMILIES", [f for f in FAMILIES if f.name == "4R, smooth"])
     rows = estimates.run(4096, seed=3)

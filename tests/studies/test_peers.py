@@ -41,6 +41,7 @@ def ours(scene, q, qd, efforts):
     return np.stack([batch.q, batch.qd])
 
 
+@pytest.mark.quick("RPRP")
 @pytest.mark.parametrize("name", ROBOTS)
 def test_peers_have_the_same_arm(name):
     scene, start = scene_of(name), states(ROBOTS[name])

@@ -23,6 +23,7 @@ def written(path, **changes):
     return path
 
 
+@pytest.mark.long
 def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
     config = written(tmp_path / "c.yaml", cases=[{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}])
     allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
@@ -40,6 +41,7 @@ def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
     assert row["llvmlite"] == importlib.metadata.version("llvmlite")
 
 
+@pytest.mark.long
 def test_throughput_of_error_control_counts_evaluations_and_true_errors():
     case = {"arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50}
     (row,) = throughput.run({"lanes": 64, "repeats": 1, "bar_gflops": 53, "cases": [case]})

@@ -107,6 +107,7 @@ def decided(tree, names):
     return decided(yes if COMPARISONS[comparison](names[left], names.get(right, right)) else no, names)
 
 
+@pytest.mark.long
 @ANYTHING
 @given(TREES, TREES)
 def test_any_tree_of_decisions_is_the_same_on_floats_and_by_the_interpreter(one, other):

@@ -9,6 +9,7 @@ from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import RECORDED, SHORT
 
 
+@pytest.mark.quick("4R all 1e-6", "stops dop853", "RPRPReach-v0")
 @pytest.mark.parametrize(
     "name", [n if n in SHORT else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
 )
@@ -21,6 +22,7 @@ def test_every_scene_is_recorded():
     assert set(SHORT) <= set(RECORDED)
 
 
+@pytest.mark.long
 def test_verify_says_whether_this_machine_has_the_recorded_bits(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(recorded_bits, "SHORT", ("4R all rk8", "4R all 1e-6"))
     assert main(["verify", "--bits", "short"]) == 0

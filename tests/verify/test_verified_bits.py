@@ -75,6 +75,7 @@ LEAKS = {
 """Faults by the checks that they break."""
 
 
+@pytest.mark.quick("batch and place")
 @pytest.mark.parametrize("names", LEAKS)
 def test_a_leak_is_red_and_named(names, monkeypatch):
     monkeypatch.setattr(*LEAKS[names])
@@ -125,6 +126,7 @@ def test_torch_that_differs_is_red(monkeypatch):
     assert red(SCENE, (evaluators.tensors,)) == {"evaluators: torch"}
 
 
+@pytest.mark.long
 def test_a_restitution_that_is_not_the_scenes_is_red(monkeypatch):
     class Stop(e.PrismaticStop):
         """Traced again each time."""
@@ -195,6 +197,7 @@ BROKEN = {
 }  # fmt: skip
 
 
+@pytest.mark.quick("rewards of a vector")
 @pytest.mark.parametrize("fault", BROKEN)
 def test_a_broken_environment_is_red_and_named(fault, monkeypatch):
     name, *change = BROKEN[fault]

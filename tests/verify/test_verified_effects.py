@@ -140,12 +140,14 @@ def scene_with(*hooks, k=8.0, arm=FOUR_R):
     return rde.Scene(arm, (e.Gravity(), effect_with(hooks)(k)))
 
 
+@pytest.mark.quick("nothing else said")
 @pytest.mark.parametrize("case", RIGHT.values(), ids=RIGHT)
 def test_what_effects_declare_rightly_is_green(case):
     checks, *hooks = case
     assert misses(scene_with(*hooks), checks) == set()
 
 
+@pytest.mark.quick("sign")
 @pytest.mark.parametrize(("words", "hook"), WRONG.values(), ids=WRONG)
 def test_what_effects_declare_wrongly_is_red_and_named(words, hook):
     checks = ENERGIES if words.startswith("potentials") else DECLARED
@@ -183,6 +185,7 @@ def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
     assert {o.finding.words for o in result.outcomes} == {"no stop has an end"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("control_dt", "substeps"), [(SHORTEST_INTERVAL, 8), (LONGEST_INTERVAL, 1)])
 def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps):
     scene = dataclasses.replace(SCENES["stops rk4, inelastic"], control_dt=control_dt, substeps=substeps)
@@ -238,6 +241,7 @@ def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red
     assert misses(scene, (potentials, *DECLARED)) == red
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize(
     ("arm", "joints"),
@@ -381,6 +385,7 @@ def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
     assert "verify found" in err
 
 
+@pytest.mark.quick("rprp_reach")
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=pytest.mark.long if name in OF_LONG_RUNS else ()) for name in scene_names()],

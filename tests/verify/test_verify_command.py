@@ -244,6 +244,7 @@ def test_a_mistake_in_what_is_asked_for_exits_with_2(words, said, few, capsys):
     assert out == "" or "written" in said
 
 
+@pytest.mark.long
 def test_an_arm_an_environment_and_a_module_are_good(mine, capsys):
     """All options at once."""
     words = ("FourR", "RPRPGoalReach-v0", "verify_me:stop")

@@ -17,6 +17,8 @@ from redundant_envs.lane.memory import PARAMETER
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 
+pytestmark = pytest.mark.long
+
 BEGIN = """
 const { Simulator } = require("./kernel.js"), fs = require("fs");
 const description = JSON.parse(fs.readFileSync("arm.json"));

@@ -17,6 +17,8 @@ from redundant_envs.scene import scene_at
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 
+pytestmark = pytest.mark.long
+
 REACH = ("rprp_reach", "four_r_reach")
 LARGEST = {"rprp_reach": 130_000, "four_r_reach": 85_000}
 """Bytes of a module."""

@@ -12,6 +12,8 @@ import redundant_envs as rde
 from redundant_envs.control import computed_torque
 from redundant_envs.web import module, page
 
+pytestmark = pytest.mark.long
+
 ROOT = module.HOST.parents[2]
 ACT = f"""
 const {{ Policy }} = require({json.dumps(str(module.HOST))});

@@ -11,6 +11,8 @@ from redundant_envs.__main__ import main
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import page
 
+pytestmark = pytest.mark.long
+
 MOST_BYTES = 250_000
 MOST_WORK = 4.0  # ms a picture, in the thread of the page
 LEAST_HELD = {"torque": 100, "learner": 98}
