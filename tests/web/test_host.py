@@ -55,7 +55,7 @@ def told(node, tmp_path_factory):
             module.write(SCENES[name], ReachTask(), "arm", folders[name])
         done = subprocess.run(
             [node, "-"], input=BEGIN + program, cwd=folders[name],
-            capture_output=True, text=True, check=True, timeout=120,
+            capture_output=True, text=True, check=True,
         )  # fmt: skip
         return json.loads(done.stdout)
 
