@@ -4,6 +4,7 @@
 """
 
 import ast
+import functools
 import os
 import re
 import shutil
@@ -52,10 +53,16 @@ MOST_UNSEEN = 0.2
 """Share of the faults that only ``make test-long`` may see."""
 
 
+@functools.cache
+def body_of(path: str) -> list[ast.stmt]:
+    """The statements of a file."""
+    return ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+
+
 def is_long(test: str) -> bool:
     """Whether only ``make test-long`` runs a test, as its marks say."""
     path, name, row = re.match(r"(.*?)::(\w+)(?:\[(.*)\])?$", test).groups()
-    body = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+    body = body_of(path)
     marks = [ast.unparse(x.value) for x in body if ast.unparse(x).startswith("pytestmark = ")]
     (found,) = (x for x in body if isinstance(x, ast.FunctionDef) and x.name == name)
     for mark in found.decorator_list:

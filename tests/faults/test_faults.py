@@ -7,7 +7,7 @@ import pytest
 
 from tests.mutation import __main__ as mutation
 
-from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, faults, is_long, listed
+from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, body_of, faults, is_long, listed
 
 FAULTS = faults()
 
@@ -25,8 +25,7 @@ def test_a_fault_can_be_brought_back_and_has_a_test(fault):
     with_fault = fault.brought_back(text)
     assert ast.dump(ast.parse(with_fault)) != ast.dump(ast.parse(text))
     path, function = re.match(r"(tests/.*\.py)::(\w+)(\[.*\])?$", fault.test).group(1, 2)
-    tests = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
-    assert function in {test.name for test in tests if isinstance(test, ast.FunctionDef)}
+    assert function in {test.name for test in body_of(path) if isinstance(test, ast.FunctionDef)}
 
 
 def test_make_test_sees_most_faults_and_the_page_lists_the_others():
