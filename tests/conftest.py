@@ -47,12 +47,20 @@ def pytest_collection_modifyitems(items):
             raise pytest.UsageError(f"{parent.nodeid}::{name} has no rows {missing}")
 
 
+FULL = llvm.EFFORT
+
+
+def pytest_configure(config):
+    if config.getoption("markexpr"):
+        llvm.EFFORT = 0
+
+
 @pytest.fixture(autouse=True, scope="module")
-def quickly_made(request):
-    """LLVM's effort for the tests of a module."""
+def code_of_users(request):
+    """LLVM's full effort for the tests of some folders."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.config.getoption("markexpr") and request.path.parent.name not in AS_USERS_GET_IT:
-            patch.setattr(llvm, "EFFORT", 0)
+        if request.path.parent.name in AS_USERS_GET_IT:
+            patch.setattr(llvm, "EFFORT", FULL)
         yield
 
 
