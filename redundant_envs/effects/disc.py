@@ -118,6 +118,21 @@ def at_end_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, dam
 
 
 @physics
+def turn_of_link(xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, damping, friction):
+    """Changes its sign where the point of contact of a link begins to slide the other way."""
+    s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
+    vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
+    depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
+    inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
+    return contact.sliding_there(nx, ny, vx, vy, friction, inside, stays)
+
+
+@physics
+def turn_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, damping, friction):
+    return turn_of_link(0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb, centre_x, centre_y, radius, damping, friction)
+
+
+@physics
 def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
     s = share_of_end(xa, ya, xb, yb, centre_x, centre_y)
     depth, _, _ = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
@@ -220,8 +235,9 @@ def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
             found.append(Force(Point(far - 1), at_near_end, bind, stiffness=contact.steepness))
-        law, guard = at_far_end if far else at_end_of_first, None
+        law, turn = (at_far_end, turn_of_link) if far else (at_end_of_first, turn_of_first)
+        guard = None
         if far == arm.num_masses - 1:
             guard = deepest_of(arm.num_masses)
-        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard))
+        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard, kink=turn))
     return tuple(found)

@@ -29,7 +29,8 @@ SEARCH = Search._fields
 SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
 """Fraction of a planned step by which a joint may be torn loose late; the smallest for every change."""
 LATE_REST = 0.01
-"""The same of a joint that comes to rest, over the root of the tolerance."""
+"""The same of a joint that comes to rest, over the root of the tolerance, as a fraction of the trial step: a
+short one must not hide how a joint slips, sticks, and slips again."""
 LATE_ERROR = 0.02
 """Fraction of the tolerance that the tip may be off since a change of a law was found late."""
 MOST_LATE_SHARE = 1e-3
@@ -236,7 +237,8 @@ class LaneProgram:
             least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
             if b.joint not in self.dynamics.frictions:
                 return least
-            return where(lane[b.side] == 0.0, least, LATE_REST * sqrt(lane.tip_tolerance))
+            late = LATE_REST * sqrt(lane.tip_tolerance) * (lane.step / lane.left)
+            return where(lane[b.side] == 0.0, least, maximum(least, late))
         allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
         return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MOST_LATE_SHARE)
 
