@@ -18,6 +18,8 @@ from published_runs import RESULTS, ROOT, published_run
 from run_folders import change, kept, members, says, write_members
 from short_trainings import assert_same_policy
 
+pytest.importorskip("onnx", reason="ONNX is not installed: pip install 'redundant-envs[onnx]'")
+
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked, config_of
 from redundant_envs_train.evidence.runs import read_groups
@@ -28,6 +30,8 @@ from redundant_envs_train.run_folder import read_config
 from redundant_envs_train.shipping import export as shipping
 from redundant_envs_train.shipping.export import export, name_of
 from redundant_envs_train.shipping.layers import Layers, activated, exact_actions, layers_of, modules_of
+
+pytestmark = pytest.mark.long
 
 OURS = ("ppo", "sac", "her")
 SHIPPED = [
@@ -51,7 +55,6 @@ def observations(env, seed=7):
     return found
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("folder", SHIPPED)
 def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_tells_what_it_does(folder):
     config = read_config(folder)
@@ -122,7 +125,6 @@ def test_silu_does_not_overflow():
     np.testing.assert_allclose(activated("silu", x), [0, 0, 0, 2 / (1 + np.exp(-2.0)), 1e4], atol=1e-15)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("file", "value"),
     [("policy.zip", 0.0), ("policy.onnx", 1e-3), ("policy.npz", 1e-3), ("policy.onnx", np.nan)],
@@ -164,7 +166,6 @@ def test_nothing_of_a_strangers_pickles_and_markup_is_passed_on(run, tmp_path):
     assert [part for part in ("<", "`rm`") if part in card] == []
 
 
-@pytest.mark.long
 def test_one_command_exports_a_policy_once_and_numpy_alone_acts(
     run, tmp_path, monkeypatch, capsys, call, refused
 ):
@@ -196,7 +197,6 @@ def without_differences(card):
     return text + re.sub(r"[\d.]+e-\d+", "?", last)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["four_r_goal_reach_her/seed110", pytest.param("rprp_reach_sac/seed100", marks=pytest.mark.long)]
 )

@@ -23,7 +23,7 @@ BLOCKS = [
     for page in MANUAL for line, _, block in blocks(page, "python")
 ]  # fmt: skip
 OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
-BEHIND = {"RecordVideo": "moviepy", "animate(": "imageio"}
+BEHIND = {"casadi": "casadi", "RecordVideo": "moviepy", "animate(": "imageio"}
 """Packages that are not imported by a block, but needed by what it calls."""
 
 
