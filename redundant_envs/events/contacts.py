@@ -23,6 +23,8 @@ MOST_CHANGES = 512
 """Most contact resolutions of an interval; with more it is given up."""
 LOWEST_BOUNCE = 1e-9
 """m; a coordinate that would bounce less high comes to rest."""
+LOWEST_PER_SQUARE = 1e3
+"""1/m; the same over the square of the tolerance, where friction decides what rests (0025)."""
 AWAY = -1e300
 """m/s^2; the outward acceleration of a coordinate that is pressed onto no stop."""
 
@@ -52,6 +54,7 @@ class Contact(NamedTuple):
     holds: bool = True  # whether its stop can hold it
     owner: str = ""  # of the boundary
     grip: Any = None  # limit of its friction at rest, N; given if friction decides which coordinates rest
+    lowest: Any = LOWEST_BOUNCE  # if it would bounce less high it comes to rest, m
 
     @property
     def gripped(self) -> bool:
@@ -151,7 +154,7 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
 
 
 def would_rest(c: Contact, press: Any) -> Any:
-    """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than 1e-9 m.
+    """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than its lowest.
 
     With an elastic stop, and without friction, it rests only if its bounce is lost in rounding.
     """
@@ -161,7 +164,7 @@ def would_rest(c: Contact, press: Any) -> Any:
     fades = c.restitution < 1.0
     if c.gripped:
         fades = fades | (c.grip > 0.0)
-    height = where(fades, LOWEST_BOUNCE, ROUNDING * maximum(abs(limit), 1.0))
+    height = where(fades, c.lowest, ROUNDING * maximum(abs(limit), 1.0))
     low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
     if c.gripped:  # then there is a bounce to remove: without a speed friction decides
         low = low & (c.speed < 0.0)

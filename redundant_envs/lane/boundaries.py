@@ -9,7 +9,7 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, minimum, total, where
 from redundant_envs.events import boundary, contacts, crossings
-from redundant_envs.events.boundary import Boundary, BoundedCoordinate
+from redundant_envs.events.boundary import ROUNDING, Boundary, BoundedCoordinate
 from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane import pieces
 from redundant_envs.lane.coordinates import (
@@ -163,8 +163,16 @@ class Boundaries:
         return contacts.Contact(
             position, velocity, self.active(lane, b), *self.limits(lane, b),
             acceleration, force, released, lane[b.restitution], b.joint is not None, b.owner,
-            self._grip(lane, b),
+            self._grip(lane, b), self._lowest_bounce(lane),
         )  # fmt: skip
+
+    def _lowest_bounce(self, lane: Lane) -> Any:
+        """Height below which a bounce ends in rest, m. Where friction decides what rests it falls with the
+        square of the tolerance below 1e-6 m, as the speed of such a bounce does with the tolerance."""
+        if not self.dynamics.sticking or self.dynamics.scene.tolerance is None:
+            return contacts.LOWEST_BOUNCE
+        height = contacts.LOWEST_PER_SQUARE * lane.tip_tolerance * lane.tip_tolerance
+        return minimum(contacts.LOWEST_BOUNCE, maximum(height, ROUNDING))
 
     def _grip(self, lane: Lane, b: Boundary) -> Any:
         """Limit of the friction at rest of a joint with a stop; None in a scene without dry friction."""

@@ -260,3 +260,12 @@ def test_lanes_alone_have_the_bits_of_a_batch_and_numpy_agrees():
     for name, q in zip(RPRP.coordinates, batch.q.T, strict=True):
         np.testing.assert_allclose(several[name], q, rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(one[name], q[7], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("tolerance", "bounces"), [(1e-6, False), (1e-9, True)])
+def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bounces):
+    """A slider of 1 kg leaves its stop to a height of 1e-10 m, is back after 9 us, and is seen after 12."""
+    effects = e.JointStop((0.0,), (1.0,), 0.9), e.CoulombFriction(1e-6)
+    scene = rde.Scene(rde.Chain("P", (1.0,)), effects, control_dt=1.2e-5, tolerance=tolerance)
+    batch, _ = advanced(scene, [[0.0]], [[np.sqrt(2.0 * 10.0 * 1e-10)]], [[-10.0]])
+    assert bool(batch.qd[0, 0]) is bounces
