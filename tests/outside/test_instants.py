@@ -309,6 +309,18 @@ def test_compiled_code_arrays_tensors_and_single_numbers_agree(arm, steps):
             assert float(lane[name]) == pytest.approx(expected[k], rel=1e-12, abs=1e-12)
 
 
+def test_lanes_wait_at_the_end_of_an_interval_in_which_no_instant_happens():
+    """A piece without a length is divided by, which is an error for numbers that lanes share."""
+    dynamics = Dynamics(with_effects(bare(FOUR_R, tolerance=1e-6), LateCommand(1.0), *LATE_AND_SAMPLED[1:]))
+    starts = dict(zip(dynamics.states, (0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 4.0, 0.0), strict=False))
+    one, two = (
+        cross_interval(Interval(dynamics), fields_of(dynamics) | start)
+        for start in (starts, {name: np.full(2, value) for name, value in starts.items()})
+    )
+    for name in dynamics.states:
+        assert float(one[name]) == pytest.approx(two[name][0], rel=1e-12, abs=1e-12)
+
+
 @pytest.mark.quick("rk4")
 @pytest.mark.parametrize("steps", [STEPS["rk4, 3 substeps"], STEPS["1e-6"]], ids=["rk4", "1e-6"])
 def test_differentiable_steps_are_those_of_the_simulator_and_know_the_time_of_an_instant(steps):
