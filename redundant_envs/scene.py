@@ -268,6 +268,10 @@ class Scene:
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
+        return dict(self._travel)
+
+    @functools.cached_property
+    def _travel(self) -> dict[int, tuple[str, str]]:
         limits: dict[int, tuple[str, str]] = {}
         hard = self.attached.keys_of(Impact)  # A hard stop is the limit, whatever else acts near it.
         for effect in sorted(self.effects, key=lambda e: e.key in hard):

@@ -8,7 +8,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.algebra import clamp, maximum, physics, sqrt
-from redundant_envs.effects import contact
+from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, number, numbers
@@ -211,6 +211,9 @@ class Disc(Effect):
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"centre[0]": "m", "centre[1]": "m", "radius": "m", **contact.units_of_law()}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        return (shapes.Circle(self.centre, self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]", "radius": ".radius", **contact.OWN}

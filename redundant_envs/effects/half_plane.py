@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, sqrt
-from redundant_envs.effects import contact
+from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, numbers
@@ -117,6 +117,9 @@ class HalfPlane(Effect):
         axes = range(2)
         own = {f"point[{k}]": "m" for k in axes} | {f"normal[{k}]": "1" for k in axes}
         return own | contact.units_of_law()
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        return (shapes.HalfPlane(self.point, self.normal),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {

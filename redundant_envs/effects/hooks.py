@@ -11,10 +11,11 @@ import enum
 import inspect
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm
 
 ELAPSED = "elapsed"
@@ -486,6 +487,14 @@ class Effect:
         numbers = self.parameters()
         ends = {h.joint: (h.lower[1:], h.upper[1:]) for h in self.hooks(arm) if isinstance(h, Impact)}
         return {k: names for k, names in ends.items() if all(math.isfinite(numbers[name]) for name in names)}
+
+    def shapes(self, pose: Pose) -> Iterable[Shape]:
+        """What a picture shows of the effect, from :mod:`redundant_envs.effects.shapes`; nothing by default.
+
+        Its numbers here are those of the environment that is drawn. Masses that it adds, and stops, need no
+        shapes.
+        """
+        return ()
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         """Own numbers in units of which an environment takes its actions, one for each motor; () if none.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, sincos
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import numbers, strength
@@ -69,6 +71,10 @@ class MovingBase(Effect):
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"amplitude": "m", "frequency": "rad/s"}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        sine = math.sin(pose.states["angle"])
+        return (shapes.Ground((self.amplitude[0] * sine, self.amplitude[1] * sine)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"frequency": ".frequency"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, where
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, strength
@@ -54,6 +55,11 @@ class PickUp(Effect):
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"mass": "kg", "at": "s"}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        """The object before it is grasped, which the tip will find wherever it then is."""
+        waits = pose.states["carried"] == 0.0
+        return (shapes.Load(pose.points[-1], self.mass, held=False),) if waits else ()
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         clock = {"time": ".time"}

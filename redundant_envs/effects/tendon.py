@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import maximum, numbered, physics, total
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, numbers, strength
@@ -60,6 +62,10 @@ def laws(count: int) -> Laws:
 
     each = range(count)
     return Laws(tuple(map(force, each)), energy, tuple(map(steepness, each)))
+
+
+def _between(a: shapes.Place, b: shapes.Place) -> shapes.Place:
+    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,24 @@ class Tendon(Effect):
         slides = [arm.prismatic[joint] for joint in self._places(arm)]
         arms = {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)}
         return {**arms, "stiffness": "N/m", "pretension": "N"}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        """A line from link to link that passes each revolute joint at its moment arm, on the outer side of a
+        bend that makes it longer."""
+        if not pose.shows_joints:
+            return ()
+        ends, places = pose.ends, self._places(pose.arm)
+        arms = dict(zip(places, self.moment_arms, strict=True))
+        first, last = min(places), max(places)
+        line = [_between(ends[max(first - 1, 0)], ends[first])]
+        for joint in range(first, last + 1):
+            (x, y), (xa, ya), (xb, yb) = ends[joint], ends[max(joint - 1, 0)], ends[joint + 1]
+            turns = not pose.arm.prismatic[joint]
+            away = arms.get(joint, 0.0) / (math.hypot(xb - xa, yb - ya) or 1.0) if turns else 0.0
+            line.append((x + away * (yb - ya), y - away * (xb - xa)))
+        line.append(_between(ends[last], ends[last + 1]))
+        longer = sum(a * pose.positions[joint] for joint, a in arms.items())
+        return (shapes.Line(tuple(line), taut=self.pretension + self.stiffness * longer > 0.0),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = laws(len(self.joints))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, numbers
@@ -77,6 +78,10 @@ class Tether(Effect):
 
     def units(self, arm: Arm) -> dict[str, str]:
         return {"post": "m", "stiffness": "N/m", "damping": "N s/m"}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        line = (self.post, pose.points[self.point - 1])
+        return shapes.Circle(self.post, 0.0), shapes.Line(line, taut=self.stiffness > 0.0)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = self.point

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects import CentringSpring
-from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, REACH, TRAIL, Canvas, draw_links
+from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, TRAIL, Drawing, stated_limits
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure, write_clip
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scene import Scene
@@ -47,18 +46,13 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
     Raises
     ------
     ValueError
-        If there is nothing to draw, the index chooses no motion, or the arm has no point mass for each joint.
+        If there is nothing to draw, or the index chooses no motion.
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
-    arm, shape = trajectory.scene.robot, trajectory.q.shape[1:-1]
+    shape = trajectory.q.shape[1:-1]
     if not trajectory.t.size:
         raise ValueError("trajectory has no times; simulate some to draw")
-    if arm.num_masses != len(arm.joints):
-        raise ValueError(
-            f"{arm.kind} has {arm.num_masses} point masses and {len(arm.joints)} joints; arms are drawn with "
-            "a point mass behind each joint"
-        )
     chosen = () if index is None else index if isinstance(index, tuple) else (index,)
     whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
     inside = whole and all(-n <= k < n for k, n in zip(chosen, shape, strict=False))
@@ -67,21 +61,22 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
         raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
     rows: Any = (slice(None), *chosen)
-    return Animation(trajectory.scene, trajectory.t, trajectory.q[rows], trajectory.efforts[rows])
+    z = None if trajectory.z is None else trajectory.z[rows]
+    return Animation(trajectory.scene, trajectory.t, trajectory.q[rows], trajectory.efforts[rows], z)
 
 
 class Animation:
     """Frames of a motion; use :func:`animate`."""
 
     def __init__(
-        self, scene: Scene, t: NDArray[np.float64], q: NDArray[np.float64], efforts: NDArray[np.float64]
-    ) -> None:
-        self._scene, self._t, self._q, self._efforts = scene, t, q, efforts
+        self, scene: Scene, t: NDArray[np.float64], q: NDArray[np.float64], efforts: NDArray[np.float64],
+        z: NDArray[np.float64] | None,
+    ) -> None:  # fmt: skip
+        self._scene, self._t, self._q, self._efforts, self._z = scene, t, q, efforts, z
         points = scene.robot.points(q)
         self._tips = points[:, -1]
-        farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
-        self._half_width = BORDER * (farthest or 1.0)  # all points of a slider may stay at the base
-        self._travel = stated_limits(scene)
+        self._farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
+        self._drawing = Drawing(scene)
         values = scene.parameters()
         self._limits = np.array([values[name] for name in scene.action_units()])
 
@@ -111,12 +106,15 @@ class Animation:
         """The picture of a row of the trajectory, (480, 480, 3) uint8: arm, way of the tip, time, efforts."""
         row = range(len(self._t))[row]
         arm, base = self._scene.robot, np.zeros(2)
-        canvas = Canvas(self._half_width)
-        canvas.disc(base, canvas.scale * self._half_width / BORDER, REACH, ring=2.0)
+        known: dict[str, float] = {**self._scene.parameters(), **self._scene.attached.states.initial}
+        if self._z is not None:
+            known |= zip(self._scene.states(), self._z[row].tolist(), strict=True)
+        found = self._drawing.surroundings(arm, self._q[row], known)
+        canvas = self._drawing.begun(found, self._farthest, BORDER)
         start = int(np.searchsorted(self._t, self._t[row] - TRAIL_SECONDS))
         way = np.unique(np.linspace(start, row, TRAIL_POINTS).round().astype(int))
         canvas.trail(self._tips[way], 3.0, TRAIL, faint=0.1, strong=0.8)
-        draw_links(canvas, arm, self._q[row], self._travel)
+        self._drawing.arm(canvas, arm, self._q[row], known, found)
         for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):
             # The area of a disc shows the mass of the point.
             canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
@@ -126,20 +124,6 @@ class Animation:
             canvas.bars((self._efforts[row] / self._limits).tolist())
         canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, INK)
         return canvas.pixels
-
-
-def stated_limits(scene: Scene) -> dict[int, tuple[float, float]]:
-    """Travel that the scene states for its sliders: joint -> (lower, upper), m.
-
-    The report's centring spring names limits too, although it does not enforce them.
-    """
-    values = scene.parameters()
-    limits = {k: (values[a], values[b]) for k, (a, b) in scene.travel().items() if scene.robot.prismatic[k]}
-    for effect in scene.effects:
-        if isinstance(effect, CentringSpring):
-            joints: Any = scene.robot.sliders()
-            limits.update(zip(joints, zip(effect.lower, effect.upper, strict=True), strict=True))
-    return limits
 
 
 # ---- energies -------------------------------------------------------------------------------------------
@@ -160,7 +144,7 @@ def energies_figure(motion: Trajectory, name: str) -> Any:
     for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
         slider = motion.scene.robot.coordinates[k]
         panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=slider)
-        for i, limit in enumerate(limits.get(k, ())):
+        for i, limit in enumerate(filter(np.isfinite, limits.get(k, ()))):
             label = f"limits of {slider}" if i == 0 else None
             panels[1].axhline(limit, color=color, lw=1.0, ls=(0, (2 + 3 * (k > 1), 2)), label=label)
     if sliders:

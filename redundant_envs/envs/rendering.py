@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import os
+import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.error import DependencyNotInstalled
+from gymnasium.error import DependencyNotInstalled, Error
 from numpy.typing import NDArray
 
+from redundant_envs.effects import CentringSpring, Effect, PointMass, shapes
+from redundant_envs.envs.arguments import reach_of
 from redundant_envs.envs.core import Core
 from redundant_envs.files import read_yaml
+from redundant_envs.model import parameters
 from redundant_envs.robots.arm import Arm
+from redundant_envs.scene import Scene
+from redundant_envs.tasks.base import hard_stops
 
 Points = NDArray[np.float64]
 Pair = tuple[float, float]
 Color = tuple[int, int, int]
 
-SIZE = 480
+SIZE = 480  # of a picture, px; sizes of letters and lines are for this one, and others have all in proportion
 BACKGROUND = (250, 250, 248)
 REACH = (228, 231, 236)
 GOAL = (46, 160, 103)
@@ -29,6 +37,10 @@ TRAIL = (240, 140, 60)
 LINKS = ((52, 73, 110), (86, 118, 168), (124, 157, 205), (168, 192, 226))
 RAIL = (198, 204, 214)
 JOINT = (28, 36, 52)
+OBSTACLE, EDGE = (241, 236, 227), (176, 164, 146)
+CABLE, SLACK = (150, 74, 130), (214, 184, 206)
+LOAD, WAITING = (122, 84, 62), (190, 168, 152)
+GRID = (216, 219, 224)
 BAR_TRACK = (226, 229, 234)
 BAR_PLUS = (70, 120, 190)
 BAR_MINUS = (205, 92, 92)
@@ -42,7 +54,11 @@ HOLDING = {"hold", "is_success"}
 """Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
 success on."""
 TRAIL_LENGTH = 100
-CENTRES = np.arange(SIZE, dtype=np.float32) + np.float32(0.5)  # middles of the pixels of a row or a column
+BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
+GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
+FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
+LEAST_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
+ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
 GAP = 1.5  # between two letters, in units of the grid
 STROKE = 0.85  # width of a stroke, in units of the grid
@@ -51,38 +67,66 @@ GLYPHS: dict[str, tuple[float, str]] = read_yaml(Path(__file__).with_name("lette
 
 
 class Canvas:
-    """A square picture with the base of the arm in its middle; (SIZE, SIZE, 3) uint8 in ``pixels``."""
+    """A picture with the base of the arm in its middle; (height, width, 3) uint8 in ``pixels``.
 
-    def __init__(self, half_width: float, background: NDArray[np.uint8] | None = None) -> None:
+    Its shorter side shows 2 ``half_width`` [m]. Sizes in px are for one of 480, where ``scale`` px are 1 m;
+    in a picture whose shorter side is another, all are larger or smaller by ``unit``.
+    """
+
+    def __init__(
+        self, half_width: float, width: int = SIZE, height: int = SIZE,
+        background: NDArray[np.uint8] | None = None,
+    ) -> None:  # fmt: skip
         if background is None:
-            background = np.full((SIZE, SIZE, 3), BACKGROUND, dtype=np.uint8)
+            background = np.full((height, width, 3), BACKGROUND, dtype=np.uint8)
         self.pixels = background.copy()
+        self.width, self.height = width, height
+        self.unit = min(width, height) / SIZE
         self.scale = SIZE / (2.0 * half_width)
+        self._columns, self._rows = (
+            np.arange(n, dtype=np.float32) + np.float32(0.5) for n in (width, height)
+        )
 
-    def _pixel(self, point: Points) -> Pair:
-        return SIZE / 2 + self.scale * float(point[0]), SIZE / 2 - self.scale * float(point[1])
+    def _pixel(self, point: Any) -> Pair:
+        scale = self.unit * self.scale
+        return self.width / 2 + scale * float(point[0]), self.height / 2 - scale * float(point[1])
 
     def _blend(self, low: Pair, high: Pair, color: Color, distance: Callable[[Any, Any], Any]) -> None:
-        """Colour the inside of a shape, given by its signed distance [px] at x, y."""
+        """Colour the inside of a shape, given by its signed distance [px] at x, y; nothing is drawn at a
+        place without numbers, as after a fault."""
+        if not np.isfinite((*low, *high)).all():
+            return
         x0, y0 = (max(0, int(v) - 2) for v in low)
-        x1, y1 = (min(SIZE, int(v) + 3) for v in high)
+        x1, y1 = min(self.width, int(high[0]) + 3), min(self.height, int(high[1]) + 3)
         if x0 >= x1 or y0 >= y1:
             return
-        cover = np.float32(0.5) - distance(CENTRES[x0:x1], CENTRES[y0:y1, None])
+        cover = np.float32(0.5) - distance(self._columns[x0:x1], self._rows[y0:y1, None])
         np.minimum(cover, 1.0, out=cover)
         np.maximum(cover, 0.0, out=cover)
         mix(self.pixels[y0:y1, x0:x1], cover, color)
 
-    def capsule(self, a: Points, b: Points, width: float, color: Color) -> None:
+    def _near(self, a: Pair, b: Pair) -> tuple[Pair, Pair]:
+        """A segment in pixels without what is beyond :data:`FARTHEST` from its end that is nearer."""
+        length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
+        if not length > FARTHEST:
+            return a, b
+        far_first = abs(a[0]) + abs(a[1]) > abs(b[0]) + abs(b[1])
+        (x, y), (xb, yb) = (b, a) if far_first else (a, b)
+        return (x, y), (x + FARTHEST * ((xb - x) / length), y + FARTHEST * ((yb - y) / length))
+
+    def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
-        r = width / 2
+        (ax, ay), (bx, by) = self._near(self._pixel(a), self._pixel(b))
+        if ax + ay + bx + by != ax + ay + bx + by:
+            return
+        r = self.unit * width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
         self._blend(low, high, color, lambda x, y: from_segment(x - ax, y - ay, bx - ax, by - ay) - r)
 
-    def disc(self, center: Points, radius: float, color: Color, ring: float = 0.0) -> None:
+    def disc(self, center: Any, radius: float, color: Color, ring: float = 0.0) -> None:
         """A disc, or a ring of the given width; sizes in pixels."""
         cx, cy = self._pixel(center)
+        radius, ring = self.unit * radius, self.unit * ring
 
         def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
             dx, dy = x - cx, y - cy
@@ -92,21 +136,52 @@ class Canvas:
         r = radius + ring
         self._blend((cx - r, cy - r), (cx + r, cy + r), color, distance)
 
+    def half_plane(self, point: Pair, normal: Pair, color: Color, edge: Color) -> None:
+        """All beyond a straight edge, which has a colour of its own."""
+        length = float(np.hypot(*normal)) or 1.0
+        nx, ny = normal[0] / length, -normal[1] / length
+        px, py = self._pixel(point)
+        at = nx * px + ny * py
+        at = min(max(at, -FARTHEST), FARTHEST)  # beyond all corners on either side
+        low, high, half = (0.0, 0.0), (self.width, self.height), np.float32(1.2 * self.unit)
+        self._blend(low, high, color, lambda x, y: nx * x + ny * y - at)
+        self._blend(low, high, edge, lambda x, y: np.abs(nx * x + ny * y - at) - half)
+
+    def grid(self, place: Points, step: float, size: float, color: Color) -> None:
+        """Dots at a place and every ``step`` [m] from it in both directions, behind all that has been drawn;
+        their size in pixels."""
+        pitch, (x, y) = self.unit * self.scale * step, self._pixel(place)
+        if not (np.isfinite((x, y)).all() and pitch > 2.0):
+            return
+        weights = []
+        for pixels, at in ((self._rows, y), (self._columns, x)):
+            away = np.abs(np.remainder(pixels - at % pitch + 0.5 * pitch, pitch) - 0.5 * pitch)
+            weights.append(np.clip(0.5 + 0.5 * self.unit * size - away, 0.0, 1.0))
+        index = np.ix_(*(np.flatnonzero(weight) for weight in weights))
+        patch = self.pixels[index]
+        weight = (weights[0][:, None] * weights[1])[index] * (patch == BACKGROUND).all(axis=2)
+        mix(patch, weight.astype(np.float32), color)
+        self.pixels[index] = patch
+
     def trail(self, points: Points, width: float, color: Color, faint: float, strong: float) -> None:
         """A line through points (n, 2) that fades towards the first; width in pixels.
 
         All its segments are drawn at once: along the longer of its two directions a segment has a
         pixel for each column, and across a few rows. Where segments overlap the stronger one shows.
         """
+        points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             return
-        at = (SIZE / 2 + self.scale * points * (1.0, -1.0)).astype(np.float32)
+        middle = np.array([self.width / 2, self.height / 2])
+        at = (middle + (self.unit * self.scale) * points * (1.0, -1.0)).clip(-FARTHEST, FARTHEST)
+        at = at.astype(np.float32)
         steep = np.abs(np.diff(at[:, 1])) > np.abs(np.diff(at[:, 0]))
         a, b = at[:-1].copy(), at[1:].copy()
         a[steep], b[steep] = a[steep, ::-1], b[steep, ::-1]
-        r = width / 2
+        r = self.unit * width / 2
+        ends = np.where(steep, self.height, self.width)  # of its longer direction
         first = np.maximum(np.minimum(a[:, 0], b[:, 0]) - r - 1, 0).astype(int)
-        last = np.minimum(np.maximum(a[:, 0], b[:, 0]) + r + 1, SIZE - 1).astype(int)
+        last = np.minimum(np.maximum(a[:, 0], b[:, 0]) + r + 1, ends - 1).astype(int)
         counts = np.maximum(last - first + 1, 0)
         segment = np.repeat(np.arange(len(a)), counts)
         column = np.arange(len(segment)) - (np.cumsum(counts) - counts - first)[segment]
@@ -119,11 +194,11 @@ class Canvas:
         cover = 0.5 + r - from_segment(x[:, None], y, dx[:, None], dy[:, None])
         strength = faint + (strong - faint) * np.arange(1, len(a) + 1, dtype=np.float32) / len(a)
         cover = np.clip(cover, 0.0, 1.0) * strength[segment, None]
-        shown = (cover > 0.0) & (row >= 0) & (row < SIZE)
         turned = steep[segment, None]
+        shown = (cover > 0.0) & (row >= 0) & (row < np.where(turned, self.width, self.height))
         column = np.broadcast_to(column[:, None], row.shape)
-        index = np.where(turned, column * SIZE + row, row * SIZE + column)[shown]
-        strongest = np.zeros(SIZE * SIZE, np.float32)
+        index = np.where(turned, column * self.width + row, row * self.width + column)[shown]
+        strongest = np.zeros(self.width * self.height, np.float32)
         np.maximum.at(strongest, index, cover[shown].astype(np.float32))
         flat = self.pixels.reshape(-1, 3)
         patch = flat[index]
@@ -131,28 +206,42 @@ class Canvas:
         flat[index] = patch
 
     def text(
-        self, text: str, x: int, y: int, color: Color, height: float = LETTERS, from_right: bool = False
+        self, text: str, x: float, y: float, color: Color, height: float = LETTERS, from_right: bool = False
     ) -> None:
-        """A line of text with its upper left corner, or its upper right one, at a pixel (x, y)."""
-        weight = cover(text, height)
+        """A line of text with its upper left corner at (x, y), or its upper right one x from the right; px
+        from the left, and from the top or, where y is negative, from the bottom. Letters of less than
+        :data:`LEAST_LETTERS` are left out."""
+        if self.unit * height < LEAST_LETTERS:
+            return
+        weight = cover(text, self.unit * height)
         rows, columns = weight.shape
-        left = x - columns if from_right else x
-        mix(self.pixels[y : y + rows, left : left + columns], weight, color)
+        left, top = round(self.unit * x), round(self.unit * y) + (self.height if y < 0 else 0)
+        left = self.width - left - columns if from_right else left
+        y0, x0 = max(top, 0), max(left, 0)
+        patch = self.pixels[y0 : top + rows, x0 : left + columns]
+        mix(patch, weight[y0 - top :, x0 - left :][: patch.shape[0], : patch.shape[1]], color)
 
     def bars(self, values: Sequence[float]) -> None:
         """Values in [-1, 1] as horizontal bars in the lower left corner, numbered from 1, with a heading."""
-        pitch = BAR_HEIGHT + BAR_GAP
-        top = SIZE - MARGIN - len(values) * pitch
+        pitch, unit = BAR_HEIGHT + BAR_GAP, self.unit
+        top = -MARGIN - len(values) * pitch  # from the bottom
         self.text(BARS, MARGIN - 2, top - 18, INK, SMALL_LETTERS)
         left = MARGIN + (14 if len(values) < 10 else 22)
         middle = left + BAR_WIDTH // 2
+
+        def box(low: float, high: float, upper: float, lower: float) -> Any:
+            columns = slice(round(unit * low), max(round(unit * high), round(unit * low) + (high > low)))
+            return self.pixels[self.height + round(unit * upper) : self.height + round(unit * lower), columns]
+
         for k, value in enumerate(values):
-            row = slice(top + k * pitch, top + k * pitch + BAR_HEIGHT)
-            self.text(str(k + 1), MARGIN - 2, row.start - 3, INK, SMALL_LETTERS)
-            self.pixels[row, left : left + BAR_WIDTH] = BAR_TRACK
+            upper, lower = top + k * pitch, top + k * pitch + BAR_HEIGHT
+            self.text(str(k + 1), MARGIN - 2, upper - 3, INK, SMALL_LETTERS)
+            box(left, left + BAR_WIDTH, upper, lower)[...] = BAR_TRACK
+            value = value if np.isfinite(value) else 0.0
             end = middle + round(float(np.clip(value, -1.0, 1.0)) * BAR_WIDTH / 2)
-            self.pixels[row, min(middle, end) : max(middle, end)] = BAR_PLUS if value >= 0 else BAR_MINUS
-            self.pixels[row.start - 1 : row.stop + 1, middle] = JOINT
+            color = BAR_PLUS if value >= 0 else BAR_MINUS
+            box(min(middle, end), max(middle, end), upper, lower)[...] = color
+            box(middle, middle + 1, upper - 1, lower + 1)[...] = JOINT
 
 
 def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
@@ -202,10 +291,18 @@ def mix(patch: NDArray[np.uint8], weight: NDArray[np.float32], color: Color) -> 
     patch[...] = difference  # towards zero, so 0.5 more rounds
 
 
-def draw_links(canvas: Canvas, arm: Arm, q: Points, travel: Mapping[int, Pair]) -> None:
-    """The links of an arm between its point masses; a slider's rail spans its ``travel`` [m]."""
-    points = arm.points(q)
-    ends = [np.zeros(2), *points]
+def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) -> None:
+    """The links of an arm between its point masses; rails and arcs are the ``travel`` of its joints, in m and
+    rad. Without a mass behind each joint they are a line through the masses."""
+    arm, q, ends = pose.arm, pose.q, np.array(pose.ends)
+    if not pose.shows_joints:
+        for k, (a, b) in enumerate(itertools.pairwise(ends)):
+            canvas.capsule(a, b, max(17.0 - 3.0 * k, 7.0), LINKS[k % len(LINKS)])
+        return
+    points = ends[1:]
+    for k, stops in travel.items():
+        if not arm.prismatic[k]:
+            _arc(canvas, pose, k, stops)
     along = {k: (arm.points(q + np.eye(len(q))[k]) - points)[k] for k in arm.sliders()}
     link = -1
     for k, slides in enumerate(arm.prismatic):
@@ -229,15 +326,132 @@ def draw_links(canvas: Canvas, arm: Arm, q: Points, travel: Mapping[int, Pair]) 
 
 
 def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
-    stops = [start + limit * along for limit in travel]
-    canvas.capsule(stops[0], stops[1], 7.0, RAIL)
+    stops = [start + limit * along for limit in travel if np.isfinite(limit)]
+    canvas.capsule(stops[0], stops[-1], 7.0, RAIL)
     across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
     for stop in stops:
         canvas.capsule(stop - across, stop + across, 3.0, RAIL)
 
 
+def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
+    """Directions that the link behind a revolute joint can have, around the joint."""
+    stops = [float(end) for end in travel if np.isfinite(end)]
+    whole = len(stops) == 2 and stops[1] - stops[0] >= 2.0 * np.pi
+    if whole or not np.isfinite(pose.q).all():
+        return
+    ends = pose.moved(joint, np.linspace(stops[0], stops[-1], 33))
+    way = ends[:, joint + 1] - ends[:, joint]
+    length = np.hypot(*way.T)
+    if not length.all():
+        return
+    way /= length[:, None]
+    at, px = ends[0, joint], 1.0 / canvas.scale
+    if len(stops) == 2:
+        canvas.trail(at + ARC * px * way, 4.0, RAIL, faint=1.0, strong=1.0)
+    for direction in way[:: len(way) - 1][: len(stops)]:
+        canvas.capsule(at + (ARC - TICK) * px * direction, at + (ARC + TICK) * px * direction, 3.0, RAIL)
+
+
+def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
+    """Travel of the joints that have any, from the numbers of the scene, or of one environment: joint ->
+    (lower, upper), m or rad; an end without a stop is infinite.
+
+    The report's centring spring names limits too, although it does not enforce them.
+    """
+    values = scene.parameters() if known is None else known
+    names = {joint: (low, high) for joint, low, high in hard_stops(scene)} | scene.travel()
+    for effect in scene.effects:
+        if isinstance(effect, CentringSpring):
+            for i, joint in enumerate(scene.robot.sliders()):
+                names[joint] = f"{effect.key}.lower[{i}]", f"{effect.key}.upper[{i}]"
+    return {joint: (float(values[low]), float(values[high])) for joint, (low, high) in names.items()}
+
+
+class Drawing:
+    """An arm with all that its scene has around it, in pictures of a size."""
+
+    def __init__(self, scene: Scene, width: int = SIZE, height: int = SIZE) -> None:
+        self.scene, self.width, self.height = scene, width, height
+        every = [*scene.parameters(), *scene.states()]
+        self._shown = [
+            (e, {n.removeprefix(f"{e.key}."): n for n in every if n.startswith(f"{e.key}.")})
+            for e in scene.effects
+            if type(e).shapes is not Effect.shapes
+        ]
+        self._masses = [(a.hook.point.number, a.parameter(a.hook.mass)) for a in scene.attached.of(PointMass)]
+        self._background: tuple[Any, Any] = (None, None)
+
+    def surroundings(self, arm: Arm, q: Points, known: Mapping[str, float]) -> list[shapes.Shape]:
+        """What effects show, from all numbers and states of the scene by name."""
+        found = shapes.shapes_of(self._shown, arm, q, known)
+        if self._masses:
+            points = shapes.Pose(arm, q, {}).points
+            found += [shapes.Load(points[n], known[name]) for n, name in self._masses if known[name] > 0.0]
+        return found
+
+    def begun(
+        self, found: Sequence[shapes.Shape], reach: float, border: float = BORDER, least: float = 0.0
+    ) -> Canvas:
+        """A canvas for an arm of a reach, with ground, obstacles and the reach; it shows ``least`` [m] around
+        the base at least."""
+        half_width = border * (max(shapes.seen_with(found, reach), least) or 1.0)
+        behind = tuple(x for x in found if isinstance(x, shapes.Circle | shapes.HalfPlane))
+        made_for = (half_width, reach, behind)
+        if self._background[0] != made_for:
+            canvas = Canvas(half_width, self.width, self.height)
+            for shape in behind:
+                if isinstance(shape, shapes.HalfPlane):
+                    canvas.half_plane(shape.point, shape.normal, OBSTACLE, EDGE)
+            canvas.disc((0.0, 0.0), canvas.scale * reach, REACH, ring=2.0)
+            for shape in behind:
+                if isinstance(shape, shapes.Circle):
+                    radius = canvas.scale * shape.radius
+                    canvas.disc(shape.centre, max(radius, 4.0), OBSTACLE if radius > 4.0 else EDGE)
+                    canvas.disc(shape.centre, max(radius, 4.0), EDGE, ring=2.4)
+            self._background = made_for, canvas.pixels
+        canvas = Canvas(half_width, self.width, self.height, self._background[1])
+        moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
+        if moved:
+            canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, GRID)
+        return canvas
+
+    def arm(
+        self, canvas: Canvas, arm: Arm, q: Points, known: Mapping[str, float], found: Sequence[shapes.Shape]
+    ) -> None:
+        """The arm with the ends of its travel, and its cables and loads."""
+        draw_links(canvas, shapes.Pose(arm, q, {}), stated_limits(self.scene, known))
+        for shape in found:
+            if isinstance(shape, shapes.Line):
+                for a, b in itertools.pairwise(shape.points):
+                    canvas.capsule(a, b, 3.0, CABLE if shape.taut else SLACK)
+        held: dict[Pair, float] = {}
+        for load in (x for x in found if isinstance(x, shapes.Load)):
+            total = held.get(load.place, 0.0) + load.mass
+            if load.held:
+                held[load.place] = total
+            else:
+                canvas.disc(load.place, _radius(total, arm) + 2.0, WAITING, ring=2.5)
+        for place, mass in held.items():
+            canvas.disc(place, _radius(mass, arm), LOAD)
+
+
+def _radius(mass: float, arm: Arm) -> float:
+    """Radius of a load, px: beyond the dot of the tip its square shows the mass, up to four times the arm's
+    heaviest."""
+    return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
+
+
+NO_DISPLAY = (
+    "render_mode='human' needs a display, and there is none here; make the environment with "
+    "render_mode='rgb_array', or write a clip: redundant-envs-train play ... --clip file.gif"
+)
+CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+"""Variables with which a user chooses a driver, such as "dummy", that may have no display."""
+
+
 def load_pygame() -> Any:
     """The package pygame, or an error that names the extra to install."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pygame imports modules that Python has deprecated
@@ -249,36 +463,76 @@ def load_pygame() -> Any:
     return pygame
 
 
-class Window:
-    """A square window for pictures (size, size, 3), at most ``fps`` a second: ``show`` waits for the next."""
+def display() -> Any:
+    """pygame with its display begun; NoDisplay where there is none: SDL would draw into nothing."""
+    pygame = load_pygame()
+    with _silent():
+        try:
+            pygame.display.init()
+        except pygame.error as error:
+            raise NoDisplay(NO_DISPLAY) from error
+    if pygame.display.get_driver() == "offscreen" and not any(map(os.environ.get, CHOICES)):
+        pygame.display.quit()
+        raise NoDisplay(NO_DISPLAY)
+    return pygame
 
-    def __init__(self, size: int, fps: int) -> None:
-        self._pygame = load_pygame()
-        self._pygame.display.init()
-        self._pygame.display.set_caption("redundant-envs")
-        self._screen = self._pygame.display.set_mode((size, size))
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Without what libraries of the system print of the displays that they tried."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+class NoDisplay(Error, OSError):
+    """There is no display to open a window on."""
+
+
+class Window:
+    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next.
+
+    A process has one window of pygame. Environments that are shown at the same time share it, and it closes
+    with the last of them.
+    """
+
+    _open: ClassVar[set[Window]] = set()
+
+    def __init__(self, fps: int) -> None:
+        self._pygame = display()
+        self._open.add(self)
         self._clock = self._pygame.time.Clock()
         self._fps = fps
 
     def show(self, picture: NDArray[np.uint8]) -> None:
-        self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
-        self._pygame.event.pump()
+        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
+        screen = pygame.display.get_surface()
+        if screen is None or screen.get_size() != size:  # as after another one has closed it
+            display().display.set_caption("redundant-envs")
+            screen = pygame.display.set_mode(size)
+        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
+        pygame.event.pump()
         self._clock.tick(self._fps)
-        self._pygame.display.flip()
+        pygame.display.flip()
 
     def close(self) -> None:
-        self._pygame.display.quit()
+        self._open.discard(self)
+        if not self._open:
+            self._pygame.display.quit()
 
 
 class Renderer:
     """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
-    def __init__(self, core: Core) -> None:
+    def __init__(self, core: Core, width: int = SIZE, height: int = SIZE) -> None:
         self.core = core
-        self.half_width = 1.12 * core.reach
-        canvas = Canvas(self.half_width)
-        canvas.disc(np.zeros(2), canvas.scale * core.reach, REACH, ring=2.0)
-        self._background = canvas.pixels
+        self._drawing = Drawing(core.scene, width, height)
         self._tips = np.zeros((core.num_envs, TRAIL_LENGTH, 2))
         self._count = np.zeros(core.num_envs, dtype=int)
         self._last = np.full(core.num_envs, -1.0)
@@ -306,51 +560,57 @@ class Renderer:
         return self._tips[lane, TRAIL_LENGTH - self._count[lane] :]
 
     def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
-        """The picture of a lane, (480, 480, 3) uint8, with time, efforts and how long the goal was held.
+        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held.
 
         ``written=False`` leaves these out.
         """
-        core, arm = self.core, self.core.scene.robot
+        core, scene, arm = self.core, self.core.scene, self.core.scene.robot
         index = np.array([lane])
 
         def read(names: Sequence[str]) -> NDArray[np.float64]:
             return core.memory.read(tuple(names), index)[0]
 
         q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
-        # The fields are those of the arm alone: what effects add to a mass is another number.
-        numbers = read([core.memory.dynamics.field_of(n) for n in arm.parameter_values()]).tolist()
+        known = {
+            n: float(x[0]) for n, x in parameters.present(core.memory, index, scene.parameters()).items()
+        }
+        states = tuple(core.memory.dynamics.effect_states)
+        known |= zip(states, read(states).tolist(), strict=True)
+        numbers = [known[name] for name in arm.parameter_values()]
         own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
-        ends = {k: names for k, names in core.scene.travel().items() if arm.prismatic[k]}
-        travel: Any = {k: tuple(read(names).tolist()) for k, names in ends.items()}
-        tip = own_arm.forward_kinematics(q)
-        canvas = Canvas(self.half_width, self._background)
-        base = np.zeros(2)
+        reach = float(reach_of(scene, known))
+        tip, base = own_arm.forward_kinematics(q), (0.0, 0.0)
+        if not np.isfinite(reach):  # of an arm with a slider without an end
+            reach = float(np.hypot(*tip))
+        found = self._drawing.surroundings(own_arm, q, known)
+        # Environments with other lengths are drawn to the same scale, unless theirs are larger.
+        canvas = self._drawing.begun(found, reach, least=core.reach if np.isfinite(core.reach) else 0.0)
         canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
-        draw_links(canvas, own_arm, q, travel)
+        self._drawing.arm(canvas, own_arm, q, known, found)
         canvas.disc(base, 9.0, JOINT)
         canvas.disc(base, 4.0, BACKGROUND)
         canvas.disc(tip, 6.5, TRAIL)
         if core.goal_fields:
             goal, name = read(core.goal_fields), "goal_tolerance"
-            radius = canvas.scale * core.reach * (read([name])[0] if name in core.memory else 0.0)
+            radius = canvas.scale * reach * (read([name])[0] if name in core.memory else 0.0)
             canvas.disc(goal, max(radius, 3.0), GOAL)
             canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
         if not written:
             return canvas.pixels
         canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
-        dt = core.scene.control_dt
+        dt = scene.control_dt
         canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, INK)
         if {*core.task.memory, *core.task.metrics} >= HOLDING:
             hold, success = read(("hold", "is_success"))
             if hold > 0:
                 held = f"held {hold * dt:.2f} s"
-                canvas.text(held, SIZE - MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
+                canvas.text(held, MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
         return canvas.pixels
 
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
         if self._window is None:
-            self._window = Window(SIZE, round(1.0 / self.core.scene.control_dt))
+            self._window = Window(round(1.0 / self.core.scene.control_dt))
         self._window.show(self.draw(lane))
 
     def close(self) -> None:

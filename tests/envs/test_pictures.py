@@ -12,7 +12,7 @@ import imageio.v2 as imageio
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from catalogue import EQUAL
+from catalogue import EQUAL, SCENES
 from faces import FOUR_R, ID, actions, begin, made, running
 from gymnasium.error import DependencyNotInstalled
 
@@ -38,30 +38,47 @@ def drawn(env_id=FOUR_R, kind="single", options=None, **kwargs):
 
 def is_picture(picture, colours=10):
     assert (picture.shape, picture.dtype) == ((480, 480, 3), np.uint8)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > colours
+    assert len({*(picture.astype(int) @ (65536, 256, 1)).ravel().tolist()}) > colours
 
 
-LOADED = {
+SURROUNDED = {
     "robot": {"type": "FourR", "masses": [0.5] * 4, "lengths": [0.25] * 4},
     "effects": [
         {"type": "Gravity"}, {"type": "EffortLimits", "limits": [20.0, 12.0, 8.0, 4.0]},
         {"type": "LinkInertia", "inertias": 0.003}, {"type": "Payload", "mass": 0.3},
         {"type": "PickUp", "mass": 0.3, "at": 0.05},
         {"type": "MovingBase", "amplitude": [0.1, 0.0], "frequency": 9.0},
+        {"type": "Disc", "centre": [0.7, 0.5], "radius": 0.2},
+        {"type": "HalfPlane", "point": [0.0, -0.9]},
+        {"type": "Tether", "point": 4, "post": [0.6, -0.6], "stiffness": 2.0},
+        {"type": "Tendon", "joints": ["joint2", "joint3"], "moment_arms": [0.03, 0.02], "stiffness": 300.0},
+        {"type": "JointStop", "lower": [None, -2.5, -2.5, -2.5], "upper": [None, 2.5, 2.5, None]},
     ],
     "randomize": {"payload.mass": {"uniform": [0.1, 0.5]}},
 }  # fmt: skip
-"""A scene whose effects add to the masses of the arm."""
+"""A scene whose effects add to the masses of the arm, and show themselves in pictures."""
+
+
+def images(env, kind):
+    return env.get_images() if kind == "sb3" else np.reshape(env.render(), (-1, 480, 480, 3))
 
 
 @pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
 def test_scenes_with_effects_are_drawn_on_all_faces(kind):
-    env = drawn(FOUR_R, kind, scene=LOADED)
+    env = drawn(FOUR_R, kind, scene=SURROUNDED)
     for action in actions(env, 4):  # beyond the time of the grasp
         env.step(action)
-    pictures = env.get_images() if kind == "sb3" else np.reshape(env.render(), (-1, 480, 480, 3))
-    for picture in pictures:
+    for picture in images(env, kind):
         is_picture(picture)
+        for colour in (
+            rendering.OBSTACLE,
+            rendering.EDGE,
+            rendering.CABLE,
+            rendering.LOAD,
+            rendering.GRID,
+            rendering.RAIL,
+        ):
+            assert (picture == colour).all(axis=2).sum() > 10
 
 
 # ---- the window ----------------------------------------------------------------------------------------
@@ -234,9 +251,13 @@ class Hoist(rde.Arm):
 
 def still(arm, shape=(), effects=()):
     """A trajectory of an arm that does not move, without a simulation."""
-    q, zero = np.full((3, *shape, len(arm.joints)), 0.2), np.zeros((3, *shape))
+    return standing(rde.Scene(arm, effects), shape)
+
+
+def standing(scene, shape=()):
+    q, zero = np.full((3, *shape, len(scene.robot.joints)), 0.2), np.zeros((3, *shape))
     t = np.array([0.0, 0.1, 0.2])
-    return Trajectory(t, q, 0 * q, zero, zero, zero, 0 * q, rde.Scene(arm, effects))
+    return Trajectory(t, q, 0 * q, zero, zero, zero, 0 * q, scene)
 
 
 @pytest.mark.long
@@ -279,6 +300,7 @@ def test_arms_from_outside_are_drawn_too_and_one_motion_of_a_batch_is_chosen():
         assert (one != other).any()
         np.testing.assert_array_equal(other, same)
     is_picture(rde.animate(still(ARMS["3R"], (2,)), index=np.int64(1)).frame(-1))
+    is_picture(rde.animate(still(Hoist((1.0,), (1.0, 1.0)))).frame(0))  # no mass at one of its joints
 
 
 def test_what_cannot_be_drawn_is_refused():
@@ -289,11 +311,131 @@ def test_what_cannot_be_drawn_is_refused():
         (still(ARMS["3R"], (2, 3)), 1, index),
         (dataclasses.replace(flat, t=np.zeros(0)), None, "trajectory has no times"),
         (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
-        (still(Hoist((1.0,), (1.0, 1.0))), None, "Hoist has 1 point masses and 2 joints; arms are drawn"),
     ):
         with pytest.raises(ValueError, match=f"^{words}") as error:
             rde.animate(trajectory, index=chosen)
         assert "\n" not in str(error.value)
+
+
+# ---- effects -------------------------------------------------------------------------------------------
+
+e = rde.effects
+LONG = rde.FourR((1.0,) * 4, (0.5,) * 4)
+POSE = (0.0, 0.5, 1.0, 0.2)
+
+
+def posed(effects, q=POSE, arm=LONG, **states):
+    """The picture of an arm at rest with effects, some of whose states have other values; and where places in
+    metres are in it."""
+    scene = rde.Scene(arm, effects)
+    motion = still(arm, (), effects)
+    z = np.array([[states.get(name.partition(".")[2], 0.0) for name in scene.states()]] * 3)
+    moving = rde.animate(dataclasses.replace(motion, q=np.array([q] * 3), z=z))
+    picture = moving.frame(0)
+    half = rendering.Drawing(scene)
+    known = {**scene.parameters(), **dict(zip(scene.states(), z[0], strict=True))}
+    canvas = half.begun(half.surroundings(arm, np.array(q), known), moving._farthest, animation.BORDER)
+
+    def at(place):
+        column, row = canvas._pixel(place)
+        return tuple(picture[int(row), int(column)].tolist())
+
+    return picture, at
+
+
+def test_obstacles_cables_loads_and_stops_are_where_they_are():
+    ends = [(0.0, 0.0), *map(tuple, LONG.points(np.array(POSE)))]
+    tip = ends[-1]
+    beside, bend = (tip[0] + 0.09, tip[1]), (0.5 + 0.1 * np.sin(0.25), 0.1 * np.cos(0.25))
+    for effect, states, place, name in (
+        (e.Disc((-0.9, 0.5), 0.3), {}, (-0.8, 0.4), "OBSTACLE"),
+        (e.Disc((-0.9, 0.5), 0.3), {}, (-0.9, 0.2), "EDGE"),
+        (e.HalfPlane((0.0, -0.5), (0.0, 2.0)), {}, (0.4, -0.8), "OBSTACLE"),
+        (e.HalfPlane((0.0, -0.5)), {}, (0.8, -0.5), "EDGE"),
+        (e.Tether(2, (-0.4, 1.0), 3.0), {}, (0.5 * (ends[2][0] - 0.4), 0.5 * (ends[2][1] + 1.0)), "CABLE"),
+        (e.Tendon(("joint2", "joint3"), (0.1, 0.1), 300.0), {}, (bend[0], -bend[1]), "CABLE"),
+        (e.Tendon(("joint2", "joint3"), (-0.1, -0.1), 300.0), {}, (1.0 - bend[0], bend[1]), "SLACK"),
+        (e.Payload(0.5), {}, beside, "LOAD"),
+        (e.PickUp(0.5, 1.0), {"carried": 0.5}, beside, "LOAD"),
+        (e.JointStop((-0.5, None, None, None), (0.4, None, None, None)), {}, None, "RAIL"),
+        (e.LimitSpring("joint1", -0.5, 0.4, 200.0, 5.0), {}, None, "RAIL"),
+        (e.MovingBase((0.1, 0.0), 3.0), {}, (0.0, 2 * rendering.GROUND * np.hypot(*tip)), "GRID"),
+    ):  # fmt: skip
+        (with_it, at), (without, _) = posed((effect,), **states), posed(())
+        assert (with_it != without).any()
+        colour = getattr(rendering, name)
+        if place is not None:
+            np.testing.assert_allclose(at(place), colour, atol=12, err_msg=f"{effect}")
+        else:
+            assert (with_it == colour).all(axis=2).sum() > (without == colour).all(axis=2).sum() + 20
+
+
+def test_an_object_is_a_ring_until_it_is_grasped_and_a_base_moves_over_the_ground():
+    waiting, held = (posed((e.PickUp(0.5, 1.0),), carried=mass)[0] for mass in (0.0, 0.5))
+    assert (waiting == rendering.WAITING).all(axis=2).any()
+    assert not (waiting == rendering.LOAD).all(axis=2).any()
+    assert (held == rendering.LOAD).all(axis=2).any()
+    assert not (held == rendering.WAITING).all(axis=2).any()
+    still, moved = (posed((e.MovingBase((0.1, 0.0), 3.0),), angle=angle)[0] for angle in (0.0, 1.0))
+    assert (still != moved).any()
+
+
+def test_a_picture_shows_obstacles_near_the_arm_and_no_far_one_makes_the_arm_small():
+    alone, _ = posed(())
+    for effect in (e.Disc((50.0, 3.0), 4.0), e.Tether(4, (1e9, -1e12), 1.0), e.HalfPlane((0.0, -1e9))):
+        picture, _ = posed((effect,))
+        assert (picture != alone).any(axis=2).sum() < 2000
+    _, at = posed((e.Disc((0.0, 1.7), 0.3),))  # at the reach, and beyond it
+    np.testing.assert_allclose(at((0.0, 1.95)), rendering.OBSTACLE, atol=12)
+    large, _ = posed((e.Disc((0.0, 101.0), 100.0),))
+    links = [(x == rendering.LINKS[0]).all(axis=2).sum() for x in (alone, large)]
+    assert links[1] > 0.5 * links[0]
+
+
+@dataclasses.dataclass(frozen=True)
+class Flag(e.Effect):
+    """Nothing but a mark on a link, at a number of it, with a pole to the tip."""
+
+    along: float
+
+    def hooks(self, arm):
+        return ()
+
+    def shapes(self, pose):
+        (xa, ya), (xb, yb) = pose.ends[0], pose.points[0]
+        place = xa + self.along * (xb - xa), ya + self.along * (yb - ya)
+        return e.shapes.Circle(place, 0.05), e.shapes.Line((place, pose.points[-1]))
+
+
+def test_an_effect_from_outside_is_drawn_with_the_numbers_of_each_environment():
+    picture, at = posed((Flag(-0.5),))
+    np.testing.assert_allclose(at((-0.25, -0.03)), rendering.OBSTACLE, atol=12)
+    assert (picture == rendering.CABLE).all(axis=2).sum() > 100
+    with pytest.raises(ValueError, match=r"^Flag.shapes gives 3; give shapes such as"):
+        posed((type("Flag", (Flag,), {"shapes": lambda self, pose: 3})(0.5),))
+
+
+def test_environments_are_drawn_with_numbers_of_their_own():
+    env = drawn(FOUR_R, "next_step", scene=SURROUNDED)
+    numbers = {"disc.radius": [0.1, 0.2, 0.2], "payload.mass": [0.1, 0.1, 0.3]}
+    begin(env, {"q": POSE, "goal": (0.1, 0.2), "parameters": numbers}, seed=0)
+    discs = [(x[:240] == rendering.OBSTACLE).all(axis=2).sum() for x in env.render()]
+    assert 2 * discs[0] < min(discs[1:])
+    loads = [(x == rendering.LOAD).all(axis=2).sum() for x in env.render()]
+    assert max(loads[:2]) < loads[2] - 50
+
+
+def test_every_scene_and_every_effect_of_the_package_is_drawn():
+    shipped = (Path(__file__).parents[2] / "configs" / "scenes").glob("*.yaml")
+    scenes = [rde.load_scene(path.stem) for path in shipped]
+    scenes += [SCENES[f"RPRP {group} 1e-6"] for group in ("obstacles", "joint stops", "bodies")]
+    used = {type(effect).__name__ for scene in scenes for effect in scene.effects}
+    assert used >= {name for name, x in e.REGISTRY.items() if x.__module__.startswith("redundant_envs.")}
+    for scene in scenes:
+        moving = rde.animate(standing(scene))
+        is_picture(moving.frame(0))
+        moving._q = np.full_like(moving._q, np.nan)  # as after a fault
+        moving.frame(0)
 
 
 # ---- energies of a motion ------------------------------------------------------------------------------

@@ -1,0 +1,153 @@
+"""How effects are drawn: plain shapes in metres, which every picture of a scene shows.
+
+An effect gives them by its method ``shapes``; coordinates are those of the arm, whose base is (0, 0). Masses
+that effects add, and stops of joints, are drawn without one, from their hooks.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.algebra import numbered
+from redundant_envs.robots.arm import Arm
+from redundant_envs.values import shown
+
+Place = tuple[float, float]
+NEAR = 1.4
+"""A picture shows what the arm can touch as far as this many reaches from the base: obstacles that are larger
+or farther away do not shrink the arm to a dot."""
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A filled circle, such as an obstacle; of radius 0 a dot."""
+
+    centre: Place
+    radius: float
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """All that is beyond a straight edge, through a point and across a normal out of it."""
+
+    point: Place
+    normal: Place
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line through points, such as a cable; faint unless it is ``taut``."""
+
+    points: tuple[Place, ...]
+    taut: bool = True
+
+
+@dataclass(frozen=True)
+class Load:
+    """A mass [kg], which the arm carries; a ring while it is not ``held``."""
+
+    place: Place
+    mass: float
+    held: bool = True
+
+
+@dataclass(frozen=True)
+class Ground:
+    """How far the base is from where it was on the ground: a grid of dots moves instead, those add up."""
+
+    displacement: Place
+
+
+Shape = Circle | HalfPlane | Line | Load | Ground
+
+
+@dataclass(frozen=True)
+class Pose:
+    """An arm in a pose, with the numbers of the environment that is drawn, and the states of the effect."""
+
+    arm: Arm
+    q: NDArray[np.float64]
+    states: Mapping[str, float]
+
+    @cached_property
+    def points(self) -> list[Place]:
+        """Positions of the point masses, m; the last one is the tip."""
+        return [(float(x), float(y)) for x, y in self.arm.points(self.q)]
+
+    @property
+    def ends(self) -> list[Place]:
+        """The base and the point masses: with a mass behind each joint, joint k is at ``ends[k]``."""
+        return [(0.0, 0.0), *self.points]
+
+    @cached_property
+    def positions(self) -> list[float]:
+        """Positions of the joints, rad and m."""
+        known = {**self.arm.parameter_values(), **dict(zip(self.arm.coordinates, self.q, strict=True))}
+        return [float(x) for x in self.arm.evaluate(numbered("phi{}", len(self.arm.joints)), known)]
+
+    @property
+    def shows_joints(self) -> bool:
+        """Whether there is a point mass behind each joint."""
+        return self.arm.num_masses == len(self.arm.joints)
+
+    def moved(self, joint: int, to: Any) -> NDArray[np.float64]:
+        """:attr:`ends`, (n, 1 + masses, 2), with one joint at other positions (n,)."""
+        to = np.asarray(to, dtype=np.float64)
+        phi = [to if k == joint else np.full(to.shape, x) for k, x in enumerate(self.positions)]
+        q = np.stack(np.broadcast_arrays(*self.arm.coordinates_of_joints(*phi)), axis=-1)
+        points = self.arm.points(q)
+        return np.concatenate([np.zeros((len(points), 1, 2)), points], axis=1)
+
+
+def shapes_of(
+    effects: Iterable[tuple[Any, Mapping[str, str]]], arm: Arm, q: NDArray[np.float64],
+    known: Mapping[str, float],
+) -> list[Shape]:  # fmt: skip
+    """Shapes of effects on an arm in a pose; ``known`` has all numbers and states of the scene, and with each
+    effect are its own names of its own ones, and the names that the scene gives them."""
+    found: list[Shape] = []
+    for effect, names in effects:
+        own = {name: known[of_scene] for name, of_scene in names.items()}
+        given = effect_with(effect, own).shapes(Pose(arm, q, own))
+        for shape in given if isinstance(given, Iterable) else (given,):
+            if not isinstance(shape, Shape):
+                raise ValueError(
+                    f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "
+                    "redundant_envs.effects.shapes.Circle((x, y), radius)"
+                )
+            found.append(shape)
+    return found
+
+
+def effect_with(effect: Any, numbers: Mapping[str, float]) -> Any:
+    """An effect with other numbers, which are not checked again."""
+    made = copy.copy(effect)
+    for name in effect.parameters():
+        field, _, entry = name.partition("[")
+        value: Any = numbers[name]
+        if entry:
+            k, before = int(entry[:-1]), getattr(made, field)
+            value = (*before[:k], value, *before[k + 1 :])
+        object.__setattr__(made, field, value)
+    return made
+
+
+def seen_with(shapes: Sequence[Shape], reach: float) -> float:
+    """How far from the base a picture of an arm with this reach shows, with the obstacles near it, m."""
+    seen, most = reach, NEAR * reach
+    for shape in shapes:
+        if isinstance(shape, Circle):
+            away = math.hypot(*shape.centre)
+            if away - shape.radius <= reach:
+                seen = max(seen, min(away + shape.radius, most))
+        elif isinstance(shape, Line):
+            seen = max([seen, *(away for p in shape.points if (away := math.hypot(*p)) <= most)])
+    return seen
