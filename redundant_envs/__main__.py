@@ -28,6 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
+        if not words:
+            parser().print_help(sys.stderr)
+            return 2
         options = parser().parse_args(words)
         result: int | None = options.handler(options)
     except (ValueError, MissingPackage, OSError) as error:

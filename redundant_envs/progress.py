@@ -6,8 +6,9 @@ import contextlib
 import importlib.util
 import itertools
 import sys
+import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from redundant_envs.extras import needs
 
@@ -15,18 +16,47 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 
+EVERY = 10.0  # s; time between two lines of progress where there is no terminal
+
+
 def progress_bars() -> Progress:
-    """Lines of progress on a terminal or in a notebook; every task has a ``note``."""
+    """Progress whose tasks have a ``note``: bars on a terminal or in a notebook, else a line every 10 s."""
     with needs("train"):
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     console = Console(stderr=True)
+    if not (console.is_terminal or console.is_jupyter):
+        return _lines(Progress)
     return Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
         TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
         console=console, redirect_stdout=sys.stdout.isatty(),
-        disable=not (console.is_terminal or console.is_jupyter),
     )  # fmt: skip
+
+
+def _lines(base: type[Progress]) -> Progress:
+    """Progress as lines, each with all tasks that are under way; ``base`` is rich's class."""
+
+    class Lines(base):  # type: ignore[valid-type,misc]
+        last = time.monotonic()
+
+        def update(self, task_id: Any, **changes: Any) -> None:
+            super().update(task_id, **changes)
+            if time.monotonic() - self.last < EVERY:
+                return
+            self.last = time.monotonic()
+            under_way = [task for task in self.tasks if task.started and not task.finished]
+            if under_way:
+                print("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
+
+    return Lines(disable=True)
+
+
+def _line(task: Any) -> str:
+    """A task in words: its share, note, time so far and time left."""
+    left = "" if task.time_remaining is None else f", {task.time_remaining:.0f} s left"
+    note = f", {task.fields['note']}" if task.fields["note"] else ""
+    return f"{task.description}: {task.percentage:.0f} %{note}, {task.elapsed or 0.0:.0f} s{left}"
 
 
 @contextlib.contextmanager

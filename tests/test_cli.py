@@ -8,6 +8,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import time
 
 import gymnasium as gym
 import numpy as np
@@ -19,7 +20,7 @@ from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.progress import counted
+from redundant_envs.progress import counted, progress_bars
 from redundant_envs.scene import scene_names
 from redundant_envs.tables import markdown, table, write_rows
 
@@ -170,7 +171,7 @@ def test_list_names_everything(capsys):
 # ---- progress on standard error, and tables ----------------------------------------------------------
 
 PROGRAM = """
-from redundant_envs.progress import counted
+from redundant_envs.progress import counted, progress_bars
 with counted("parts", 2) as done:
     done("the first")
     print("a result")
@@ -184,6 +185,22 @@ def test_each_part_is_a_line(capsys):
         for name in "abcd":
             done(name)
     assert capsys.readouterr() == ("", "parts 1/2: b\nparts 2/2: d\n")
+
+
+def test_without_a_terminal_progress_is_a_line_every_ten_seconds(capsys, monkeypatch):
+    pytest.importorskip("rich", reason="rich is in the extras 'train' and 'verify'")
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    with progress_bars() as bars:
+        bars.get_time = lambda: now[0]
+        one = bars.add_task("one", total=200, note="")
+        bars.add_task("waits", total=1, note="", start=False)
+        for steps in range(0, 100, 4):
+            bars.update(one, completed=steps, note=f"holds {steps} %")
+            now[0] += 1.0
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "one: 20 %, holds 40 %, 10 s, 40 s left"
+    assert second == "one: 40 %, holds 80 %, 20 s, 30 s left"
 
 
 @pytest.mark.long

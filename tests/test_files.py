@@ -116,7 +116,7 @@ def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
      r'"\U00110000"'],
 )  # fmt: skip
 def test_a_bad_override_is_refused(value):
-    with pytest.raises(ValueError, match=r"^the value .*, line 1: ") as error:
+    with pytest.raises(ValueError, match=r"^command line: the value .*, line 1: ") as error:
         load("configs/training/rprp_reach_ppo.yaml", [f"seed={value}"])
     assert short(str(error.value))
 

@@ -6,7 +6,7 @@ from redundant_envs import __version__
 from redundant_envs.extras import MissingPackage
 from redundant_envs.modules import take_imports
 
-from .presets import preset_path
+from .presets import is_override, preset_path
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -17,8 +17,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     try:
         words = take_imports(words)
-        if words[:1] in (["train"], ["tune"]) and len(words) > 1 and not words[1].startswith("-"):
-            preset_path(words[1])  # a wrong name is refused before even the large parser is imported
+        if words[:1] in (["train"], ["tune"]) and len(words) > 1:
+            first = words[1]  # a wrong name is refused before even the large parser is imported
+            if not first.startswith("-") and not is_override(first):
+                preset_path(first)
         from .commands import run
 
         return run(words)

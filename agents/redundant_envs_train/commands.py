@@ -11,11 +11,11 @@ from redundant_envs.files import config_folder
 from redundant_envs.values import check_between, shown
 
 from . import COMMAND, command, run_folder
-from .config import Config, complete, help_of_keys, load
+from .config import Config, complete, load, page_of_keys
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
 from .evidence.runs import read_groups, read_run, write_runs
-from .presets import presets
+from .presets import is_override, presets
 from .start import with_start
 from .training.pool import Stopped, count_of, seeds_of
 
@@ -29,7 +29,9 @@ with needs("train"):
 # name is refused at once.
 
 
-Training = Annotated[str, Argument(help="YAML file, or a preset's name", autocompletion=presets)]
+Training = Annotated[
+    str, Argument(help="YAML file, a preset's name, or env=ID without one", autocompletion=presets)
+]
 Folder = Annotated[Path, Argument(help="run folder")]
 PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
 Runs = Annotated[
@@ -92,13 +94,16 @@ def _usage(error: Any) -> int:
     raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
 
 
-@app.command(epilog=help_of_keys())
+@app.command(
+    epilog=f"Presets: {', '.join(presets())}.\n\nKeys: {', '.join(Config.model_fields)}, and settings of the "
+    f"learner, such as ppo.gamma. {command('schema', '--markdown')} explains each key."
+)
 def train(
     config: Training,
     overrides: Annotated[
         list[str] | None, Argument(help="key=value, such as seed=3 ppo.gamma=0.98", autocompletion=complete)
     ] = None,
-    out: Annotated[Path | None, Option(help="run folder (default runs/<config>_seed<seed>_<time>)")] = None,
+    out: Annotated[Path | None, Option(help="run folder (default runs/<preset>_seed<seed>_<time>)")] = None,
     seeds: Annotated[
         str | None, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
     ] = None,
@@ -119,14 +124,13 @@ def train(
         raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
     if address is not None and on != "ray":
         raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
-    name = Path(config).stem
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
         if any(override.startswith("seed=") for override in overrides or ()):
             raise ValueError("seed is given beside --seeds; leave one of them out")
-        folder = out or Path("runs") / f"{name}_{stamp}"
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
         chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
+        folder = out or Path("runs") / f"{name_of(config, *chosen.values())}_{stamp}"
         count_of(processes)
         run_folder.check_drawing()
         if on == "ray":
@@ -142,7 +146,7 @@ def train(
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     one = with_start(load(config, overrides or ()))
-    folder = out or Path("runs") / f"{name}_seed{one.seed}_{stamp}"
+    folder = out or Path("runs") / f"{name_of(config, one)}_seed{one.seed}_{stamp}"
     run_folder.check_new(folder)
     run_folder.check_drawing()
     from .training.train import train
@@ -152,6 +156,19 @@ def train(
         _finish(folder, facts)
     except KeyboardInterrupt:
         raise Stopped(f"stopped after the training; go on with: {command('report', folder)}") from None
+
+
+def name_of(given: str, config: Config, *others: Config) -> str:
+    """What a run is named after: its file or preset; for the file of a run, or none, its task and learner."""
+    path = Path(given)
+    if not is_override(given) and path.name != "config.yaml":
+        return path.stem
+    kind = (config.env, config.algo, config.env_kwargs.get("scene"))
+    for preset in presets():
+        other = load(preset)
+        if (other.env, other.algo, other.env_kwargs.get("scene")) == kind:
+            return Path(preset).stem
+    return f"{config.env.rpartition('/')[2]}_{config.algo}"
 
 
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
@@ -176,7 +193,7 @@ def tune(
     trials: Annotated[int, Option(help="trainings in all")] = 30,
     out: Annotated[
         Path | None,
-        Option(help="folder; a stopped study in it is continued (default runs/tune/CONFIG)"),
+        Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)"),
     ] = None,
     search: Annotated[
         list[str] | None,
@@ -195,7 +212,7 @@ def tune(
     space_of(base, search or (), overrides or ())
     from .tuning.study import tune
 
-    folder = out or Path("runs") / "tune" / Path(config).stem
+    folder = out or Path("runs") / "tune" / name_of(config, base)
     path = tune(base, folder, trials, search or (), overrides or (), seed, processes)
     print(path.read_text(encoding="utf-8"))
     print(f"best: {folder / 'best.yaml'}")
@@ -205,6 +222,7 @@ def tune(
 def resume(folder: Folder) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
     run_folder.own_config(folder)
+    run_folder.check_resumable(folder)
     run_folder.check_drawing()
     run_folder.tell_differences([folder])
     from .training.train import resume
@@ -347,9 +365,11 @@ def dataset(
 
 
 @app.command()
-def schema() -> None:
+def schema(
+    markdown: Annotated[bool, Option("--markdown", help="print it as a page for readers instead")] = False,
+) -> None:
     """Print the JSON schema of a training configuration, for editors."""
-    print(json.dumps(Config.model_json_schema(), indent=2))
+    print(page_of_keys() if markdown else json.dumps(Config.model_json_schema(), indent=2) + "\n", end="")
 
 
 @study.command("stops")

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.registration import NAMESPACE, ids
+from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip, write_clip
 from redundant_envs.files import exists
@@ -74,7 +74,7 @@ def _policy(folder: Path, actions: str | None, trust: bool) -> tuple[str, Act, d
 
 
 def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, Act]:
-    env_id = target if "/" in target else f"{NAMESPACE}/{target}"
+    env_id = full_id(target)
     if env_id not in ids():
         raise ValueError(f"target is {shown(target)}; give a run folder or one of {', '.join(ids())}")
     who = "expert" if actions is None else actions

@@ -19,6 +19,12 @@ def preset_path(path: str | Path) -> Path:
         return file
     if not exists(preset):
         raise ValueError(
-            f"config is {shown(str(path))}; there is no such file, and the presets are {', '.join(presets())}"
+            f"config is {shown(str(path))}; there is no such file, and the presets are "
+            f"{', '.join(presets())}; or give env=ID, such as env=RPRPReach-v0"
         )
     return preset
+
+
+def is_override(word: str) -> bool:
+    """Whether a word of a command is ``key=value`` where a configuration may stand."""
+    return "=" in word and not exists(Path(word))

@@ -5,6 +5,7 @@ For a missing or damaged file the error names the command that writes it. Nothin
 
 import json
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -278,6 +279,23 @@ def check_new(folder: Path) -> None:
 def find_checkpoint(folder: Path) -> Path | None:
     """The newest complete checkpoint of a run folder, if it has one."""
     return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
+
+
+def check_resumable(folder: Path) -> Path:
+    """The checkpoint of a run folder; ValueError without one, with what can be done instead."""
+    if (place := find_checkpoint(folder)) is not None:
+        return place
+    again, go_on = train_again(folder), f"{train_again(folder)} {shlex.quote(f'start_from={folder}')}"
+    if not (folder / "training.json").is_file():
+        reason, fix = "was killed before its first one, or made without:", f"make a new run: {again}"
+    elif read_facts(folder)["stopped"]:
+        reason, fix = "was made without:", f"go on from its policy with: {go_on}"
+    elif (folder / "report.md").is_file():
+        reason = "is finished and"
+        fix = f"watch it with: {command('play', folder)}, or go on from its policy with: {go_on}"
+    else:
+        reason, fix = "is finished and", f"evaluate and report it with: {command('report', folder)}"
+    raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
 
 
 def check_unwritten(folder: Path, files: Sequence[str], overwrite: bool) -> None:

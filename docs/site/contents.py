@@ -16,7 +16,8 @@ SECTIONS = {
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
-        "reference/api", "command_line", "how_it_works", "errata", "changelog", "contributing",
+        "reference/api", "command_line", "configuration", "how_it_works", "errata", "changelog",
+        "contributing",
     ],
     "Results": [
         "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",

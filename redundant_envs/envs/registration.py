@@ -53,6 +53,11 @@ def id_of(arm: str, task: str) -> str:
     return f"{NAMESPACE}/{arm}{task}-v0"
 
 
+def full_id(name: str) -> str:
+    """An id from a name with or without the namespace."""
+    return name if "/" in name else f"{NAMESPACE}/{name}"
+
+
 def check_arm(env_id: str | None, kind: str) -> None:
     """Refuse a scene whose arm is not that of an id; without an id every arm fits."""
     if env_id is None or IDS[env_id].arm == kind:

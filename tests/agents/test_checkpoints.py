@@ -170,4 +170,4 @@ def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch, ref
         train(small_config("ppo", curve_every=1024), folder)
     facts = json.loads((folder / "training.json").read_text())
     assert (facts["env_steps"], facts["stopped"]) == (2048, False)
-    refused(["resume", folder], "is finished and has no checkpoint; look at it")
+    refused(["resume", folder], "is finished and has no checkpoint; evaluate and report it with")

@@ -1,18 +1,20 @@
 """Configurations of a training: what is read and what is refused; mistakes on the command line."""
 
 import json
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from run_folders import REFUSALS, says
+from run_folders import POLICIES, REFUSALS, ROOT, says
 from short_trainings import small_config
 
 from redundant_envs import __main__ as library
+from redundant_envs_train.commands import name_of
 from redundant_envs_train.config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
 from redundant_envs_train.config.fields import limits
-from redundant_envs_train.config.files import complete, help_of_keys, keys
+from redundant_envs_train.config.files import complete, keys
 from redundant_envs_train.config.run import KEPT_FOR_GOALS, SEEDS_PER_RUN, first_environment_seed
 from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
@@ -41,15 +43,44 @@ def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help(call):
         if str(field.annotation) in ("<class 'int'>", "<class 'float'>"):
             low, high = limits(field)
             assert low < high, name
-    assert "sac.schedule: learning rate: constant, or linear to 0 at total_steps" in help_of_keys()
-    for words in ([], ["study"]):
-        assert "Commands:" in call(*words, status=2)[1]
-    shown = " ".join(call("train", "--help")[0].split())
-    assert "ppo.gamma: discount per control step (default 0.97, 0 to 1)" in shown
+    page = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+    assert call("schema", "--markdown")[0] == page, "make it again: python -m agents schema --markdown"
+    assert "| `ppo.gamma` | `0.97` | 0 to 1 | discount per control step |" in page
     schema = json.loads(call("schema")[0])
     gamma = schema["$defs"]["PPOSettings"]["properties"]["gamma"]
     assert (gamma["minimum"], gamma["maximum"]) == (0, 1)
     assert set(schema["properties"]) == set(Config.model_fields)
+
+
+def test_the_help_of_the_commands_is_two_screens_and_names_the_presets(call, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "100")
+    for words in ([], ["study"]):
+        assert "Commands:" in call(*words, status=2)[1]
+    assert library.main([]) == 2
+    assert "simulate arms without motors" in capsys.readouterr().err
+    shown = call("train", "--help")[0]
+    assert len(shown.splitlines()) <= 50
+    assert {f"{name}," for name in presets()[:-1]} <= set(shown.split())
+    assert "schema --markdown explains each key" in " ".join(shown.split())
+
+
+def test_a_run_is_named_after_its_preset_its_file_or_what_it_trains(tmp_path):
+    def name(given, *overrides):
+        return name_of(str(given), load(given, overrides))
+
+    assert load("env=FourRReach-v0", ["algo=sac"]) == load("env=redundant_envs/FourRReach-v0", ["algo=sac"])
+    assert name("env=FourRReach-v0", "algo=sac") == "four_r_reach_sac"
+    assert name("env=RPRPReach-v0", "algo=sac", "env_kwargs.scene=rprp_weak") == "rprp_weak_sac"
+    assert name("env=FourRReach-v0", "env_kwargs.scene=mine.yaml") == "FourRReach-v0_ppo"
+    assert name("rprp_reach_ppo") == name(POLICIES / "RPRPReach-v0-ppo" / "config.yaml") == "rprp_reach_ppo"
+    mine = shutil.copy(CONFIG, tmp_path / "mine.yaml")
+    assert name(mine) == "mine"
+
+
+def test_a_mistake_of_the_file_is_blamed_on_the_file_although_there_are_overrides(tmp_path):
+    (tmp_path / "mine.yaml").write_text("config_version: 2\nenv: RPRPReach-v0\nsed: 1\n")
+    with says("mine.yaml, line 3: sed is unknown"):
+        load(tmp_path / "mine.yaml", ["seed=3"])
 
 
 def test_keys_are_completed_and_so_are_their_choices():

@@ -2,6 +2,7 @@
 
 import json
 import queue
+import re
 import shutil
 import signal
 import sys
@@ -93,6 +94,16 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     assert result["restless"] == missed_there
     assert f"at {missed_there} of them the tip was there at the end" in summary(result)
     assert "The learner loses to computed torque." in summary(result)
+
+
+def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monkeypatch):
+    monkeypatch.chdir(run)
+    write_scene_file(Path(), 0.3)
+    error = refused(["resume", "."], "is finished and has no checkpoint")
+    play_it, go_on = re.findall(r"with: python -m agents (.*?)(?:, or|$)", error.strip())
+    call(*play_it.split(), "--episodes", 1, "--clip", "clip2.gif")
+    call(*go_on.replace("NEW_FOLDER", "more").split())
+    assert data("more", "training.json")["env_steps"] == 1024
 
 
 @pytest.mark.long
@@ -411,7 +422,7 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
         user.start()
         _, error = call(*command, 1, "--seeds", "5,4", status=130)
         user.join()
-    assert error.splitlines() == ["stopped; the same command with the same --out goes on"]
+    assert error.splitlines()[-1] == "stopped; the same command with the same --out goes on"
     assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
     assert find_checkpoint(four)
     assert json.loads(Path("begun").read_text()) == pool.cores()[:1]  # a core of its own

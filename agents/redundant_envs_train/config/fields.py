@@ -81,7 +81,9 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
             return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
-            return f"{name} is missing"
+            field = model_at(kind, place[:-1]).model_fields.get(str(place[-1]))
+            more = f"; give the {field.description}" if field and field.description else ""
+            return f"{name} is missing{more}"
         case "value_error":  # a message written by the model itself, which names its fields
             message = str(mistake["ctx"]["error"])
             return message if not name or message.startswith(name) else f"{name}: {message}"

@@ -1,23 +1,63 @@
 """Configurations in files and on the command line: YAML, dotted overrides, help and completion."""
 
-from collections.abc import Iterator, Sequence
+import copy
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 from redundant_envs.files import exists, explained, read_yaml, text_value
+from redundant_envs.tables import markdown
 from redundant_envs.values import shown
 
-from ..presets import preset_path
+from ..presets import is_override, preset_path
 from .fields import checked, limits, model_at, short
 from .run import ALGORITHMS, CHANGES, VERSION, Config
 
+KEYS = """# Keys of a training configuration
+
+Made by `python -m agents schema --markdown`. A YAML file has these keys (`configs/training` has the presets),
+and a command sets them for one run: `python -m agents train rprp_reach_ppo seed=3 ppo.gamma=0.98`. Settings
+of a learner are allowed if `algo` names it. `python -m agents schema` prints a JSON schema, for editors.
+
+"""
+"""The beginning of the page of the keys."""
+
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
-    """A configuration: a YAML file or a preset's name, and overrides such as ``seed=3 ppo.gamma=0.98``."""
+    """A configuration: a YAML file or a preset's name, and overrides such as ``seed=3 ppo.gamma=0.98``.
+
+    An override in place of the file begins with the defaults. Errors are those of :func:`merged`.
+    """
+    if is_override(str(path)):
+        return merged(None, {"config_version": VERSION}, [str(path), *overrides], config_of)
     file = preset_path(path)
-    data = read(file, overrides, "configs/training")
-    with explained(file, not overrides):
-        return config_of(data)
+    return merged(file, read(file, "configs/training"), overrides, config_of)
+
+
+def merged(
+    file: str | Path | None, data: dict[str, Any], overrides: Sequence[str], make: Callable[[Any], Any]
+) -> Any:
+    """What ``make`` gives for the data of a file with overrides; its ValueError names what is to blame, the
+    file and the line, or the command line."""
+    try:
+        given = copy.deepcopy(data)
+        for override in overrides:
+            override_one(given, override)
+        return make(given)
+    except ValueError as error:
+        if file is None or (overrides and _mistake(make, data) != str(error)):
+            raise ValueError(f"command line: {error}") from None
+        with explained(file):
+            raise
+
+
+def _mistake(make: Callable[[Any], Any], data: dict[str, Any]) -> str:
+    """What is wrong with the data of a file without overrides; nothing if it can be used."""
+    try:
+        make(data)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def config_of(data: dict[str, Any]) -> Config:
@@ -37,8 +77,8 @@ def config_of(data: dict[str, Any]) -> Config:
     )
 
 
-def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, Any]:
-    """The content of a YAML file, with overrides; if it is missing, the error lists the folder's files."""
+def read(path: str | Path, folder: str) -> dict[str, Any]:
+    """The content of a YAML file; if it is missing, the error lists the folder's files."""
     file = Path(path)
     if not exists(file):
         available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
@@ -48,8 +88,6 @@ def read(path: str | Path, overrides: Sequence[str], folder: str) -> dict[str, A
     data = read_yaml(file, "config")
     if not isinstance(data, dict):
         raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
-    for override in overrides:
-        override_one(data, override)
     return data
 
 
@@ -79,22 +117,21 @@ def keys() -> Iterator[tuple[str, Any]]:
             yield f"{algo}.{name}", field
 
 
-def help_of_keys() -> str:
-    """A line for every key: its default, allowed values, unit and meaning."""
-    lines = ["Keys of key=value:"]
+def page_of_keys() -> str:
+    """All keys as a page of Markdown: meaning, default, allowed values and unit of each."""
+    rows: dict[str, list[tuple[str, ...]]] = {}
     for name, field in keys():
-        if name == "config_version":
-            continue
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         low, high = limits(field)
-        parts = [f"default {written(field.default)}"] if not field.is_required() else []
-        parts += [f"{short(low)} to {short(high)}"] if low is not None and high is not None else []
-        parts += [str(extra["unit"])] if "unit" in extra else []
-        choices = values(field)
-        parts += [" or ".join(choices)] if choices else []
-        more = f" ({', '.join(parts)})" if parts else ""
-        lines.append(f"{name}: {field.description}{more}")
-    return "\n\n".join(lines)
+        allowed = ", ".join(values(field))
+        if low is not None and high is not None:
+            allowed = f"{short(low)} to {short(high)}"
+        default = "" if field.is_required() else f"`{written(field.default)}`"
+        cells = (f"`{name}`", default, f"{allowed} {extra.get('unit', '')}".strip(), field.description)
+        rows.setdefault(name.rpartition(".")[0], []).append(cells)
+    tables = {algo: markdown(("key", "default", "allowed", "meaning"), cells) for algo, cells in rows.items()}
+    text = KEYS + tables.pop("")
+    return text + "".join(f"\n\n## Settings of {algo}\n\n{table}" for algo, table in tables.items()) + "\n"
 
 
 def values(field: Any) -> list[str]:

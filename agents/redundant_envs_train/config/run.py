@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self, get_args
 
-from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, ids
+from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, full_id, ids
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
@@ -50,7 +50,7 @@ class Config(Model):
     """One training run."""
 
     config_version: Literal[2] = value(..., "version of this format")
-    env: Text = value(..., "registered id of the environment")
+    env: Text = value(..., "id of the environment, such as RPRPReach-v0, with or without redundant_envs/")
     algo: Algorithm = value("ppo", "learner")
     seed: Whole = number(0, 0, MOST_SEEDS, "of the learner, and of all draws of the environments")
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
@@ -84,9 +84,11 @@ class Config(Model):
     @model_validator(mode="before")
     @classmethod
     def _with_settings(cls, data: Any) -> Any:
-        """Add settings of the chosen learner, by default if they are not given."""
+        """Add the namespace of an id, and the default settings of the learner if none are given."""
         if not isinstance(data, Mapping):
             return data
+        if isinstance(data.get("env"), str) and (name := full_id(data["env"])) in ids():
+            data = {**data, "env": name}
         algo = data.get("algo", "ppo")
         if algo in ALGORITHMS and data.get(algo) is None:
             return {**data, algo: {}}

@@ -15,7 +15,7 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from redundant_envs import __version__
-from redundant_envs.envs.registration import NAMESPACE, ids
+from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.extras import needs
 from redundant_envs.files import exists
 from redundant_envs.modules import IMPORTED
@@ -91,7 +91,7 @@ def source_of(word: str, env: str | None) -> Source:
 
 def _id_of(text: str) -> str:
     """A registered id, given with or without its namespace."""
-    full = text if "/" in text else f"{NAMESPACE}/{text}"
+    full = full_id(text)
     if full not in ids():
         raise ValueError(f"env is {shown(text)}; choose one of {', '.join(ids())}")
     return full

@@ -18,9 +18,9 @@ import numpy as np
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
-from .. import command, train_again
+from .. import train_again
 from ..learners.sampling import each
-from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, find_checkpoint, flat
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat
 
 with needs("train"):
     import torch
@@ -93,14 +93,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
 
     ValueError if there is none, it is damaged, or it belongs to another configuration or simulator.
     """
-    place = find_checkpoint(folder)
-    if place is None:
-        if (folder / "training.json").is_file():
-            reason, fix = "is finished and", f"look at it with: {command('report', folder)}"
-        else:
-            reason = "was killed before its first one, or made without:"
-            fix = f"make a new run: {train_again(folder)}"
-        raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
+    place = check_resumable(folder)
     try:
         state = _load(place / STATE)
         _check_run(state["run"], run)

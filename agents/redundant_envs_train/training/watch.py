@@ -23,7 +23,7 @@ with needs("train"):
 
 PARTS = ("environment", "policy", "gradient")
 """Parts of a training's time: steps of the environments, choices of actions, updates of the networks."""
-BAR_STEPS = 400  # steps of the progress bar
+SHOW_EVERY = 0.5  # s, between two looks of the user at the progress
 RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
 """Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
@@ -56,7 +56,7 @@ class Watch(BaseCallback):
         self._before = begun.get("seconds", 0.0)
         self._apart = 0.0
         self._start = self._kept = time.perf_counter()
-        self._bar = 0
+        self._shown = 0.0
         self._ending = False
         self._collected: tuple[float, int] | None = None
         self.spent = dict.fromkeys(PARTS, 0.0)
@@ -115,8 +115,7 @@ class Watch(BaseCallback):
         if self._ending:
             return False
         self._log_episodes()
-        if self.num_timesteps - self._bar >= self.config.total_steps // BAR_STEPS:
-            self._bar = self.num_timesteps
+        if time.perf_counter() - self._shown >= SHOW_EVERY:
             self._show()
         if self.num_timesteps >= self._next:
             self._next += self.config.curve_every
@@ -157,7 +156,7 @@ class Watch(BaseCallback):
             self.on_point(self.num_timesteps, self.hold, returned)
 
     def _show(self) -> None:
-        config = self.config
+        config, self._shown = self.config, time.perf_counter()
         # the run ends with the steps or with the seconds, whichever comes first
         share = self.num_timesteps / config.total_steps
         if config.max_seconds is not None:

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from redundant_envs.extras import needs
-from redundant_envs.files import explained, text_value
+from redundant_envs.files import text_value
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import ACCURACIES, scene_data
 from redundant_envs.values import shown
 
-from ...config import MOST_EPISODES, Config, Model, Real, Text, Whole, checked, number, read, value
+from ...config import MOST_EPISODES, Config, Model, Real, Text, Whole, checked, merged, number, read, value
 from ...rollout import STUDY_SEED
 from ...run_folder import named_scene
 
@@ -127,9 +127,7 @@ class Study(Model):
 
 def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
     """The study of a YAML file, with overrides such as ``train_seeds=0``."""
-    data = read(path, overrides, "configs/studies")
-    with explained(path, not overrides):
-        study: Study = checked(Study, data)
+    study: Study = merged(path, read(path, "configs/studies"), overrides, lambda data: checked(Study, data))
     return study
 
 
