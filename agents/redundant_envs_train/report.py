@@ -3,6 +3,8 @@
 import platform
 import sys
 import time
+import warnings
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs import __version__
+from redundant_envs import Numerics, __version__
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure
@@ -19,13 +21,13 @@ from redundant_envs.machine import machine_name
 from . import command, run_folder
 from .config import Config
 from .config.run import label
-from .evidence.curves import draw_curves
+from .evidence.curves import EXPERT_COLOR, color_of, draw_curves
 from .evidence.runs import group, read_run
-from .pages import page, results_table
+from .pages import MEASURES, page, results_table
 from .play import clip
 from .policies import load_policy
 from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
-from .statistics import wilson
+from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 CLIP_EPISODES = 4
@@ -55,10 +57,17 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     low, high = wilson(int(policy.hold.sum()), n)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     at_goal = policy.distance <= core.task.goal_tolerance * core.reach
+    missed = ~policy.hold & ~policy.ended
+    ended = [Numerics(bits) for bits in policy.faults[~policy.hold & policy.ended].tolist()]
     result = {
         **{name: getattr(config, name) for name in ("env", "algo", "seed")}, "episodes": n,
         "hold_success": float(policy.hold.mean()), "interval": [low, high],
-        "touch_success": float(policy.touch.mean()), "restless": int((at_goal & ~policy.hold).sum()),
+        "touch_success": float(policy.touch.mean()), "restless": int((missed & at_goal).sum()),
+        "passed": int((missed & policy.touch & ~at_goal).sum()),
+        "stopped": int((~policy.hold & policy.ended).sum()),
+        "missed_by_both": int((~policy.hold & ~expert.hold).sum()),
+        "faults": {fault.name: count for fault in Numerics if (count := sum(fault in e for e in ended))},
+        "better": better(policy, expert),
         "expert_hold_success": float(expert.hold.mean()), "expert_touch_success": float(expert.touch.mean()),
         **{name: facts[name] for name in run_folder.FACTS},
         "mean_return": float(policy.returns.mean()), "expert_mean_return": float(expert.returns.mean()),
@@ -91,6 +100,31 @@ def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
     }
 
 
+def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
+    """For each measure, whether the policy is better than the expert at the same goals; None: no difference
+    beyond chance. Times are compared by the medians over the goals that each has held."""
+    compared: dict[str, tuple[str, Statistic, bool]] = {
+        "hold_success": ("hold", np.mean, True), "touch_success": ("touch", np.mean, True),
+        "median_distance": ("distance", np.median, False),
+        "time_to_hold": ("time_to_hold", held_median, False), "effort": ("effort", np.mean, False),
+        "smoothness": ("smoothness", np.mean, False),
+        "mean_return": ("returns", np.mean, True),
+    }  # fmt: skip
+    found: dict[str, bool | None] = {}
+    for name, (field, statistic, more) in compared.items():
+        own, other = getattr(policy, field), getattr(expert, field)
+        known = differs(own, other, statistic)
+        found[name] = bool((statistic(own, axis=0) > statistic(other, axis=0)) == more) if known else None
+    return found
+
+
+def held_median(times: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Median over the goals that were held, whose times are numbers; NaN if there are none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.asarray(np.nanmedian(times, axis=axis))
+
+
 def summary(result: dict[str, Any]) -> str:
     """The evaluation in a few sentences."""
     low, high = result["interval"]
@@ -102,17 +136,36 @@ def summary(result: dict[str, Any]) -> str:
         f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
         f"{1000 * result['expert_median_distance']:.1f} mm.",
     ]
-    failed = round((1.0 - result["hold_success"]) * result["episodes"])
-    if failed and result.get("restless") is not None:
-        lines.append(
-            f"Goals it did not hold: {failed}; at {result['restless']} of them the tip was there at the end, "
-            "but had not been still for long enough."
-        )
-    difference = result["hold_success"] - result["expert_hold_success"]
-    if difference:
-        verb = "loses to" if difference < 0 else "holds more goals than"
-        lines.append(f"The learner {verb} computed torque.")
+    if result.get("better"):
+        lines.append(comparison(result["better"]))
+    if missed := round((1.0 - result["hold_success"]) * result["episodes"]):
+        lines.append(misses(result, missed))
     return "\n".join(lines)
+
+
+def comparison(better: Mapping[str, bool | None]) -> str:
+    """Which measures are better or worse than those of computed torque, in a sentence."""
+    words = {True: "better in", False: "worse in", None: "no difference beyond chance in"}
+    names = {how: [label for label, key, *_ in MEASURES if better.get(key) is how] for how in words}
+    parts = [f"{words[how]} {', '.join(labels)}" for how, labels in names.items() if labels]
+    return f"Against computed torque on the same goals (95 %): {'; '.join(parts)}."
+
+
+def misses(result: Mapping[str, Any], missed: int) -> str:
+    """Why goals were missed, in a sentence."""
+    head = f"Missed {missed} goal{'s' * (missed > 1)}"
+    known = [result.get(name) for name in ("restless", "passed", "stopped")]
+    if None in known:  # an evaluation of an older version
+        return f"{head}."
+    faults = ", ".join(f"{name}: {count}" for name, count in result.get("faults", {}).items())
+    reasons = {
+        "the tip arrived but was still moving": known[0], "the tip arrived and left": known[1],
+        "the tip never got there": missed - sum(known), f"a fault ended the episode ({faults})": known[2],
+    }  # fmt: skip
+    found = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
+    both = result.get("missed_by_both")
+    more = f" Computed torque missed {both} of them, too." if both else ""
+    return f"{head}: {', '.join(found)}.{more}"
 
 
 def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path, out: Path) -> list[Path]:
@@ -128,17 +181,19 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
         draw_curves(group([run]), pictures[0])
     figure = new_figure(6.4, 3.8)
     axes = figure.subplots()
-    for column, who in ((3, config.label), (6, "computed-torque expert")):
+    lines = ((3, config.label, color_of(config.label), "-"), (6, "computed torque", EXPERT_COLOR, "--"))
+    for column, who, color, style in lines:
         distance = np.sort(1000 * episodes[:, column])
-        axes.plot(distance, 100 * np.arange(1, len(distance) + 1) / len(distance), label=who)
+        share = 100 * np.arange(1, len(distance) + 1) / len(distance)
+        axes.plot(distance, share, style, color=color, label=who)
     axes.set(
-        xscale="log", xlabel="final distance of the tip from the goal, mm", ylabel="share of episodes, %"
-    )
+        xscale="log", xlabel="final distance of the tip from the goal, mm",
+        ylabel="share of episodes that end as near, %",
+    )  # fmt: skip
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     tolerance = 1000 * core.task.goal_tolerance * core.reach
-    axes.axvline(tolerance, color="0.7", linewidth=1, linestyle="--")
-    axes.text(tolerance, 2, " goal tolerance", color="0.4", fontsize=8)
-    axes.legend(loc="center left")
+    axes.axvline(tolerance, color="0.6", linewidth=1, linestyle=":", label="goal tolerance")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
     bare(axes)
     save_figure(figure, target / "final_distance.png", dpi=120)
     return pictures

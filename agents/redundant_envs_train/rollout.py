@@ -24,7 +24,8 @@ class Outcome(NamedTuple):
     touch: NDArray[np.bool_]
     distance: NDArray[np.float64]  # m
     returns: NDArray[np.float64]
-    ended: NDArray[np.bool_]  # whether numerics ended the episode before its time
+    ended: NDArray[np.bool_]  # whether a fault ended the episode before its time
+    faults: NDArray[np.int64]  # the faults of the last step, a sum of redundant_envs.Numerics
     steps: NDArray[np.int64]  # control steps
     evaluations: NDArray[np.int64]  # of the equations of motion
     time_to_hold: NDArray[np.float64]  # s, from which on the tip stayed at the goal and slow; else NaN
@@ -68,7 +69,8 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
     return Outcome(
         hold, touch, distance, returns,
-        ended=~whole, steps=steps, evaluations=np.array(evaluations),
+        ended=~whole, faults=np.array([end.get("numerics", 0) for end in ends]), steps=steps,
+        evaluations=np.array(evaluations),
         # ``held`` counts the steps before the last one
         time_to_hold=np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan),
         effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1),

@@ -39,7 +39,7 @@ NUMBERS = {
 UNSURE = {
     "env_steps": MOST, "train_seconds": MOST, "time_to_hold": MOST, "effort": MOST, "smoothness": MOST,
     "expert_time_to_hold": MOST, "expert_effort": MOST, "expert_smoothness": MOST, "restless": MOST,
-    "expert_touch_success": 1,
+    "expert_touch_success": 1, "passed": MOST, "stopped": MOST, "missed_by_both": MOST,
 }  # fmt: skip
 """The same of numbers that may be unknown, as in folders of older versions."""
 MOST_CHARACTERS = 200  # most characters of the name of a machine
@@ -100,6 +100,9 @@ def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     versions = data.get("versions")
     checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
     checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
+    for name, fits in (("faults", _is_number), ("better", lambda value: value in (True, False, None))):
+        entries = data.get(name, {})
+        checks[name] = isinstance(entries, dict) and all(_is_line(k) and fits(entries[k]) for k in entries)
     for name, holds in checks.items():
         if not holds:
             raise ValueError(

@@ -19,6 +19,8 @@ TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
 LEAST_RUNS = 5
 """Least number of runs for an interval: with two or three it would reach from the lowest to the highest, and
 miss the true value in every second or fourth case."""
+LEAST_PAIRS = 20  # least number of pairs whose bootstrap says anything
+CHANCE = 0.05  # largest probability by chance of what is called a difference
 RESAMPLES, SEED = 2000, 0
 MOST_NUMBERS = 4_000_000  # count of numbers that are resampled at a time: 32 MB
 
@@ -36,8 +38,28 @@ def wilson(successes: int, trials: int, z: float = NORMAL_95) -> tuple[float, fl
 
 def sign_test(a: int, b: int) -> float:
     """Two-sided p of a against b changes, if both directions were equally likely; 1 without any."""
-    tail = sum(math.comb(a + b, k) for k in range(min(a, b) + 1))
-    return min(1.0, tail / 2 ** (a + b - 1)) if a + b else 1.0
+    count, term, tail = a + b, 1, 1
+    for k in range(min(a, b)):
+        term = term * (count - k) // (k + 1)  # of binomial coefficients
+        tail += term
+    return min(1.0, tail / 2 ** (count - 1)) if count else 1.0
+
+
+def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
+    """Whether a statistic of paired samples, in the same order, differs beyond chance at the level of 95 %.
+
+    Samples of truth values are judged by the sign test of the pairs that differ, which is exact however few
+    these are; others by the interval of a bootstrap of pairs. Fewer than ``LEAST_PAIRS`` never differ.
+    """
+    pairs = np.stack([np.asarray(a), np.asarray(b)], axis=1)
+    if pairs.dtype == np.bool_:
+        won, lost = (int((pairs[:, i] & ~pairs[:, 1 - i]).sum()) for i in (0, 1))
+        return sign_test(won, lost) < CHANCE
+    if len(pairs) < LEAST_PAIRS:
+        return False
+    found = bootstrap(pairs, RESAMPLES, SEED, statistic)
+    low, high = middle_95(found[:, 0] - found[:, 1])
+    return bool(low > 0.0 or high < 0.0)
 
 
 def permutation_test(a: Array, b: Array, most: int = 200_000) -> float:

@@ -33,6 +33,17 @@ def test_sign_test(a, b, p):
     assert statistics.sign_test(a, b) == p
 
 
+def test_what_differs_in_pairs_is_told_from_chance():
+    normal = np.random.default_rng(3).normal
+    base = normal(0.0, 10.0, 400)
+    assert statistics.differs(base, base + normal(0.3, 1.0, 400))  # far less than their spread
+    assert not statistics.differs(base, base + normal(0.0, 1.0, 400))
+    assert not statistics.differs(base[:19], base[:19] + 1.0)  # too few
+    held = np.ones(1000, dtype=bool)
+    for missed, known in ((1, False), (5, False), (6, True)):
+        assert statistics.differs(np.arange(1000) >= missed, held) == known
+
+
 @pytest.mark.parametrize(
     ("act", "word"),
     [
@@ -214,14 +225,15 @@ def test_a_row_has_median_worst_and_interquartile_mean_of_its_seeds(tmp_path):
 @pytest.mark.parametrize(
     ("holds", "verdict"),
     [
-        ([0.98, 0.99, 0.995], "computed torque holds more"), ([0.995, 0.995, 0.995], "equal"),
-        ([0.99, 0.995, 1.0], "equal (computed torque holds more in 1 of 3 seeds)"),
+        ([0.98, 0.99, 0.995], "computed torque holds more"),
+        ([0.994, 0.995, 0.995], "no difference beyond chance"),
+        ([0.99, 0.995, 1.0], "no difference beyond chance"),
         ([1.0, 1.0, 0.996], "the learner holds more"),
-        ([1.0, 1.0, 0.99], "the learner holds more (computed torque holds more in 1 of 3 seeds)"),
+        ([1.0, 1.0, 1.0, 0.994], "the learner holds more (computed torque holds more in 1 of 4 seeds)"),
     ],
 )  # fmt: skip
-def test_a_loss_is_named(tmp_path, holds, verdict):
-    (shown,) = cells(seeds(tmp_path, hold_success=holds, expert_hold_success=[0.995] * 3))
+def test_a_loss_beyond_chance_is_named(tmp_path, holds, verdict):
+    (shown,) = cells(seeds(tmp_path, hold_success=holds, expert_hold_success=[0.995] * len(holds)))
     assert shown["hold compared"] == verdict
 
 
@@ -247,7 +259,7 @@ def test_what_an_old_folder_lacks_is_a_dash_and_one_seed_has_no_interval(tmp_pat
     lacking = ("env_steps", "train_seconds", "effort", "expert_time_to_hold", "expert_effort")
     folder = write_run(tmp_path / "old", without=lacking)
     (first,), (second,) = (cells([folder], k) for k in (0, 1))
-    assert first["hold, IQM [95 % interval]"] == "99.0 % [unknown]"
+    assert first["hold, IQM [95 % interval]"] == "-"
     names = ("training, s", "steps per s", "steps, millions", "effort", "effort... of computed torque")
     assert {(first | second)[name] for name in names} == {"-"}
 
@@ -280,6 +292,9 @@ def test_the_ticks_of_success_tell_98_from_100_percent_and_the_legend_has_seeds(
         low, high = panel.transData.transform([(1.0, 0.98), (1.0, 1.0)])[:, 1]
         assert high - low > 0.2 * panel.get_window_extent().height
     legends = [[text.get_text() for text in part.legends[0].get_texts()] for part in parts]
+    assert "interquartile mean" in legends[0]
+    alone = draw(read_groups(folders[-1:]), ("steps",)).subfigs[0]  # one seed has no mean
+    assert [text.get_text() for text in alone.legends[0].get_texts()] == ["PPO (1 seed)", "computed torque"]
     assert legends[0][:3] == ["PPO (3 seeds)", "SAC (3 seeds)", "computed torque"]
     assert "PPO (1 seed)" in legends[1]
     colors = {line.get_label(): line.get_color() for line in parts[2].axes[0].get_lines()}

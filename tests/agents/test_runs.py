@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from run_folders import POLICIES, REFUSALS, change, csv_rows, kept, says, write_run, write_scene_file
+from run_folders import POLICIES, REFUSALS, RPRP, change, csv_rows, kept, says, write_run, write_scene_file
 from short_trainings import SMALL, assert_same_policy
 
 from redundant_envs import __main__ as library
@@ -26,6 +26,7 @@ from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import evaluate, summary
+from redundant_envs_train.rollout import Outcome
 from redundant_envs_train.run_folder import difference, find_checkpoint, read_evaluation
 from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
@@ -92,8 +93,53 @@ def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_
     missed_there = ((hold == 0) & (distance <= 0.02)).sum()
     assert 0 < missed_there < (hold == 0).sum() < 100
     assert result["restless"] == missed_there
-    assert f"at {missed_there} of them the tip was there at the end" in summary(result)
-    assert "The learner loses to computed torque." in summary(result)
+    missed = int((hold == 0).sum())
+    assert f"Missed {missed} goals: in {missed_there} the tip arrived but was still moving, in " in summary(
+        result
+    )
+    assert result["better"]["hold_success"] is result["better"]["effort"] is False
+
+
+EQUAL = {
+    "env": RPRP, "algo": "sac", "seed": 0, "episodes": 1000, "hold_success": 0.999, "interval": [0.994, 1.0],
+    "touch_success": 1.0, "median_distance": 0.002, "expert_hold_success": 1.0, "expert_median_distance": 0.0,
+}  # fmt: skip
+
+
+def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
+    def ends(hold, shift):
+        ones = np.ones(100)
+        return Outcome(
+            hold, hold, 0.01 + shift * ones, 80.0 + shift * np.arange(100), ~hold, np.where(hold, 0, 4), ones,
+            ones, np.where(hold, 0.5 + shift, np.nan), 0.2 * ones, 0.1 - shift * ones,
+        )  # fmt: skip
+
+    found = report.better(ends(np.arange(100) > 0, 0.001), ends(np.arange(100) >= 0, 0.0))
+    assert found == {
+        "hold_success": None, "touch_success": None, "median_distance": False, "time_to_hold": False,
+        "effort": None, "smoothness": True, "mean_return": True,
+    }  # fmt: skip
+    assert summary(EQUAL | {"better": found}).splitlines()[2:] == [
+        "Against computed torque on the same goals (95 %): better in smoothness, mean return; worse in "
+        "median final distance, median time to hold; no difference beyond chance in hold success, touch "
+        "success, effort.",
+        "Missed 1 goal.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("counts", "words"),
+    [
+        ({"restless": 1}, "Missed 1 goal: the tip arrived but was still moving."),
+        ({"passed": 1, "missed_by_both": 1}, "arrived and left. Computed torque missed 1 of them, too."),
+        ({"hold_success": 0.997, "restless": 1, "stopped": 1, "faults": {"SPEED_BOUND": 1}},
+         "Missed 3 goals: in 1 the tip arrived but was still moving, in 1 the tip never got there, in 1 a "
+         "fault ended the episode (SPEED_BOUND: 1)."),
+    ],
+)  # fmt: skip
+def test_a_report_says_why_goals_were_missed(counts, words):
+    none = {"restless": 0, "passed": 0, "stopped": 0, "missed_by_both": 0, "faults": {}}
+    assert summary(EQUAL | none | counts).endswith(words)
 
 
 def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monkeypatch):

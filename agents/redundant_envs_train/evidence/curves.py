@@ -25,10 +25,15 @@ MEASURES = {
     "return": ("mean return", "expert_mean_return"),
 }  # fmt: skip
 """Column of selection.csv -> title of its panels, and computed torque's entry in evaluation.json, if any."""
-LEARNER_COLORS = {"PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73"}
-"""Learners of the same colour in all figures."""
-COLORS = ("#CC79A7", "#E69F00", "#56B4E9", "#999999", "#8C564B", *LEARNER_COLORS.values())
-"""Colours of the others. Most are Okabe and Ito's, for colour-blind readers; black is computed torque's."""
+LEARNER_COLORS = {
+    "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73", "CrossQ": "#CC79A7", "TD3": "#E69F00",
+    "TQC": "#56B4E9", "stock PPO": "#999999", "stock SAC": "#8C564B",
+}  # fmt: skip
+"""Learners have the same colour in all figures. Most are Okabe and Ito's, for colour-blind readers."""
+EXPERT_COLOR = "black"
+"""The colour of computed torque in all figures."""
+COLORS = tuple(LEARNER_COLORS.values())
+"""Colours of learners whose settings differ from each other's."""
 STYLES = ("-", "-.", ":")  # styles of the lines, if there are more learners than colours
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
@@ -131,10 +136,12 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
     with needs("plot"):
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
-    explained: list[Any] = [
-        Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
-        Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
-    ]
+    explained: list[Any] = []
+    if any(len(same.runs) > 1 for same in groups):
+        explained = [
+            Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
+            Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
+        ]
     if any(len(same.runs) >= LEAST_RUNS for same in groups):
         explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
     titles = list(dict.fromkeys(same.title for same in groups))
@@ -163,7 +170,7 @@ def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: s
     scale, curve = AXES[axis][1], summarize(same, axis)
     seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
     for k, panel in enumerate(row):
-        for run in same.runs:
+        for run in same.runs if len(same.runs) > 1 else ():
             x, values = points(run, axis)
             panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)
         panel.fill_between(
@@ -178,7 +185,9 @@ def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: s
 def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
     """Computed torque, scales and labels of a panel."""
     for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
-        panel.axhline(level, color="black", linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque")
+        panel.axhline(
+            level, color=EXPERT_COLOR, linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque"
+        )
     title = MEASURES[name][0]
     _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
     bare(panel)
@@ -226,12 +235,18 @@ def _rate_scale(panel: Any, goal: float) -> None:
     panel.set_yticks(sorted(chosen), [f"{100 * tick:g}" for tick in sorted(chosen)], minor=False)
 
 
+def color_of(learner: str) -> str:
+    """The colour of a learner alone."""
+    return LEARNER_COLORS.get(learner, COLORS[0])
+
+
 def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
     """Colour and line style of each learner, the same in all panels."""
     learners = {same.learner for same in groups}
     others = sorted(learners - LEARNER_COLORS.keys())
+    free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or list(COLORS)
     looks = {
-        learner: (COLORS[i % len(COLORS)], STYLES[i // len(COLORS) % len(STYLES)])
+        learner: (free[i % len(free)], STYLES[i // len(free) % len(STYLES)])
         for i, learner in enumerate(others)
     }
     return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}

@@ -7,7 +7,7 @@ import numpy as np
 
 from redundant_envs.tables import markdown
 
-from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
+from ..statistics import CHANCE, LEAST_RUNS, interquartile_mean, run_interval, sign_test
 from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
@@ -28,7 +28,8 @@ BRIEF = {
 }  # fmt: skip
 """Columns of the table of the README, and those of RESULTS that they show."""
 EXPLANATION = (
-    "Computed torque acts on the same goals as the learners. IQM is the interquartile mean of the seeds, and "
+    "Computed torque acts on the same goals as the learners; a difference between their hold successes is "
+    "one beyond chance, by a sign test of all missed goals. IQM is the interquartile mean of the seeds, and "
     f"its interval a bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
     "another label are medians over seeds. Time to hold is the median over held episodes, of the seeds that "
     "held any. Effort is the mean squared normalised action, smoothness the mean change of the action from "
@@ -61,6 +62,7 @@ def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
     low, high = map(float, run_interval(hold))
+    middle = _percent(same, [float(interquartile_mean(hold))])
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
@@ -69,7 +71,7 @@ def _results(same: Group) -> list[str]:
     speeds = [steps / seconds for steps, seconds in told if steps is not None and seconds]
     return [
         same.title, same.learner, str(len(same.runs)), _percent(same, hold), _percent(same, [min(hold)]),
-        f"{_percent(same, [float(interquartile_mean(hold))])} [{interval}]",
+        f"{middle} [{interval}]" if len(hold) > 1 else UNKNOWN,
         _percent(same, same.numbers("expert_hold_success")), _holds_more(same),
         _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
         _number(speeds),
@@ -83,14 +85,20 @@ def _comparison(same: Group) -> list[str]:
 
 
 def _holds_more(same: Group) -> str:
-    """Which holds more by the median, and in how many seeds computed torque holds more, if that differs."""
+    """Which holds more goals of all seeds beyond chance; if it is the learner, in how many seeds it does not.
+
+    The goals that only one of the two missed are unknown, and at most those that it missed.
+    """
     hold, expert = (np.asarray(same.numbers(name)) for name in ("hold_success", "expert_hold_success"))
-    difference = np.median(hold) - np.median(expert)
-    lost = int((hold < expert).sum())
-    if difference < 0:
+    episodes = same.runs[0].evaluation["episodes"]
+    missed, others = (round(float((1.0 - rates).sum()) * episodes) for rates in (hold, expert))
+    if sign_test(missed, others) >= CHANCE:
+        return "no difference beyond chance"
+    if missed > others:
         return "computed torque holds more"
-    words = "the learner holds more" if difference > 0 else "equal"
-    return f"{words} (computed torque holds more in {lost} of {len(hold)} seeds)" if lost else words
+    lost = int((hold < expert).sum())
+    more = f" (computed torque holds more in {lost} of {len(hold)} seeds)" if lost else ""
+    return f"the learner holds more{more}"
 
 
 def _origin(groups: Sequence[Group]) -> str:

@@ -26,12 +26,15 @@ def plain(text: str) -> str:
 
 
 def results_table(evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> str:
-    """The first ``count`` results of a policy beside those of computed torque, as a Markdown table."""
-    rows = []
+    """The first ``count`` results of a policy beside those of computed torque, as a Markdown table, and whose
+    are better beyond chance where the evaluation has compared them."""
+    rows, better = [], evaluation.get("better")
+    words = {True: policy, False: "computed torque"}
     for label, key, scale, digits, unit in MEASURES[:count]:
         found = (evaluation.get(f"{who}{key}") for who in ("", "expert_"))
-        rows.append((label, *("-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found)))
-    return markdown((goals, policy, "computed torque"), rows)
+        cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
+        rows.append((label, *cells, *([words.get(better.get(key), "-")] if better else [])))
+    return markdown((goals, policy, "computed torque", *(["better"] if better else [])), rows)
 
 
 def page(name: str, **facts: Any) -> str:

@@ -28,7 +28,7 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 
 from ..config import Config, checked, load
-from ..evidence.curves import LEARNER_COLORS
+from ..evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from ..evidence.runs import Run, read_runs, value_of
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
 from ..run_folder import check_out, evaluate_anew
@@ -44,7 +44,7 @@ LIGHTEST = "computed torque to the lightest pose"
 POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}  # poses in which the plans of computed torque end
 FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
-COLORS = {EXPERT: "#000000", LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
+COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
