@@ -1,5 +1,6 @@
 """Watch an environment: a trained policy, or zero, random or expert actions."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,13 @@ def play(
     check_between("seed", seed, 0, MOST_SEED)
     if path is not None:
         check_clip(path)
+    if path is None:
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        with needs("human"):
+            import pygame  # noqa: F401
+        from redundant_envs.envs.rendering import display
+
+        display()  # a missing one is told before a policy is read
     if exists(Path(target)):
         env_id, act, kwargs = _policy(Path(target), actions, trust)
     else:
@@ -53,8 +61,6 @@ def play(
         clip([path], env_id, act, episodes, seed, **kwargs)
         print(f"clip: {path}")
         return
-    with needs("human"):
-        import pygame  # noqa: F401
     env = gym.make(env_id, render_mode="human", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     for episode in range(episodes):
@@ -110,7 +116,7 @@ def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **k
         _episode(env, core, act, seed + episode, keep)
     env.close()
     for path in paths:
-        write_clip(path, frames, round(1.0 / (CLIP_EVERY * core.scene.control_dt)))
+        write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * core.scene.control_dt)), 1))
 
 
 def batched(obs: Any) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.batch.environment import Autoreset, Operation
 from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import Face
+from redundant_envs.envs.face import PICTURE_SIZE, Face
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
@@ -37,18 +37,20 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         scene: str | Mapping[str, Any],
         accuracy: str | float | None = None,
         render_mode: str | None = None,
+        render_width: int = PICTURE_SIZE,
+        render_height: int = PICTURE_SIZE,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
     ) -> None:
-        self._check_choices(on_bad_action, render_mode)
+        self._check_choices(on_bad_action, render_mode, render_width, render_height)
         variation = Variation.of(randomize, observe_parameters)
         if render_mode == "human":
-            from redundant_envs.envs.rendering import load_pygame
+            from redundant_envs.envs.rendering import display
 
-            load_pygame()  # a missing package is reported at once, not at the first step
+            display()  # a missing package or display is reported at once, not at the first step
         core = self._core_of(scene, 1, task, accuracy, variation, info_keys)
         self.observation_space, self.action_space = self._take(core)
         self._lane = SingleLane(self.core)
@@ -139,8 +141,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        if not self.core.begun_all:
-            raise ResetNeeded("render was called before reset; call reset() first")
+        self._check_begun()
         if self.render_mode == "human":
             self._pictures().show(0)
             return None

@@ -23,10 +23,13 @@ from redundant_envs.scene import Scene
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
+from redundant_envs.values import whole_number
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
 ON_BAD_ACTION = ("raise", "terminate")
+PICTURE_SIZE, LEAST_SIZE, MOST_SIZE = 480, 32, 4096
+"""Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
 
@@ -96,14 +99,20 @@ class Face:
     _lanes: ClassVar[Any] = slice(None)  # of a single environment 0: its values have no first axis
     core: Core
 
-    def _check_choices(self, on_bad_action: str, render_mode: str | None) -> None:
-        """Take two arguments, or refuse them before a core is made."""
+    def _check_choices(
+        self, on_bad_action: str, render_mode: str | None, render_width: int, render_height: int
+    ) -> None:
+        """Take arguments, or refuse them before a core is made."""
         if on_bad_action not in ON_BAD_ACTION:
             raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
         if render_mode not in (None, *self.metadata["render_modes"]):
             modes = " or ".join(map(repr, self.metadata["render_modes"]))
             raise ValueError(f"render_mode is {render_mode!r}; choose None or {modes}")
+        for name, given in (("render_width", render_width), ("render_height", render_height)):
+            if not LEAST_SIZE <= whole_number(name, given) <= MOST_SIZE:
+                raise ValueError(f"{name} is {given} pixels; give {LEAST_SIZE} to {MOST_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
+        self._size = int(render_width), int(render_height)
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
@@ -121,7 +130,7 @@ class Face:
         """Take the core; gives the spaces of one environment's observation and action."""
         self.core = core
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / core.scene.control_dt)}
+        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
         self._renderer: Any = None
         seen: spaces.Space[Any] = _box(core)
         if self.goal_conditioned:
@@ -181,13 +190,18 @@ class Face:
         if self._renderer is None:
             from redundant_envs.envs.rendering import Renderer
 
-            self._renderer = Renderer(self.core)
+            self._renderer = Renderer(self.core, *self._size)
         return self._renderer
 
     def _see(self, out: Outputs) -> None:
         """Record the positions of the tips for their trails."""
         columns = self.core.columns
         self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
+
+    def _check_begun(self) -> None:
+        """ResetNeeded before the first reset of all lanes: there is nothing to draw."""
+        if not self.core.begun_all:
+            raise ResetNeeded("render was called before reset; call reset() first")
 
     def _begin_trails(self) -> None:
         """Let trails begin where the tips are, as after a state was set."""
@@ -247,6 +261,12 @@ class VectorFace(Face):
         if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
+
+
+def frames_per_second(control_dt: float) -> float:
+    """Pictures in a second of real time, one for each control step; a whole number where it is one."""
+    exact = 1.0 / control_dt
+    return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
 
 
 def _box(core: Core) -> spaces.Box:

@@ -24,7 +24,8 @@ ARGUMENTS = (
     "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
     "info_keys",
 )  # fmt: skip
-"""Arguments of all environments, beside their number and the arguments of rendering."""
+"""Arguments of all environments, beside their number and those of pictures."""
+OF_PICTURES = ("render_mode", "render_width", "render_height")
 
 
 class Made(NamedTuple):

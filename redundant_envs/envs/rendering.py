@@ -504,7 +504,7 @@ class Window:
 
     _open: ClassVar[set[Window]] = set()
 
-    def __init__(self, fps: int) -> None:
+    def __init__(self, fps: float) -> None:
         self._pygame = display()
         self._open.add(self)
         self._clock = self._pygame.time.Clock()
@@ -610,7 +610,7 @@ class Renderer:
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
         if self._window is None:
-            self._window = Window(round(1.0 / self.core.scene.control_dt))
+            self._window = Window(1.0 / self.core.scene.control_dt)
         self._window.show(self.draw(lane))
 
     def close(self) -> None:

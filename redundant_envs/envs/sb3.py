@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import LANE_VALUES, VectorFace, observation_of
+from redundant_envs.envs.face import LANE_VALUES, PICTURE_SIZE, VectorFace, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
-from redundant_envs.envs.registration import ARGUMENTS, IDS, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
 from redundant_envs.tasks import make_task
@@ -40,9 +40,9 @@ class SB3VecEnv(VectorFace, VecEnv):
 
     def __init__(
         self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None,
-        monitor: bool = True,
+        monitor: bool = True, render_width: int = PICTURE_SIZE, render_height: int = PICTURE_SIZE,
     ) -> None:  # fmt: skip
-        self._check_choices(on_bad_action, render_mode)
+        self._check_choices(on_bad_action, render_mode, render_width, render_height)
         if not isinstance(monitor, bool):
             raise ValueError(f"monitor is {shown(monitor)}; give True or False")
         self.monitor = monitor
@@ -50,6 +50,8 @@ class SB3VecEnv(VectorFace, VecEnv):
         self.spec: EnvSpec | None = None
         self._options_of_all: dict[str, Any] = {}
         super().__init__(core.num_envs, *self._take(core))
+        # The base class has put what it knows of pictures in place of the rate of frames.
+        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
 
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up.
@@ -149,6 +151,7 @@ class SB3VecEnv(VectorFace, VecEnv):
         """One picture per environment."""
         if self.render_mode is None:
             return [None] * self.num_envs
+        self._check_begun()
         return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
@@ -192,7 +195,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Give return, length and time of an episode at its end, ``info["episode"]``, as stable-baselines3's
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
-        Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode,
+        Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode and sizes,
         max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they are read
         at the ends of episodes); and threads, over blocks of 8 environments.
     """
@@ -205,13 +208,13 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     num_envs = whole_number("num_envs", num_envs)
     spec = gym.spec(full)
     arguments = {**spec.kwargs, **kwargs}
-    valid = (*ARGUMENTS, "render_mode", "threads")
+    valid = (*ARGUMENTS, *OF_PICTURES, "threads")
     for key in arguments:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
     steps = arguments.pop("max_episode_steps", spec.max_episode_steps)
     spec = dataclasses.replace(spec, kwargs={**arguments}, max_episode_steps=steps)
-    own = {name: arguments.pop(name) for name in ("on_bad_action", "render_mode") if name in arguments}
+    own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_options, checked_seed
 from redundant_envs.envs.core import STATE_KEYS
-from redundant_envs.envs.face import VectorFace, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
 from redundant_envs.envs.outputs import DRAWN, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.model.parameters import check_array, check_keys
@@ -39,6 +39,8 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
+        render_width: int = PICTURE_SIZE,
+        render_height: int = PICTURE_SIZE,
         accuracy: str | float | None = None,
         threads: int = 1,
         randomize: bool = True,
@@ -47,7 +49,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     ) -> None:
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
-        self._check_choices(on_bad_action, render_mode)
+        self._check_choices(on_bad_action, render_mode, render_width, render_height)
         variation = Variation.of(randomize, observe_parameters)
         core = self._core_of(
             scene, num_envs, task, accuracy, variation, info_keys, max_episode_steps, threads
@@ -146,6 +148,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:
             raise ValueError("render needs render_mode='rgb_array' at make")
+        self._check_begun()
         return tuple(self._pictures().draw(lane) for lane in range(self.num_envs))
 
     def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:

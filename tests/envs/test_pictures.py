@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from catalogue import EQUAL, SCENES
 from faces import FOUR_R, ID, actions, begin, made, running
-from gymnasium.error import DependencyNotInstalled
+from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -57,6 +57,16 @@ SURROUNDED = {
     "randomize": {"payload.mass": {"uniform": [0.1, 0.5]}},
 }  # fmt: skip
 """A scene whose effects add to the masses of the arm, and show themselves in pictures."""
+
+
+SLOW = {
+    "robot": {"type": "RPRP", "masses": [0.5] * 4, "lengths": [0.25] * 2},
+    "effects": [
+        {"type": "EffortLimits", "limits": 8.0},
+        {"type": "PrismaticStop", "lower": [0.0, 0.0], "upper": [0.25, 0.25]},
+    ],
+    "control_dt": 0.03,
+}  # fmt: skip
 
 
 def images(env, kind):
@@ -112,6 +122,72 @@ def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(DependencyNotInstalled, match=r"pip install redundant-envs\[human\]"):
         gym.make(ID, render_mode="human")
+
+
+def test_two_environments_share_the_window_and_the_last_one_closes_it():
+    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
+    one, other = (
+        gym.make(ID, render_mode="human", render_width=width, disable_env_checker=True)
+        for width in (480, 320)
+    )
+    for env in (one, other):
+        env.reset(seed=0)
+    one.close()
+    assert pygame.display.get_surface() is not None
+    other.step(actions(other, 1)[0])
+    assert pygame.display.get_surface().get_size() == (320, 480)
+    pygame.display.quit()  # as another program of the process may
+    other.step(actions(other, 1)[0])
+    other.close()
+    assert pygame.display.get_surface() is None
+
+
+def test_a_missing_display_is_told_at_once(monkeypatch, capfd):
+    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")  # what SDL takes without one
+    monkeypatch.setattr(pygame.display, "init", lambda: None)
+    with pytest.raises(OSError, match=r"^render_mode='human' needs a display.*rgb_array.*--clip") as error:
+        gym.make(ID, render_mode="human")
+    assert "\n" not in str(error.value)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "offscreen")  # chosen by a user
+    gym.make(ID, render_mode="human").close()
+
+
+# ---- sizes ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
+def test_pictures_have_the_size_that_is_asked_for(kind):
+    size = {"render_width": 200, "render_height": 120}
+    env = made(kind, ID, render_mode="rgb_array", scene=SLOW, **size)
+    assert env.metadata["render_fps"] == pytest.approx(1.0 / 0.03)
+    if kind == "sb3":
+        with pytest.raises(ResetNeeded, match="render was called before reset"):
+            env.get_images()
+    else:
+        with pytest.raises(ResetNeeded, match="render was called before reset"):
+            env.render()
+    begin(env, seed=0)
+    env.step(actions(env, 1)[0])
+    for picture in env.get_images() if kind == "sb3" else np.reshape(env.render(), (-1, 120, 200, 3)):
+        assert picture.shape == (120, 200, 3)
+        assert (picture == rendering.GOAL).all(axis=2).any()
+    for name, wrong in (("render_width", 31), ("render_height", 5000), ("render_width", 64.0)):
+        with pytest.raises(ValueError, match=f"^{name} is {wrong}"):
+            made(kind, ID, **{name: wrong})
+
+
+def test_a_larger_picture_shows_the_same():
+    options = {"q": (0.3, 0.6, 0.2, -0.3), "goal": (0.1, 0.2)}
+    small, large = (
+        drawn(options=options, render_width=n, render_height=n).render().astype(int) for n in (480, 960)
+    )
+    shrunk = large.reshape(480, 2, 480, 2, 3).mean(axis=(1, 3))
+    assert np.abs(shrunk - small).mean() < 1.0
+    wide = drawn(options=options, render_width=700).render()
+    rows = slice(60, 340)  # without letters and bars
+    np.testing.assert_array_equal(wide[rows, 110:590], small[rows])
 
 
 # ---- trails --------------------------------------------------------------------------------------------
