@@ -37,13 +37,13 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         scene: str | Mapping[str, Any],
         accuracy: str | float | None = None,
         render_mode: str | None = None,
-        render_width: int = PICTURE_SIZE,
-        render_height: int = PICTURE_SIZE,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
+        render_width: int = PICTURE_SIZE,
+        render_height: int = PICTURE_SIZE,
     ) -> None:
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
         variation = Variation.of(randomize, observe_parameters)

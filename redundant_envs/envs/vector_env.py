@@ -39,13 +39,13 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
         render_mode: str | None = None,
-        render_width: int = PICTURE_SIZE,
-        render_height: int = PICTURE_SIZE,
         accuracy: str | float | None = None,
         threads: int = 1,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
+        render_width: int = PICTURE_SIZE,
+        render_height: int = PICTURE_SIZE,
     ) -> None:
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)

@@ -123,7 +123,7 @@ def test_pages_agree_with_the_code(env_id):
         assert f"| `{name}` | {getattr(task, name)} |" in text
     assert [row[0] for row in rows(section(text, "Arguments"))] == [
         "scene", "accuracy", "render_mode", "on_bad_action", "task", "randomize", "observe_parameters",
-        "info_keys",
+        "info_keys", "render_width", "render_height",
     ]  # fmt: skip
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms
