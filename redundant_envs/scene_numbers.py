@@ -80,15 +80,18 @@ def _own_names(effect: Any) -> list[str]:
 def _check_effect(scene: Any, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
     for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
-        fields = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init}
+        fields: dict[str, Any] = {
+            f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init
+        }
         for name, value in numbers.items():
             field, _, entry = name.partition("[")
             if field not in fields:
                 continue
             if entry:  # those that are no numbers, such as ends of joints without a stop, stay
                 kept, k = fields[field], int(entry[:-1])
-                value = (*kept[:k], value, *kept[k + 1 :])
-            fields[field] = value
+                fields[field] = (*kept[:k], value, *kept[k + 1 :])
+            else:
+                fields[field] = value
         made = dataclasses.replace(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]

@@ -154,8 +154,8 @@ def comparison(better: Mapping[str, bool | None]) -> str:
 def misses(result: Mapping[str, Any], missed: int) -> str:
     """Why goals were missed, in a sentence."""
     head = f"Missed {missed} goal{'s' * (missed > 1)}"
-    known = [result.get(name) for name in ("restless", "passed", "stopped")]
-    if None in known:  # an evaluation of an older version
+    known = [result[name] for name in ("restless", "passed", "stopped") if result.get(name) is not None]
+    if len(known) < 3:  # an evaluation of an older version
         return f"{head}."
     faults = ", ".join(f"{name}: {count}" for name, count in result.get("faults", {}).items())
     reasons = {
