@@ -83,15 +83,13 @@ def _check_effect(scene: Any, effect: Any, values: Table) -> None:
         fields: dict[str, Any] = {
             f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init
         }
-        for name, value in numbers.items():
+        for name, number in numbers.items():
             field, _, entry = name.partition("[")
-            if field not in fields:
-                continue
-            if entry:  # those that are no numbers, such as ends of joints without a stop, stay
+            if field in fields and entry:  # those that are no numbers, as ends without a stop, stay
                 kept, k = fields[field], int(entry[:-1])
-                fields[field] = (*kept[:k], value, *kept[k + 1 :])
-            else:
-                fields[field] = value
+                fields[field] = (*kept[:k], number, *kept[k + 1 :])
+            elif field in fields:
+                fields[field] = number
         made = dataclasses.replace(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]

@@ -162,7 +162,7 @@ def _environment(scene: Scene, task: Task, observed: tuple[str, ...], name: str)
         return Program(kernels), made.blocks
 
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
-    return Simulator(episode.dynamics, trace, episode, name and scene_key(f"{name} {method}"))
+    return Simulator(episode.dynamics, trace, episode, name and scene_key(f"{name} {method}", __name__))
 
 
 def address(array: NDArray[Any]) -> int:

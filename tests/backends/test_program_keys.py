@@ -1,6 +1,7 @@
 """Keys of programs: equal where machine code may be shared, in every process, and different otherwise."""
 
 import dataclasses
+import functools
 import os
 import subprocess
 import sys
@@ -9,7 +10,11 @@ from pathlib import Path
 import pytest
 
 import redundant_envs as rde
+from redundant_envs import ranges
 from redundant_envs.backends import cache, llvm
+from redundant_envs.backends.loaded import scene_key
+from redundant_envs.effects import joint_stop
+from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.reach import ReachTask
@@ -77,6 +82,55 @@ def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
         with monkeypatch.context() as context:
             context.setattr(owner, name, lambda: ["another"])
             assert small_key() != before
+
+
+def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(monkeypatch):
+    """One of each module: what a process puts there leaves nothing for later ones."""
+    scene, ran = rde.load_scene("rprp_reach"), {}
+    scene = dataclasses.replace(scene, effects=(*scene.effects, e.SensorNoise(0.01)))
+    made = programs._environment(scene, ReachTask(), (), "")
+
+    def noted(frame, event, _):
+        module, name = frame.f_globals["__name__"], frame.f_code.co_qualname.partition(".")[0]
+        if event == "call" and module.startswith("redundant_envs.") and name in frame.f_globals:
+            ran[module] = name
+
+    sys.setprofile(noted)
+    try:
+        made._trace()
+    finally:
+        sys.setprofile(None)
+    assert {"redundant_envs.draws", "redundant_envs.philox", "redundant_envs.events.boundary"} <= ran.keys()
+    assert scene_key("", programs.__name__)
+    for module, name in ran.items():
+        with monkeypatch.context() as context:
+            context.setattr(sys.modules[module], name, lambda: None)
+            assert scene_key("", programs.__name__) == "", f"{module}.{name}"
+
+
+def scaled(by):
+    def scale(x):
+        return by * x
+
+    scale.__module__ = "redundant_envs.ranges"
+    return scale
+
+
+def test_what_else_is_replaced_gives_other_names(monkeypatch):
+    owner = ranges.Uniform
+    keys = {scene_key("", programs.__name__)}
+    changes = [
+        (ranges, "MIDDLE", 0.5), (ranges, "uniform", ranges.normal), (owner, "kind", "even"),
+        (ranges, "uniform", scaled(1.0)), (ranges, "uniform", scaled(0.5)),
+        (ranges, "uniform", functools.partial(ranges.normal, 1.0)),
+        (ranges, "uniform", functools.partial(ranges.normal, 2.0)), (joint_stop, "FREE", {"lower": 0.0}),
+    ]  # fmt: skip
+    for thing, name, value in changes:
+        with monkeypatch.context() as context:
+            context.setattr(thing, name, value)
+            keys.add(scene_key("", programs.__name__))
+    assert len(keys) == 1 + len(changes)
+    assert "" not in keys
 
 
 @pytest.mark.long
