@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -22,15 +23,23 @@ ROUNDING = 1e-12
 """Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
 OF_ARM = ("masses", "lengths")
 """Names of the numbers of an arm."""
+ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")
+"""These, and names of one of them."""
 
 
 def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:
-    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "gravity.down" -> down[0], down[1]."""
+    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "masses[1]" or "m2" -> m2,
+    "gravity.down" -> down[0], down[1]."""
     parameters = scene.parameters()
     if isinstance(name, str) and name in of_task:
         return [name]
-    if name in OF_ARM:
-        return [p for p in parameters if p[0] == name[0] and p[1:].isdigit()]
+    for whole in OF_ARM:
+        of_arm = [p for p in parameters if p[0] == whole[0] and p[1:].isdigit()]
+        if name == whole:
+            return of_arm
+        for k, entry in enumerate(of_arm):
+            if name in (entry, f"{whole}[{k}]"):
+                return [entry]
     if isinstance(name, str) and "." in name:
         found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
         if found:
@@ -126,7 +135,7 @@ def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
 
 def is_of_task(name: str) -> bool:
     """Whether a name can only be that of a number of a task, which only an environment knows."""
-    return "." not in name and name not in OF_ARM
+    return "." not in name and ENTRY.fullmatch(name) is None
 
 
 def entries_of(scene: Any, drawn: Iterable[Range], of_task: Iterable[str] = ()) -> dict[Range, list[str]]:

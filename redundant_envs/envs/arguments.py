@@ -1,4 +1,4 @@
-"""Checks of arguments that users pass to environments: reset options, seeds, actions, limits."""
+"""Checks of arguments that users pass to environments: seeds, actions, limits."""
 
 from __future__ import annotations
 
@@ -9,22 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.algebra import arguments_of
-from redundant_envs.lane.episode import Episode
-from redundant_envs.lane.randomized import fixed
-from redundant_envs.model import parameters
-from redundant_envs.model.memory import Memory
 from redundant_envs.scene import Scene
-from redundant_envs.scene_numbers import names_of
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
-from redundant_envs.values import check_keys, shown
+from redundant_envs.values import shown
 
-OPTION_KEYS = ["q", "qd", "goal", "parameters"]
-LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
-"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
-Checked = tuple[parameters.Table | None, list[tuple[tuple[str, ...], NDArray[np.float64]]]]
-"""The validated content of reset options: parameters, and fields with their numbers."""
 
 
 def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
@@ -55,78 +45,6 @@ def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
                 "function of the two goals alone"
                 + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
             )
-
-
-def checked_reset(
-    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: NDArray[np.intp]
-) -> Checked:
-    """Validated parameters and rows that the options of a reset of some lanes set."""
-    if not options:
-        return None, []
-    scene, task = episode.dynamics.scene, episode.task
-    check_keys("options", options, OPTION_KEYS)
-    given, values = options.get("parameters"), None
-    if task.goal_conditioned and isinstance(given, Mapping):
-        check_of_reward(scene, task, given)
-    if given is not None:
-        values = parameters.lane_values(scene, memory, lanes, given, True, task)
-        values |= _fixed(episode, given, len(lanes))
-    present = values or parameters.present(
-        memory, lanes, (*scene.parameters(), *map(fixed, episode.randomized.entries))
-    )
-    present = _narrowest(episode, present)
-    if options.get("goal") is not None and not episode.goal:
-        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
-    rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
-    writes: list[tuple[tuple[str, ...], NDArray[np.float64]]] = []
-    for key, names in rows.items():
-        if options.get(key) is None:
-            continue
-        numbers = parameters.table(f"options[{key!r}]", options[key], len(lanes), len(names))
-        most, largest = float(np.abs(numbers).max(initial=0.0)), LARGEST_START[key]
-        if most > largest:
-            raise ValueError(f"options[{key!r}] has an entry of size {most:g}; give at most {largest:g}")
-        writes.append((names, numbers))
-        if key == "q":  # beyond a spring it is allowed, beyond a stop it is not
-            parameters.check_stops(scene, numbers, present, "options['q']: ")
-        elif key == "goal":
-            radius, reach = np.linalg.norm(numbers, axis=1), reach_of(scene, present)
-            if (radius > reach).any():
-                lane = int(np.argmax(radius - reach))
-                raise ValueError(
-                    f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
-                    f"{reach[lane]:.6g} m: choose a goal within it"
-                )
-    return values, writes
-
-
-def _fixed(episode: Episode, given: Mapping[str, Any], count: int) -> parameters.Table:
-    """For each number that episodes draw, whether options set it for some lanes: it is not drawn then."""
-    entries = episode.randomized.entries
-    scene, of_task = episode.dynamics.scene, episode.task.parameters()
-    named = {entry for name in given for entry in names_of(scene, name, of_task)} if entries else set()
-    return {fixed(entry): np.full(count, float(entry in named)) for entry in entries}
-
-
-def _narrowest(episode: Episode, values: parameters.Table) -> parameters.Table:
-    """Numbers of lanes with the shortest lengths and travels that a reset may draw: a start or a goal that
-    options give has to be possible in every episode."""
-    scene, found = episode.dynamics.scene, dict(values)
-    lowers = {lower for _, lower, _ in hard_stops(scene)}
-    for entry, (low, high) in episode.randomized.ends().items():
-        if entry in values:
-            end = high if entry in lowers else low
-            found[entry] = np.where(values[fixed(entry)] > 0.0, values[entry], end)
-    return found
-
-
-def checked_options(options: Any) -> dict[str, Any]:
-    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
-    if options is None:
-        return {}
-    if not isinstance(options, Mapping):
-        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
-    return dict(options)
 
 
 def checked_seed(name: str, seed: Any) -> int | None:

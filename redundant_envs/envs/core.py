@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
 from redundant_envs.draws import KEY_WORDS
-from redundant_envs.envs.arguments import Checked, checked_reset, episode_limit, numbers_of_reward, reach_of
+from redundant_envs.envs import options
+from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import TIP, Episode
+from redundant_envs.lane.episode import ENDS, TIP, Episode
 from redundant_envs.lane.memory import Layout
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, aligned
@@ -45,6 +46,10 @@ class EpisodeKeys:
 
     def __init__(self, count: int) -> None:
         self._generators: list[np.random.Generator | None] = [None] * count
+        self.seeds = [-1] * count
+        """The seed of each lane's generator; -1 if it is unknown."""
+        self._ready: dict[int, tuple[np.random.Generator, int]] = {}
+        """Generators of lanes that were asked for before a first episode needed them."""
         self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
         self._left = np.zeros(count, dtype=np.int64)
 
@@ -60,9 +65,22 @@ class EpisodeKeys:
 
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
-        self._generators[lane], used = seeding.np_random(seed)
+        ready = self._ready.pop(lane, None)
+        generator, used = ready if seed is None and ready else seeding.np_random(seed)
+        self._generators[lane], self.seeds[lane] = generator, used
         self._left[lane] = 0
         return used
+
+    def own(self) -> list[np.random.Generator]:
+        """The generator of each lane, also before its first episode."""
+        found = []
+        for lane, generator in enumerate(self.generators):
+            if generator is None:
+                if lane not in self._ready:
+                    self._ready[lane] = seeding.np_random(None)
+                generator, self.seeds[lane] = self._ready[lane]
+            found.append(generator)
+        return found
 
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
@@ -139,6 +157,8 @@ class Core(Copied):
         self.memory = first_memory(self.episode, self.simulator.layout, ranges, num_envs, max_episode_steps)
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
+        self.waiting_options: options.Given = {}
+        """Options of episodes that have not begun yet."""
         episode = self.episode
         self.actions = episode.actions
         self.columns = Columns(episode, info_keys)
@@ -183,6 +203,15 @@ class Core(Copied):
         """Generators of the lanes: the next keys are the next words of each."""
         return self._episode_keys.generators
 
+    def own_generators(self) -> list[np.random.Generator]:
+        """The same, also of lanes without an episode yet."""
+        return self._episode_keys.own()
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds of these."""
+        return self._episode_keys.seeds
+
     @property
     def begun_all(self) -> bool:
         """Whether every lane has had a reset."""
@@ -214,7 +243,29 @@ class Core(Copied):
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
             self.provide_keys(np.flatnonzero(self.mask))
+            if self.waiting_options:
+                self._begin_with_options(tables, np.flatnonzero(self.begun))
         return tables
+
+    def _begin_with_options(self, tables: Tables, lanes: NDArray[np.int64]) -> None:
+        """Let episodes that an autoreset has begun begin with the options that waited for them instead, and
+        with the same draws otherwise."""
+        found = options.within(self.waiting_options, lanes)
+        if not found:
+            return
+        self.waiting_options = options.without(self.waiting_options, lanes)
+        some = np.zeros(self.num_envs, np.bool_)
+        for part in found.values():
+            some[part.lanes] = True
+        lanes = np.flatnonzero(some)
+        found = options.checked_reset(self.episode, self.memory, {}, lanes, found)
+        self.waiting[lanes] = True  # their keys are those of the last draw
+        self.begin(some, found)
+        obs, out = self.observe()
+        tables[0][lanes] = obs[lanes]
+        for table, fresh, names in zip(tables[1], out, self.columns.tables.values(), strict=True):
+            places = np.ix_(np.flatnonzero([name not in ENDS for name in names]), lanes)
+            table[places] = fresh[places]
 
     def _run(
         self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
@@ -245,26 +296,29 @@ class Core(Copied):
         return obs, out, last_obs, last_out
 
     def begin(
-        self, lanes: NDArray[np.bool_], checked: Checked, run: Callable[[int], Any] | None = None
+        self, lanes: NDArray[np.bool_], given: options.Given, run: Callable[[int], Any] | None = None
     ) -> None:
-        """Begin new episodes in the lanes of a mask, with their options as :meth:`checked` returned them;
-        ``run`` replaces the default way of running the kernel for all lanes.
+        """Begin new episodes in the lanes of a mask, with options that :meth:`checked` returned for some of
+        them; ``run`` replaces the default way of running the kernel for all lanes.
 
         Options are checked before a generator is seeded or a number is set, so a refused reset
         changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
         give equal episodes.
         """
         index = np.flatnonzero(lanes)
-        values, writes = checked
-        if values is not None:
-            parameters.write(self.scene, self.memory, index, values)
+        starts = [part for key, part in given.items() if key != options.PARAMETERS]
+        if options.PARAMETERS in given:
+            names, some, table = given[options.PARAMETERS]
+            parameters.write(self.scene, self.memory, some, dict(zip(names, table.T, strict=True)))
+        if self.waiting_options:
+            self.waiting_options = options.without(self.waiting_options, index)
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
         (run or self._run)(Operation.RESET)
-        for rows, numbers in writes:
-            self.memory.write(rows, numbers, index)
-        if writes and self.simulator.dynamics.effect_states.computed:
+        for names, some, table in starts:
+            self.memory.write(names, table, some)
+        if starts and self.simulator.dynamics.effect_states.computed:
             (run or self._run)(Operation.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
@@ -274,9 +328,23 @@ class Core(Copied):
         obs, out, *_ = self._run(Operation.OBSERVE)
         return obs, out
 
-    def checked(self, options: Mapping[str, Any], lanes: NDArray[np.intp]) -> Checked:
-        """Validated parameters and rows that options of a reset of some lanes set."""
-        return checked_reset(self.episode, self.memory, options, lanes)
+    def checked(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> options.Given:
+        """Options of a reset of some lanes, with those that wait for them and are not given again."""
+        return options.checked_reset(self.episode, self.memory, given, lanes, self.waiting_options)
+
+    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
+        """Keep options for the next episodes of lanes; without any, forget those that wait."""
+        if given:
+            found = self.checked(given, lanes)
+            self.waiting_options = options.over(self.waiting_options, found)
+        else:
+            self.waiting_options = options.without(self.waiting_options, lanes)
+
+    def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
+        """Keep one number for the next episodes of lanes."""
+        waiting = self.waiting_options
+        found = options.checked_number(self.episode, self.memory, name, value, lanes, waiting)
+        self.waiting_options = options.over(waiting, found)
 
     # ---- goals and snapshots ---------------------------------------------------------------------
 
@@ -332,6 +400,7 @@ class Core(Copied):
         for name in OF_KEYS:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
+        self.seeds[:] = [-1] * self.num_envs
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""

@@ -13,9 +13,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset, Operation
-from redundant_envs.envs.arguments import check_action, checked_options, checked_seed, refuse_bad_action
+from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, Face
+from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
@@ -126,6 +127,24 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         generator = self.core.generators[0]
         if generator is not None:
             self._np_random = generator
+
+    def get_wrapper_attr(self, name: str) -> Any:
+        """An attribute, or a number such as ``goal_tolerance``, as vectors ask for it."""
+        return self._attribute(name)
+
+    def has_wrapper_attr(self, name: str) -> bool:
+        """Whether there is an attribute or a number of this name."""
+        return hasattr(self, name) or self._is_number(name)
+
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Set an attribute, or a number from the next episode on; returns whether it was set.
+
+        Without ``force`` only what is there is set.
+        """
+        if force or self.has_wrapper_attr(name):
+            setattr(self, name, value)
+            return True
+        return False
 
     def _show(self) -> None:
         """Record the position of the tip for its trail; in the mode "human", show the picture."""

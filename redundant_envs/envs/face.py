@@ -4,22 +4,25 @@ by name with units, pictures."""
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import Core
+from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TIP
+from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scene import Scene
+from redundant_envs.scene_numbers import names_of
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
@@ -34,6 +37,30 @@ OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
 
 
+COPIES = (
+    "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
+    "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
+)
+
+
+class Copy(np.ndarray[Any, np.dtype[np.float64]]):
+    """Numbers that are a copy: they refuse to be written to, because it would change nothing."""
+
+    def __setitem__(self, place: Any, value: Any) -> None:
+        if not self.flags.writeable:  # a copy of it, or a result, may be written to
+            raise ValueError(COPIES)
+        super().__setitem__(place, value)
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
+    @classmethod
+    def of(cls, numbers: NDArray[np.float64]) -> Copy:
+        """New numbers, from now on without a way to write to them."""
+        numbers.flags.writeable = False
+        return numbers.view(cls)
+
+
 @dataclass(frozen=True, eq=False)
 class Parameter:
     """A number of an environment, or several with one name: ``value`` and ``unit``.
@@ -46,11 +73,26 @@ class Parameter:
     unit: str | tuple[str, ...]
 
 
-class Parameters(dict[str, Parameter]):
+class Parameters(Mapping[str, Parameter]):
     """Numbers by name, in the order of arm, effects and task; ``print`` shows a table.
 
     They are copies. Options of a reset take them by the same names.
     """
+
+    def __init__(self, found: Mapping[str, Parameter]) -> None:
+        self._found = dict(found)
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        raise ValueError(COPIES)
 
     def of_lane(self, lane: int) -> Parameters:
         """Those of one environment of a vector."""
@@ -82,7 +124,8 @@ def parameters_of(core: Core) -> Parameters:
         value = core.memory.read(fields)
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
         alone = entries == [name]
-        found[name] = Parameter(value[:, 0].copy() if alone else value, each if len({*each}) > 1 else each[0])
+        value = Copy.of(value[:, 0].copy() if alone else value)
+        found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
     return Parameters(found)
 
 
@@ -90,7 +133,8 @@ class Face:
     """A core as users see it: its scene, and coordinates, velocities, tips, goals and numbers of its lanes.
 
     The values are copies. To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a
-    reset.
+    reset, or to :meth:`set_options`. A number set as an attribute, such as ``goal_tolerance``, is that
+    of the next episode.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -103,8 +147,7 @@ class Face:
         self, on_bad_action: str, render_mode: str | None, render_width: int, render_height: int
     ) -> None:
         """Take arguments, or refuse them before a core is made."""
-        if on_bad_action not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {on_bad_action!r}; choose {', '.join(ON_BAD_ACTION)}")
+        _check_bad_action(on_bad_action)
         if render_mode not in (None, *self.metadata["render_modes"]):
             modes = " or ".join(map(repr, self.metadata["render_modes"]))
             raise ValueError(f"render_mode is {render_mode!r}; choose None or {modes}")
@@ -145,6 +188,48 @@ class Face:
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
 
+    def _attribute(self, name: str) -> Any:
+        """An attribute, or a number that is in force by its name. (``__getattr__`` would do this for every
+        way to ask, and slow down every attribute.)"""
+        if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
+            return getattr(self, name)
+        core = self.core
+        fields = map(core.memory.dynamics.field_of, names_of(core.scene, name, core.task.parameters()))
+        value = core.memory.read([*fields])
+        return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in LANE_VALUES:
+            raise AttributeError(f"{name} cannot be set: {COPIES}")
+        if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
+            object.__setattr__(self, name, value)
+        else:
+            self.core.let_number_wait(name, value, np.arange(self.core.num_envs))
+
+    def _is_number(self, name: str) -> bool:
+        """Whether a name is that of numbers of the arm, of an effect or of the task."""
+        core = self.__dict__.get("core")
+        if core is None or name.startswith("_"):
+            return False
+        try:
+            return bool(names_of(core.scene, name, core.task.parameters()))
+        except ValueError:
+            return False
+
+    def set_options(self, options: Mapping[str, Any] | None = None) -> None:
+        """Options of the next episode, as ``reset`` takes them; without any, forget those that wait.
+
+        They are in force when the next episode begins. Its reset may have options of its own, which replace
+        those of the same name. A start or a goal is that of one episode; parameters stay until options give
+        "parameters" again. Options that wait are none of :meth:`get_state`.
+
+        Raises
+        ------
+        ValueError
+            If the next episode could not begin with them; nothing changes.
+        """
+        self.core.let_wait(checked_options(options), np.arange(self.core.num_envs))
+
     @property
     def scene(self) -> Scene:
         """The scene: arm, effects, and how it is simulated."""
@@ -158,23 +243,23 @@ class Face:
     @property
     def q(self) -> NDArray[np.float64]:
         """Generalized coordinates, (num_envs, joints), or (joints,) of a single environment; rad and m."""
-        return self.core.memory.read(self.core.scene.robot.coordinates)[self._lanes]
+        return Copy.of(self.core.memory.read(self.core.scene.robot.coordinates))[self._lanes]
 
     @property
     def qd(self) -> NDArray[np.float64]:
         """Generalized velocities, (num_envs, joints), or (joints,) of a single environment; rad/s and m/s."""
-        return self.core.memory.read(self.core.scene.robot.rates)[self._lanes]
+        return Copy.of(self.core.memory.read(self.core.scene.robot.rates))[self._lanes]
 
     @property
     def tip(self) -> NDArray[np.float64]:
         """Position of the tip, (num_envs, 2), or (2,) of a single environment; m."""
         _, out = self.core.observe()
-        return self.core.columns.points(out, TIP)[self._lanes]
+        return Copy.of(self.core.columns.points(out, TIP))[self._lanes]
 
     @property
     def goal(self) -> NDArray[np.float64]:
         """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
-        return self.core.goals()[self._lanes]  # type: ignore[no-any-return]
+        return Copy.of(self.core.goals())[self._lanes]
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included; wrappers (TimeLimit) count for themselves."""
@@ -214,6 +299,68 @@ class VectorFace(Face):
     """The same for many lanes."""
 
     _ready = False
+
+    def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
+        """Options of the next episode of each environment, as ``reset`` takes them.
+
+        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
+        have options of its own, which replace those of the same name. A start or a goal is that of one
+        episode; parameters stay until options give "parameters" again. Options that wait are none of
+        :meth:`get_state`.
+
+        Parameters
+        ----------
+        options : mapping, list of mappings, or None
+            Of all environments that ``index`` names, each array with a row for each of them or one for all;
+            or one mapping for each. An empty one, or None, forgets those that wait.
+        index : array_like, optional
+            Numbers of environments, or a mask (num_envs,); None is all.
+
+        Raises
+        ------
+        ValueError
+            If an episode could not begin with them; nothing changes.
+        """
+        core, lanes = self.core, lanes_of(index, self.core.num_envs)
+        if not isinstance(options, list | tuple):
+            core.let_wait(checked_options(options), lanes)
+            return
+        if len(options) != len(lanes):
+            raise ValueError(f"options has {len(options)} entries; give one per environment, {len(lanes)}")
+        before = core.waiting_options
+        try:
+            for lane, one in zip(lanes, options, strict=True):
+                core.let_wait(checked_options(one), np.array([lane]))
+        except ValueError:
+            core.waiting_options = before
+            raise
+
+    def _each(self, name: str) -> list[Any]:
+        """An attribute, once for each environment: coordinates and numbers each of its own."""
+        value = self._attribute(name)
+        if name == "parameters":
+            return [value.of_lane(lane) for lane in range(self.core.num_envs)]
+        own = name in LANE_VALUES or (isinstance(value, Copy) and self._is_number(name))
+        return [*value] if own else [value] * self.core.num_envs
+
+    def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
+        """Set a number of some environments, or an attribute that is there and that all of them share."""
+        if self._is_number(name) and name not in self.__dict__:
+            self.core.let_number_wait(name, value, lanes)
+            return
+        if name in LANE_VALUES or name not in self.__dict__:
+            raise ValueError(
+                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
+                f"'parameters', or name one of these: {', '.join(self.parameters)}"
+            )
+        if len(lanes) != self.core.num_envs:
+            raise ValueError(
+                f"set_attr({name!r}) is for some environments only, and all share the attribute; set it for "
+                "all, or use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
+            )
+        if name == "on_bad_action":
+            _check_bad_action(value)
+        setattr(self, name, value)
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         super().set_state(state)
@@ -267,6 +414,11 @@ def frames_per_second(control_dt: float) -> float:
     """Pictures in a second of real time, one for each control step; a whole number where it is one."""
     exact = 1.0 / control_dt
     return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
+
+
+def _check_bad_action(choice: Any) -> None:
+    if choice not in ON_BAD_ACTION:
+        raise ValueError(f"on_bad_action is {choice!r}; choose {', '.join(ON_BAD_ACTION)}")
 
 
 def _box(core: Core) -> spaces.Box:

@@ -142,6 +142,8 @@ def _allowed(low: float, high: float) -> str:
     return "positive" if high == math.inf else f"above 0, at most {high:g}"
 
 
+OF_GYMNASIUM = ("np_random", "np_random_seed", *(f"{way}_wrapper_attr" for way in ("get", "has", "set")))
+"""Members for its wrappers and vectors, which help does not show."""
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)
 
 
@@ -162,6 +164,7 @@ def members(kind: type[Any]) -> str:
     for base in reversed(kind.__mro__):
         if base.__module__.startswith(f"{NAMESPACE}."):
             own |= {name: value for name, value in vars(base).items() if not name.startswith("_")}
+    own = {name: value for name, value in own.items() if name not in OF_GYMNASIUM}
     methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
     values = [name for name, value in own.items() if isinstance(value, property)]
     lines = ["## Methods"]

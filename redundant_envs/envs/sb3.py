@@ -14,9 +14,9 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import checked_options, checked_seed
+from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import LANE_VALUES, PICTURE_SIZE, VectorFace, frames_per_second, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, ids
 from redundant_envs.envs.variation import Variation
@@ -48,30 +48,19 @@ class SB3VecEnv(VectorFace, VecEnv):
         self.monitor = monitor
         self._made = time.time()
         self.spec: EnvSpec | None = None
-        self._options_of_all: dict[str, Any] = {}
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
 
     def reset(self) -> Any:
-        """Begin new episodes everywhere; seeds and options set before are used up.
-
-        Invalid options raise an error and are forgotten; nothing else changes, and seeds stay set.
-        """
-        pending, of_all, seeds = self._options, self._options_of_all, self._seeds
-        self._reset_options()
-        lanes = np.arange(self.num_envs)
-        checked = [(lane, self.core.checked(o, lanes[[lane]])) for lane, o in enumerate(pending) if o]
-        checked_of_all = self.core.checked(of_all, lanes)
+        """Begin new episodes everywhere; seeds and options set before are used up."""
+        seeds, lanes = self._seeds, np.arange(self.num_envs)
+        given = self.core.checked({}, lanes)
         self._reset_seeds()
         for lane, seed in enumerate(seeds):
             if seed is not None:
                 self.core.seed(lane, seed)
-        for lane, valid in checked:
-            self.core.begin(lanes == lane, valid)
-        rest = np.array([not options for options in pending])
-        if rest.any():
-            self.core.begin(rest, checked_of_all)
+        self.core.begin(np.ones(self.num_envs, dtype=np.bool_), given)
         observation, out = self._observed()
         self.reset_infos = [self.core.columns.info(out, lane) for lane in range(self.num_envs)]
         return observation
@@ -79,23 +68,6 @@ class SB3VecEnv(VectorFace, VecEnv):
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
         return super().seed(checked_seed("seed", seed))
-
-    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Options of the next reset: one mapping for all environments, or a list of one for each.
-
-        In a mapping for all, each array has a row for each environment, or one for all of them.
-        """
-        self._reset_options()
-        if not isinstance(options, list | tuple):
-            self._options_of_all = checked_options(options)
-        elif len(options) != self.num_envs:
-            raise ValueError(f"options has {len(options)} entries; give one per environment, {self.num_envs}")
-        else:
-            self._options = [checked_options(one) for one in options]
-
-    def _reset_options(self) -> None:
-        super()._reset_options()
-        self._options_of_all = {}
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
@@ -155,26 +127,23 @@ class SB3VecEnv(VectorFace, VecEnv):
         return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for; q, qd, tip, goal, parameters each of its own."""
-        value = getattr(self, attr_name)
-        lanes = list(self._get_indices(indices))
-        if attr_name == "parameters":
-            return [value.of_lane(lane) for lane in lanes]
-        return [value[lane] for lane in lanes] if attr_name in LANE_VALUES else [value] * len(lanes)
+        """An attribute, once per environment asked for; q, qd, tip, goal, parameters and each of these by its
+        name are an environment's own."""
+        each = self._each(attr_name)
+        return [each[lane] for lane in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute; it is shared, so only for all environments at once."""
-        if attr_name in LANE_VALUES or len(list(self._get_indices(indices))) != self.num_envs:
-            raise ValueError(
-                f"set_attr({attr_name!r}) is for some environments only, or its values differ among them; "
-                "attributes are shared: use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
-            )
-        setattr(self, attr_name, value)
+        """Let a number have a value, or several a row for each environment, from its next episode on, as
+        :meth:`set_options` does; or set an attribute that all share."""
+        self._set_for(attr_name, value, np.array([*self._get_indices(indices)], dtype=np.int64))
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of this object; the result is repeated per requested environment."""
+        """Call a method of this object; the result is repeated per requested environment. ``set_options`` is
+        for those alone."""
+        if method_name == "set_options" and indices is not None:
+            method_kwargs["index"] = [*self._get_indices(indices)]
         result = getattr(self, method_name)(*method_args, **method_kwargs)
         return [result] * len(list(self._get_indices(indices)))
 

@@ -11,12 +11,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import checked_options, checked_seed
+from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
+from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Outputs
 from redundant_envs.envs.variation import Variation
-from redundant_envs.model.parameters import check_array, check_keys
+from redundant_envs.model.parameters import check_array, check_keys, table
+from redundant_envs.scene_numbers import names_of
 from redundant_envs.values import whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
@@ -122,6 +124,38 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             self._ended = ended
         terminated, truncated = (core.columns.of(out, name) for name in ("terminated", "truncated"))
         return observation, reward, terminated, truncated, infos
+
+    @property  # type: ignore[misc]  # as SyncVectorEnv's
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generator of each environment, from which the keys of its episodes are drawn."""
+        return tuple(self.core.own_generators())
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each environment's generator."""
+        self.core.own_generators()
+        return tuple(self.core.seeds)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute, once for each environment; q, qd, tip, goal, parameters and each of these by its name
+        are an environment's own."""
+        return tuple(self._each(name))
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Let a number have a value from the next episode of each environment on, as :meth:`set_options`
+        does; or set an attribute that all share. A list or a tuple has one entry for each environment."""
+        if isinstance(values, list | tuple) and self._is_number(name):
+            if len(values) != self.num_envs:
+                raise ValueError(f"values has {len(values)} entries; give {self.num_envs}, one for each")
+            width = len(names_of(self.core.scene, name, self.core.task.parameters()))
+            values = np.concatenate([table(name, value, 1, width) for value in values])
+        self._set_for(name, values, np.arange(self.num_envs))
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of this object once, or get an attribute; the result is repeated for each
+        environment."""
+        value = self._attribute(name)
+        return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""

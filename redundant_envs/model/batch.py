@@ -313,23 +313,7 @@ class BatchSimulator(Copied):
                 memory.column(name)[:] = value
 
     def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
-        if index is None:
-            return self._memory.index
-        given = np.asarray(index)
-        if given.dtype == bool:
-            if given.shape != (self.num_envs,):
-                raise ValueError(f"index has shape {given.shape}; a mask has ({self.num_envs},)")
-            return np.flatnonzero(given)
-        if given.ndim > 1:
-            raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
-        if given.size and given.dtype.kind not in "iu":
-            raise ValueError(f"index is {index!r}; give whole numbers, or a mask of ({self.num_envs},) bool")
-        lanes = np.atleast_1d(given)
-        if lanes.size and (lanes.min() < 0 or lanes.max() >= self.num_envs):
-            raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{self.num_envs - 1}")
-        if len(np.unique(lanes)) < lanes.size:
-            raise ValueError(f"index is {lanes.tolist()}; name every lane once")
-        return lanes.astype(np.int64)
+        return parameters.lanes_of(index, self.num_envs)
 
     def _table(self, name: str, values: ArrayLike, lanes: int) -> NDArray[np.float64]:
         """Numbers of the joints of some lanes, (lanes, joints)."""

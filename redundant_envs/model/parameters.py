@@ -56,6 +56,27 @@ def table(
     return np.broadcast_to(array, (lanes, width))
 
 
+def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:
+    """Lane numbers, from an argument ``index``: one or some numbers of lanes, a mask, or None for all."""
+    if index is None:
+        return np.arange(count)
+    given = np.asarray(index)
+    if given.dtype == bool:
+        if given.shape != (count,):
+            raise ValueError(f"index has shape {given.shape}; a mask has ({count},)")
+        return np.flatnonzero(given)
+    if given.ndim > 1:
+        raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
+    if given.size and given.dtype.kind not in "iu":
+        raise ValueError(f"index is {index!r}; give whole numbers, or a mask of ({count},) bool")
+    lanes = np.atleast_1d(given)
+    if lanes.size and (lanes.min() < 0 or lanes.max() >= count):
+        raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{count - 1}")
+    if len(np.unique(lanes)) < lanes.size:
+        raise ValueError(f"index is {lanes.tolist()}; name every lane once")
+    return lanes.astype(np.int64)
+
+
 def lane_values(
     scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
     task: Task | None = None,

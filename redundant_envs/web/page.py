@@ -210,7 +210,7 @@ def digest(scene: Scene) -> str:
     """A digest of the states of an episode with actions that are the same everywhere, of this machine."""
     core = Core(scene, 1, ReachTask())
     core.keys[:], core.waiting[:] = CHECKED_KEY, True
-    core.begin(np.ones(1, dtype=bool), (None, []))
+    core.begin(np.ones(1, dtype=bool), {})
     found, states = FNV_OFFSET, core.memory.arrays["state"][0]
     for action in checked_actions(len(core.actions)):
         core.step(action, Autoreset.DISABLED)

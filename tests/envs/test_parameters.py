@@ -46,7 +46,13 @@ def test_every_number_is_there_with_its_unit_as_a_copy_and_is_an_option_of_the_n
     begin(env, {"parameters": {}})
     lanes = () if face == "single" else (3,)
     np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
-    env.parameters["masses"].value[:] = 7.0
+    for write in (
+        lambda: env.parameters["masses"].value.__setitem__(0, 7.0),
+        lambda: env.parameters.__setitem__("masses", 7.0),
+        lambda: setattr(env.parameters["masses"], "value", 7.0),
+    ):
+        with pytest.raises((ValueError, AttributeError), match=r"set_options|cannot assign to field 'value'"):
+            write()
     np.testing.assert_array_equal(env.parameters["masses"].value, np.full((*lanes, 4), 0.5))
     begin(env, {"parameters": before})
     for name, parameter in env.parameters.items():

@@ -239,3 +239,28 @@ def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
     for _ in range(3):
         env.reset(options={"reset_mask": begun})
         check()
+
+
+@pytest.mark.parametrize("seeds", [7, [3, 9, 4], [5, None, 6], np.array([1, 2, 3])], ids=str)
+def test_generators_of_a_vector_are_those_of_single_environments(seeds):
+    sync, native = gym.vector.SyncVectorEnv([lambda: gym.make(FOUR_R)] * 3), made("next_step", FOUR_R)
+    for env in (sync, native):
+        env.reset(seed=11)
+        env.reset(seed=[*seeds] if env is sync and isinstance(seeds, np.ndarray) else seeds)
+        env.reset()  # goes on with the same generators
+    assert native.np_random_seed == sync.np_random_seed
+    assert [one.random() for one in native.np_random] == [one.random() for one in sync.np_random]
+    np.testing.assert_array_equal(native.reset()[0], sync.reset()[0])  # whoever draws from them
+
+
+def test_generators_before_the_first_reset_are_those_of_the_first_episodes():
+    env = made("next_step", FOUR_R)
+    seeds, generators = env.np_random_seed, env.np_random
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(actions(env, 1)[0])
+    obs, _ = env.reset()
+    assert env.np_random_seed == seeds
+    assert all(one is other for one, other in zip(env.np_random, generators, strict=True))
+    np.testing.assert_array_equal(made("next_step", FOUR_R).reset(seed=[*seeds])[0], obs)
+    env.set_state(env.get_state())
+    assert env.np_random_seed == (-1,) * 3  # unknown, as Gymnasium's vectors say it

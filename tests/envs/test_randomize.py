@@ -208,7 +208,7 @@ def test_what_follows_from_drawn_numbers_has_the_bits_of_numbers_that_options_se
     numbers = {name: {"scale": {"uniform": [0.5, 2.0]}} for name in ("masses", "lengths")}
     one = dataclasses.replace(SCENES["RRR every effect 1e-6"], randomize=numbers)
     core = Core(one, 40, rde.ReachTask())
-    core.begin(np.ones(40, bool), (None, []))
+    core.begin(np.ones(40, bool), {})
     memory, prepared = core.memory, core.memory.dynamics.prepared
     found = memory.read(prepared)
     assert "least_step_rate" in prepared

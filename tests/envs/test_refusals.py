@@ -119,11 +119,14 @@ OPTIONS = [
     ({"qd": (0, NAN, 0, 0)}, "qd.* non-finite"),
     ({"qd": (0, 1e200, 0, 0)}, r"'qd'.* 1e\+200.* 1e\+100"),
     ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
+    ({"goal": 0.3}, r"'goal'\] is 0.3; give \(2,\)"), ({"q": 0.1}, r"'q'\] is 0.1; give \(4,\)"),
+    ({"qd": np.float64(0)}, r"'qd'\] is .*0.0.*; give \(4,\)"),
     ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
     ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
     ({"parameters": 5}, "parameters is 5; give a mapping"),
     ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
-    (number(mass=1), "'mass'.*masses"), (number(m1=-5.0), "'m1'.*masses"),
+    (number(mass=1), "'mass'.*masses"), (number(m1=-5.0), "masses has the entry -5.0"),
+    (number(m5=1), "'m5'.*masses"), (number(**{"lengths[2]": 1}), "'lengths.2.'.*masses"),
     (number(gravity__h=1), "'gravity.h'.*gravity.g"),
     (number(masses=(1, 1, 0, 1)), "masses has the entry 0.0; it must be positive"),
     (number(masses=(1, 1)), r"masses.*\(2,\)"), (number(masses=ROUGH), "masses spans a ratio"),
@@ -177,7 +180,7 @@ def test_options_that_some_kinds_have_not():
 def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
     env, twin = running("sb3"), running("sb3")
     with pytest.raises(ValueError, match="goal"):
-        begin(env, {"goal": (9.0, 9.0)}, seed=8)
+        begin(env, [{"goal": (0.1, 0.2)}, {}, {"goal": (9.0, 9.0)}], seed=8)
     np.testing.assert_array_equal(env.reset(), begin(twin, seed=8))
 
 

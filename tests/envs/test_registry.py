@@ -94,8 +94,11 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
     before = env.core.memory.save()
     for name in VALUES:
         kept = getattr(env, name)
-        kept[...] = 7.0
-        assert (getattr(env, name) != 7.0).all()
+        with pytest.raises(ValueError, match=r"are copies.* reset\(options"):
+            kept[...] = 7.0
+        with pytest.raises(AttributeError, match=f"{name} cannot be set: .* set_options"):
+            setattr(env, name, kept)
+        (kept + 0.0)[...] = 7.0  # a result is its owner's
     np.testing.assert_equal(env.core.memory.save(), before)
 
 

@@ -74,7 +74,7 @@ def here(core, keys, actions):
     rows = []
     for k, steps in zip(keys, actions, strict=True):
         core.keys[:], core.waiting[:] = k, True
-        core.begin(np.ones(LANES, bool), (None, ()))
+        core.begin(np.ones(LANES, bool), {})
         for action in steps:
             obs, out, *_ = core.step(action, Autoreset.DISABLED)
             states = core.memory.arrays["state"][0][:, :LANES].T

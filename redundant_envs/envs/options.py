@@ -1,0 +1,196 @@
+"""Options of resets: what they give to lanes, at once or when the next episodes of these begin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.envs.arguments import check_of_reward, reach_of
+from redundant_envs.lane.episode import Episode
+from redundant_envs.lane.randomized import fixed
+from redundant_envs.model import parameters
+from redundant_envs.model.memory import Memory
+from redundant_envs.scene_numbers import Table, names_of
+from redundant_envs.tasks.base import hard_stops
+from redundant_envs.values import check_keys, shown
+
+PARAMETERS = "parameters"
+LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}
+"""Largest values of a start: sines are exact up to 1e6 rad, and squares of the others are floats."""
+OPTION_KEYS = [*LARGEST_START, PARAMETERS]
+Lanes = NDArray[np.int64]
+
+
+class Part(NamedTuple):
+    """What one option gives to some lanes."""
+
+    names: tuple[str, ...]
+    """Parameters, those that options have set among them; or fields of a start."""
+    lanes: Lanes
+    values: NDArray[np.float64]
+    """(lanes, names)"""
+
+
+Given = dict[str, Part]
+"""Options by their names, checked."""
+
+
+def within(given: Given, lanes: Lanes) -> Given:
+    """What options give to these lanes."""
+    found = {}
+    for key, part in given.items():
+        chosen = np.isin(part.lanes, lanes)
+        if chosen.any():
+            found[key] = Part(part.names, part.lanes[chosen], part.values[chosen])
+    return found
+
+
+def without(given: Given, lanes: Lanes) -> Given:
+    """What options give to all other lanes."""
+    others = [part.lanes[~np.isin(part.lanes, lanes)] for part in given.values()]
+    return within(given, np.concatenate(others)) if others else {}
+
+
+def over(given: Given, more: Given) -> Given:
+    """Options of which ``more`` replace others of the same name and lane."""
+    found = dict(given)
+    for key, part in more.items():
+        if key in found:
+            rest = ~np.isin(found[key].lanes, part.lanes)
+            old = found[key].lanes[rest], found[key].values[rest]
+            pairs = zip(old, part[1:], strict=True)
+            part = Part(part.names, *(np.concatenate(pair) for pair in pairs))
+        found[key] = part
+    return found
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
+    return dict(options)
+
+
+def checked_reset(
+    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: Lanes, waiting: Given
+) -> Given:
+    """What options give to lanes, and what waits for these and is not given now.
+
+    ValueError if an option is not valid, or if no episode can begin with all of them.
+    """
+    found = within(waiting, lanes) if waiting else {}
+    if not options and not found:
+        return found
+    scene, task = episode.dynamics.scene, episode.task
+    check_keys("options", options, OPTION_KEYS)
+    numbers = options.get(PARAMETERS)
+    if task.goal_conditioned and isinstance(numbers, Mapping):
+        check_of_reward(scene, task, numbers)
+    if numbers is not None:
+        own = parameters.lane_values(scene, memory, lanes, numbers, True, task)
+        found[PARAMETERS] = _part(lanes, own | _fixed(episode, numbers, len(lanes)))
+    if options.get("goal") is not None and not episode.goal:
+        raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+    rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
+    for key, names in rows.items():
+        if options.get(key) is None:
+            continue
+        where = f"options[{key!r}]"
+        if np.ndim(options[key]) == 0 and len(names) > 1:
+            raise ValueError(f"{where} is {shown(options[key])}; give ({len(names)},) numbers, one for each")
+        values = parameters.table(where, options[key], len(lanes), len(names))
+        most, largest = float(np.abs(values).max(initial=0.0)), LARGEST_START[key]
+        if most > largest:
+            raise ValueError(f"{where} has an entry of size {most:g}; give at most {largest:g}")
+        found[key] = Part(names, lanes, values)
+    _check_starts(episode, memory, found, lanes)
+    return found
+
+
+def checked_number(
+    episode: Episode, memory: Memory, name: str, value: Any, lanes: Lanes, waiting: Given
+) -> Given:
+    """The option that changes one number of some lanes and nothing else that they have or that waits."""
+    scene, task = episode.dynamics.scene, episode.task
+    if task.goal_conditioned:
+        check_of_reward(scene, task, [name])
+    values = _coming(episode, memory, lanes, within(waiting, lanes))
+    marks = {mark: values.pop(mark) for mark in map(fixed, episode.randomized.entries)}
+    given = {**values, name: value}
+    values = parameters.lane_values(scene, memory, lanes, given, True, task)
+    marks |= {k: v for k, v in _fixed(episode, {name: value}, len(lanes)).items() if v.any()}
+    found = over(within(waiting, lanes), {PARAMETERS: _part(lanes, values | marks)})
+    _check_starts(episode, memory, found, lanes)
+    return found
+
+
+def _part(lanes: Lanes, values: Table) -> Part:
+    return Part(tuple(values), lanes, np.stack([*values.values()], axis=1))
+
+
+def _rows(lanes: Lanes, some: Lanes) -> Lanes:
+    """Places of some lanes among lanes."""
+    order = np.argsort(lanes)
+    return order[np.searchsorted(lanes, some, sorter=order)]
+
+
+def _coming(episode: Episode, memory: Memory, lanes: Lanes, given: Given) -> Table:
+    """The numbers that lanes have once these options are in force."""
+    of_task, marks = episode.task.parameters(), map(fixed, episode.randomized.entries)
+    names = tuple(dict.fromkeys((*episode.dynamics.scene.parameters(), *of_task, *marks)))
+    values = parameters.present(memory, lanes, names)
+    if PARAMETERS in given:
+        part = given[PARAMETERS]
+        rows = _rows(lanes, part.lanes)
+        for name, column in zip(part.names, part.values.T, strict=True):
+            values[name] = values[name].copy()
+            values[name][rows] = column
+    return values
+
+
+def _check_starts(episode: Episode, memory: Memory, given: Given, lanes: Lanes) -> None:
+    """ValueError if a start or a goal is impossible with the numbers that lanes will have."""
+    if not {"q", "goal"} & given.keys():
+        return
+    scene, coming = episode.dynamics.scene, _narrowest(episode, _coming(episode, memory, lanes, given))
+
+    def of(part: Part) -> Table:
+        rows = _rows(lanes, part.lanes)
+        return {name: values[rows] for name, values in coming.items()}
+
+    if "q" in given:  # beyond a spring it is allowed, beyond a stop it is not
+        parameters.check_stops(scene, given["q"].values, of(given["q"]), "options['q']: ")
+    if "goal" in given:
+        part = given["goal"]
+        radius, reach = np.linalg.norm(part.values, axis=1), reach_of(scene, of(part))
+        if (radius > reach).any():
+            lane = int(np.argmax(radius - reach))
+            raise ValueError(
+                f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
+                f"{reach[lane]:.6g} m: choose a goal within it"
+            )
+
+
+def _fixed(episode: Episode, given: Mapping[str, Any], count: int) -> Table:
+    """For each number that episodes draw, whether options set it for some lanes: it is not drawn then."""
+    entries = episode.randomized.entries
+    scene, of_task = episode.dynamics.scene, episode.task.parameters()
+    named = {entry for name in given for entry in names_of(scene, name, of_task)} if entries else set()
+    return {fixed(entry): np.full(count, float(entry in named)) for entry in entries}
+
+
+def _narrowest(episode: Episode, values: Table) -> Table:
+    """Numbers of lanes with the shortest lengths and travels that a reset may draw: a start or a goal that
+    options give has to be possible in every episode."""
+    scene, found = episode.dynamics.scene, dict(values)
+    lowers = {lower for _, lower, _ in hard_stops(scene)}
+    for entry, (low, high) in episode.randomized.ends().items():
+        if entry in values:
+            end = high if entry in lowers else low
+            found[entry] = np.where(values[fixed(entry)] > 0.0, values[entry], end)
+    return found
