@@ -1,5 +1,5 @@
 # make test: set up, and test each promise once.  make test-long: all tests and checks, with every library that
-# one of them needs.  make train: set up, learn to reach, report.  make coverage: what tests reach.
+# one of them needs.  make train: set up, learn to reach in a minute, report.  make coverage: what tests reach.
 # make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test-long
 # skips those whose program it does not find.
 # make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
@@ -17,12 +17,16 @@ BIN := $(VENV)/bin
 TORCH = https://download.pytorch.org/whl/cpu
 INSTALL = $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt torch==2.13.0 --editable
 
-$(VENV)/ready: pyproject.toml constraints.txt
+$(VENV)/ready-train: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	-$(BIN)/python -m pip install --quiet --no-compile --no-deps --retries 0 --index-url $(TORCH) torch==2.13.0
-	$(INSTALL) '.[train,plot,verify,dev]'
+	$(INSTALL) '.[train]'
+	touch $@
+
+$(VENV)/ready: $(VENV)/ready-train
+	$(INSTALL) '.[plot,verify,dev]'
 	$(BIN)/python -c 'import stable_baselines3, sb3_contrib, scipy.optimize, matplotlib.pyplot'  # makes their bytecode
 	touch $@
 
@@ -65,8 +69,8 @@ check: $(VENV)/ready-all
 	$(BIN)/mypy --num-workers 2
 	PATH="$(BIN):$$PATH" $(BIN)/lint-imports
 
-train: $(VENV)/ready
-	$(BIN)/python -m agents train configs/training/rprp_reach_sac.yaml total_steps=3000000
+train: $(VENV)/ready-train
+	$(BIN)/python -m agents train rprp_reach_sac total_steps=2000000
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .coverage

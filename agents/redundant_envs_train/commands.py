@@ -180,7 +180,7 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
     print(summary(found.result))
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in facts["split"].items())
     print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
-    print(f"report: {report(folder)}")
+    print(report(folder))
 
 
 @app.command()
