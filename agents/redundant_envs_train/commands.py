@@ -265,7 +265,7 @@ def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, 
     run_folder.tell_differences([folder])
     from .report import report
 
-    print(f"report: {report(folder, out, trust)}")
+    print(report(folder, out, trust))
 
 
 @app.command()
@@ -429,7 +429,7 @@ def study_policy(
         raise Stopped("stopped; the same command goes on after the last finished training") from None
     path = write_report(what, results, out)
     print(path.read_text(encoding="utf-8"))
-    print(f"report: {path}")
+    print(path)
 
 
 def factors_of(text: str) -> tuple[float, ...]:

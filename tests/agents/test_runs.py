@@ -148,7 +148,8 @@ def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monk
     error = refused(["resume", "."], "is finished and has no checkpoint")
     play_it, go_on = re.findall(r"with: python -m agents (.*?)(?:, or|$)", error.strip())
     call(*play_it.split(), "--episodes", 1, "--clip", "clip2.gif")
-    call(*go_on.replace("NEW_FOLDER", "more").split())
+    out, _ = call(*go_on.replace("NEW_FOLDER", "more").split())
+    assert Path(out.splitlines()[-1]) == Path("more", "report.md")  # as make train promises
     assert data("more", "training.json")["env_steps"] == 1024
 
 
