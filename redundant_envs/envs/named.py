@@ -11,6 +11,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+from gymnasium.vector import VectorEnv
+
 from redundant_envs.algebra import gives_of
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
@@ -64,7 +67,9 @@ def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     base: type[Any] = GoalArmEnv if kind.goal_conditioned else ArmEnv
     if name.endswith("VectorEnv"):
         base = ArmVectorEnv
-    return type(name, (base,), {**home, "__doc__": _Page()})
+    # Libraries such as skrl look for a class of Gymnasium among the direct bases.
+    of_gymnasium = VectorEnv if issubclass(base, VectorEnv) else gym.Env
+    return type(name, (base, of_gymnasium), {**home, "__doc__": _Page()})
 
 
 # ---- pages -------------------------------------------------------------------------------------------

@@ -55,7 +55,8 @@ def id_of(arm: str, task: str) -> str:
 
 
 def full_id(name: str) -> str:
-    """An id from a name with or without the namespace."""
+    """An id from a name with or without the namespace, and without the module that Gymnasium may import."""
+    name = name.removeprefix(f"{NAMESPACE}:")
     return name if "/" in name else f"{NAMESPACE}/{name}"
 
 

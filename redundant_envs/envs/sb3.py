@@ -18,7 +18,7 @@ from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
-from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
 from redundant_envs.tasks import make_task
@@ -171,7 +171,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     module, _, name = env_id.rpartition(":")
     if module:
         importlib.import_module(module)
-    full = name if "/" in name else f"redundant_envs/{name}"
+    full = full_id(name)
     if full not in ids():
         raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
     num_envs = whole_number("num_envs", num_envs)

@@ -16,6 +16,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
+from redundant_envs.envs.registration import full_id
 
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 
@@ -47,6 +48,31 @@ def test_specs_are_json_and_make_the_same_environment(env_id):
     assert EnvSpec.from_json(specs[0].to_json()).make().unwrapped.core.scene.tolerance == 1e-12
     assert gym.spec(env_id).max_episode_steps == 100  # the registered one is as it was
     assert "accuracy" not in gym.spec(env_id).kwargs
+
+
+@pytest.mark.parametrize("env_id", ["redundant_envs/RPRPReach-v0"])
+def test_other_libraries_see_a_class_of_gymnasium_and_the_id_with_the_module_that_registers_it(env_id):
+    whole = f"redundant_envs:{env_id}"
+    vector = gym.make_vec(whole, num_envs=2)
+    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == env_id
+    assert full_id(whole) == full_id(env_id) == env_id
+    for env in (gym.make(env_id).unwrapped, vector):  # skrl looks at these names
+        assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
+
+
+WORKERS = """
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import SubprocVecEnv
+envs = make_vec_env("redundant_envs:redundant_envs/RPRPReach-v0", 2, vec_env_cls=SubprocVecEnv)
+print(envs.reset().shape)
+envs.close()
+"""
+
+
+@pytest.mark.long
+def test_processes_of_a_program_without_a_file_know_the_ids_by_their_module():
+    done = subprocess.run([sys.executable, "-c", WORKERS], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("(2, 18)\n", 0), done.stderr
 
 
 HEAVY = ("torch", "matplotlib", "pygame", "sympy", "scipy", "stable_baselines3")
