@@ -35,6 +35,8 @@ FEWEST_LANES = 64
 WARM, TIMED = 3, 8
 """Control intervals of a motion before the timed ones, in which caches fill and rates grow from rest, and
 timed ones."""
+TIMES_WEIGHT = 2.0
+"""Commands of motors without limits, as multiples of the efforts that hold the arm."""
 START_ANGLE, START_TRAVEL = 1.5, 0.25
 """Angles at the start are uniform in +- the first, rad, sliders from 0 to the second, m; inside limits."""
 
@@ -204,12 +206,21 @@ def starts(scene: Scene, draws: Array) -> Array:
 
 def limits_of(pair: Pair) -> tuple[Array, Array]:
     """Largest commands of the motors in both scenes of a pair, (joints,): those of the other scene where one
-    has no limits, and 0 where none has."""
+    has no limits and takes the same units, and :data:`TIMES_WEIGHT` times what holds the arm otherwise."""
     found = [np.array([s.parameters()[name] for name in s.action_units()]) for s in pair]
-    for k, other in ((0, 1), (1, 0)):
-        if not found[k].size:
-            found[k] = found[other] if found[other].size else np.zeros(len(pair.scene.robot.joints))
-    return found[0], found[1]
+    alike = pair.scene.command_units() == pair.without.command_units()
+    sides = []
+    for own, other, scene in zip(found, reversed(found), pair, strict=True):
+        given = own if own.size or not alike else other
+        sides.append(given if given.size else TIMES_WEIGHT * weight(scene))
+    return sides[0], sides[1]
+
+
+def weight(scene: Scene) -> Array:
+    """Largest efforts that hold the arm in some poses on the Earth, N m and N (joints,)."""
+    arm = scene.robot
+    poses = starts(scene, np.random.default_rng(0).random((FEWEST_LANES, len(arm.joints))))
+    return np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
 
 
 def price(scene: Scene) -> tuple[int, int]:
@@ -228,23 +239,26 @@ def costs(
     of both times of a pair. After ``seconds`` a scene has no more turns, and one whose motion takes longer
     has fewer lanes.
     """
-    scenes = {repr(s): s for pair in pairs.values() for s in pair}
-    limits = {repr(s): most for p in pairs.values() for s, most in zip(p, limits_of(p), strict=True)}
+    sides = {name: [*zip(pair, map(tuple, limits_of(pair)), strict=True)] for name, pair in pairs.items()}
+    asked: list[tuple[Scene, tuple[float, ...]]] = []  # what is timed, once: a scene and its commands
+    for side in (side for both in sides.values() for side in both):
+        if side not in asked:
+            asked.append(side)
     rows = []
-    with counted("cost", len(TOLERANCES) * (len(scenes) + turns), each=4) as done:
+    with counted("cost", len(TOLERANCES) * (len(asked) + turns), each=4) as done:
         for accuracy, tolerance in TOLERANCES.items():
-            timed = {}
-            for text, given in scenes.items():
+            timed = []
+            for given, limits in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                timed[text] = Timed.of(scene, limits[text], lanes, seconds)
+                timed.append(Timed.of(scene, np.array(limits), lanes, seconds))
                 done(f"a scene at {accuracy}")
             for turn in range(turns):
-                for one in timed.values():
+                for one in timed:
                     if turn == 0 or one.motion.spent < seconds:
                         one.run()
                 done(f"turn {turn + 1} of {turns} at {accuracy}")
-            for name, pair in pairs.items():
-                rows.append(_row(accuracy, name, *(timed[repr(s)] for s in pair)))
+            for name, both in sides.items():
+                rows.append(_row(accuracy, name, *(timed[asked.index(side)] for side in both)))
     return rows
 
 

@@ -1,6 +1,7 @@
 """What scenes cost: the scenes that are compared, their motions, and the table. No speed is asserted."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -85,8 +86,32 @@ def test_motors_without_limits_take_the_commands_of_the_scene_beside_them():
     unlimited = cost.alone(BARE, LIMITS)
     own, other = cost.limits_of(unlimited)
     assert own.tolist() == other.tolist() == [5.0, 4.0, 3.0, 2.0]
-    none = cost.Pair(rde.Scene(FOUR_R), rde.Scene(FOUR_R))
-    assert [x.tolist() for x in cost.limits_of(none)] == [[0.0] * 4] * 2
+    volts = rde.load_scene("slow_motors")
+    assert np.ptp(cost.limits_of(cost.Pair(volts, volts))[0]) == 0.0  # 24 V each
+    for pair in (cost.Pair(rde.Scene(FOUR_R), rde.Scene(FOUR_R)), cost.Pair(volts, cost.bare(volts))):
+        held = 2.0 * cost.weight(pair.without)  # N m, never another scene's volts
+        assert (cost.limits_of(pair)[1] == held).all()
+        assert (held > [8.0, 4.0, 2.0, 0.5]).all()
+
+
+def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_the_same_scene(monkeypatch):
+    @dataclass
+    class Timed:
+        motion: SimpleNamespace
+        nanoseconds: float
+        price = 0, 0
+        run = lambda self: None  # noqa: E731
+
+        @classmethod
+        def of(cls, scene, limits, lanes, seconds):
+            return cls(SimpleNamespace(spent=0.0, evaluations=1.0, faults=0.0), limits.sum())
+
+    monkeypatch.setattr(cost, "Timed", Timed)
+    free = cost.bare(rde.load_scene("slow_motors"))
+    strong, delay = e.EffortLimits((50.0,) * 4), e.CommandDelay(0.04, 0.1)
+    rows = cost.costs({effect.key: cost.alone(free, effect) for effect in (delay, strong)}, turns=1)
+    assert {row["times_bare"] for row in rows} == {1.0}
+    assert {row["ns"] for row in rows if row["of"] == strong.key} == {200.0}
 
 
 @pytest.mark.long
