@@ -23,7 +23,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import ENDS, TIP, Episode
 from redundant_envs.lane.memory import Layout
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.memory import KEPT, Memory, aligned
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
@@ -128,7 +128,7 @@ class Core(Copied):
     of the episode follows from that key inside the compiled code.
     """
 
-    made_anew = ("keys", "mask", "_key_address", "_team", "_goal_reward", "_facts")
+    made_anew = ("keys", "mask", "_key_address", "_team", "_goal_reward", "_facts", "_single")
 
     def __init__(
         self,
@@ -401,6 +401,25 @@ class Core(Copied):
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
         self.seeds[:] = [-1] * self.num_envs
+
+    def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
+        """Continue the episode of one environment's state in some lanes, which keep their generators and the
+        limits of their episodes."""
+        single = self._single
+        single.set_state(state)
+        if single.memory.read(("terminated",)).any():
+            raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
+        for lane in lanes.tolist():
+            if self.generators[lane] is None:
+                self.seed(lane, None)
+        fields = self.memory.layout.fields.items()
+        names = [name for name, field in fields if field.lifetime in KEPT and name != "limit"]
+        self.memory.write(names, single.memory.read(names), lanes)
+        self.mask[lanes] = 0
+
+    @cached_property
+    def _single(self) -> Core:
+        return Core(self.scene, 1, self.task, variation=self.variation)
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""

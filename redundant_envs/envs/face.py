@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
-from redundant_envs.envs.core import Core
+from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
@@ -362,9 +362,39 @@ class VectorFace(Face):
             _check_bad_action(value)
         setattr(self, name, value)
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        super().set_state(state)
+    def set_state(self, state: Mapping[str, Any], index: ArrayLike | None = None) -> None:
+        """Return to a snapshot; the continuation is the same to the last bit.
+
+        Parameters
+        ----------
+        state : mapping
+            What :meth:`get_state` returned, here or from a single environment. The episode of a single one
+            continues in each environment that ``index`` names; the episodes after it are the vector's own.
+        index : array_like, optional
+            Numbers of environments, or a mask (num_envs,), for the state of a single one; None is all.
+        """
+        if index is None and not self._is_of_one(state):
+            self._set_states(state)
+        else:
+            lanes = lanes_of(index, self.core.num_envs)
+            self.core.take_state(state, lanes)
+            self._continued(lanes)
+            self._begin_trails()
         self._ready = self.core.begun_all
+
+    def _is_of_one(self, state: Any) -> bool:
+        """Whether a state is that of a single environment, and not of this vector."""
+        if not isinstance(state, Mapping) or {*state} != {*STATE_KEYS} or self.core.num_envs == 1:
+            return False
+        generators = state["generators"]
+        return isinstance(generators, list) and len(generators) == 1
+
+    def _set_states(self, state: Mapping[str, Any]) -> None:
+        """Return to a snapshot of all environments."""
+        super().set_state(state)
+
+    def _continued(self, lanes: NDArray[np.int64]) -> None:
+        """Note that these environments are within an episode."""
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""

@@ -107,8 +107,7 @@ class SB3VecEnv(VectorFace, VecEnv):
     def close(self) -> None:
         """Nothing to release."""
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot; the continuation is the same to the last bit."""
+    def _set_states(self, state: Mapping[str, Any]) -> None:
         self.core.check_state(state)
         memory = self.core.memory.holding(state["states"], state["parameters"])
         ended = np.flatnonzero(memory.read(("terminated",))[:, 0])
@@ -117,7 +116,7 @@ class SB3VecEnv(VectorFace, VecEnv):
                 f"state has environments whose episodes have ended, {ended.tolist()[:8]}; here they begin "
                 "anew at once: take a state of episodes that go on"
             )
-        super().set_state(state)
+        super()._set_states(state)
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
@@ -140,9 +139,9 @@ class SB3VecEnv(VectorFace, VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of this object; the result is repeated per requested environment. ``set_options`` is
-        for those alone."""
-        if method_name == "set_options" and indices is not None:
+        """Call a method of this object; the result is repeated per requested environment. ``set_options`` and
+        ``set_state`` are for those alone."""
+        if method_name in ("set_options", "set_state") and indices is not None:
             method_kwargs["index"] = [*self._get_indices(indices)]
         result = getattr(self, method_name)(*method_args, **method_kwargs)
         return [result] * len(list(self._get_indices(indices)))

@@ -162,8 +162,13 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
         return {**super().get_state(), **own}
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot; the continuation is the same to the last bit."""
+    def _is_of_one(self, state: Any) -> bool:
+        return isinstance(state, Mapping) and {*state} == {*STATE_KEYS}
+
+    def _continued(self, lanes: NDArray[np.int64]) -> None:
+        self._ended[lanes] = False
+
+    def _set_states(self, state: Mapping[str, Any]) -> None:
         own = ("ended", "autoreset_mode")
         check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
         of_core = {key: value for key, value in state.items() if key not in own}
@@ -175,7 +180,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
                 f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane "
                 "that waits for its reset in one does not in the other: make the environment with the same"
             )
-        super().set_state(of_core)
+        super()._set_states(of_core)
         self._ended = state["ended"].copy()
 
     def render(self) -> tuple[NDArray[np.uint8], ...]:

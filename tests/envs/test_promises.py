@@ -6,12 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import COPIES
-from faces import COUNT, FOUR_R, MODES, STEPS, actions, begin, flat, made, motion, plain, running
+from faces import COUNT, FOUR_R, MODES, STEPS, actions, begin, flat, made, motion, plain, refused, running
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation, TransformReward
 from stable_baselines3.common.callbacks import EvalCallback
 
+import redundant_envs as rde
 from redundant_envs.envs.core import AHEAD
 from redundant_envs.envs.face import observation_of
 
@@ -264,3 +265,35 @@ def test_generators_before_the_first_reset_are_those_of_the_first_episodes():
     np.testing.assert_array_equal(made("next_step", FOUR_R).reset(seed=[*seeds])[0], obs)
     env.set_state(env.get_state())
     assert env.np_random_seed == (-1,) * 3  # unknown, as Gymnasium's vectors say it
+
+
+@pytest.mark.parametrize("kind", [*MODES, "sb3"])
+def test_the_state_of_one_environment_goes_on_in_lanes_of_a_vector_and_leaves_the_others(kind):
+    numbers = {"masses": {"uniform": [0.4, 0.6]}}
+    data = {**rde.load_scene("four_r_reach").to_dict(), "randomize": numbers}
+    data["effects"] = [*data["effects"], {"type": "CommandDelay", "seconds": 0.05, "longest": 0.1}]
+    one, env, plain = (made(k, FOUR_R, scene=data) for k in ("single", kind, kind))
+    table = actions(one, 8)
+    begin(one, seed=5)
+    for action in table[:4]:
+        one.step(action)
+    for vector in (env, plain):
+        begin(vector, seed=9)
+        vector.step(actions(env, 1)[0])
+    state = one.get_state()
+    env.set_state(state, [2, 0])
+    for action in table[4:]:
+        obs, reward, *_ = one.step(action)
+        many = np.tile(action, (3, 1))
+        result, other = env.step(many), plain.step(many)
+        np.testing.assert_array_equal(result[0], [obs, other[0][1], obs])
+        np.testing.assert_array_equal(result[1][[0, 2]], np.full(2, reward, result[1].dtype))
+    begin(plain)
+    np.testing.assert_array_equal(begin(env), plain.core.observe()[0])  # generators are the vector's own
+    fresh = made(kind, FOUR_R, scene=data)
+    fresh.set_state(state)
+    one.set_state(state)
+    obs, *_ = one.step(table[4])
+    np.testing.assert_array_equal(fresh.step(np.tile(table[4], (3, 1)))[0], [obs] * 3)
+    refused(env, lambda env: env.set_state(plain.get_state(), [1]), "unknown keys ended|3 environments")
+    refused(env, lambda env: env.set_state(state, [3]), "lanes are 0..2")

@@ -184,7 +184,7 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
 
 
 OF_GYMNASIUM = ("get_wrapper_attr", "with-statement", "np_random", "Method resolution order", "Env instance")
-METHODS = ("reset(*, seed=None, options=None)", "step(action", "render()", "set_state(state)")
+METHODS = ("reset(*, seed=None, options=None)", "step(action", "render()", "set_state(state")
 
 
 @pytest.mark.parametrize("kind", ["single", "next_step"])
