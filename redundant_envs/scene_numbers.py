@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import attaching
 from redundant_envs.ranges import Range
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
-from redundant_envs.values import shown
+from redundant_envs.values import replaced, shown
 
 Table = dict[str, NDArray[np.float64]]
 """Parameter name -> values of some lanes."""
@@ -99,7 +99,7 @@ def _check_effect(scene: Any, effect: Any, values: Table) -> None:
                 fields[field] = (*kept[:k], number, *kept[k + 1 :])
             elif field in fields:
                 fields[field] = number
-        made = dataclasses.replace(effect, **fields)
+        made = replaced(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
         attaching.check_numbers(effect.key, made, scene.robot, hooks)

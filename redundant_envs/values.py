@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import inspect
 import reprlib
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any
+from typing import Any, TypeVar
+
+Thing = TypeVar("Thing")
 
 DEEPEST = 20
 """Largest depth of plain data: what it describes needs four; Python's own limit is not reached."""
@@ -98,10 +101,27 @@ def check_declared(where: str, thing: Any, base: type) -> None:
 def plain(kind: str, thing: Any) -> dict[str, Any]:
     """An arm or an effect as plain data, by its name in scene files."""
     data: dict[str, Any] = {"type": kind}
-    for f in dataclasses.fields(thing):
+    for f in (f for f in dataclasses.fields(thing) if f.init):
         value = getattr(thing, f.name)
         data[f.name] = list(value) if isinstance(value, tuple) else value
     return data
+
+
+def with_fields(thing: Thing, **fields: Any) -> Thing:
+    """A copy of a frozen dataclass with other fields, also those that are no arguments, and without the
+    checks of its class."""
+    made = copy.copy(thing)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def replaced(thing: Any, **fields: Any) -> Any:
+    """A frozen dataclass with other arguments, checked by its class. Fields that are no arguments and that
+    its class leaves at None, such as the control interval of a scene, stay."""
+    made = dataclasses.replace(thing, **fields)
+    kept = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if not f.init}
+    return with_fields(made, **{name: value for name, value in kept.items() if getattr(made, name) is None})
 
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:
@@ -135,7 +155,7 @@ def typed(where: str, data: Any, registry: Mapping[str, type[Any]]) -> Any:
         )
     target = registry[kind]
     arguments = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
-    check_keys(where, arguments, [f.name for f in dataclasses.fields(target)])
+    check_keys(where, arguments, [f.name for f in dataclasses.fields(target) if f.init])
     for name in required(target):
         if name not in arguments:
             raise ValueError(f"{where} ({kind}) lacks {name!r}")

@@ -7,7 +7,6 @@ scene was made. So everything is made again with other numbers, and must come ou
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import functools
 import itertools
@@ -21,6 +20,7 @@ from redundant_envs import dialect
 from redundant_envs.algebra import name_of
 from redundant_envs.effects.hooks import Effect, states_of
 from redundant_envs.robots.arm import Arm
+from redundant_envs.values import replaced, with_fields
 
 Described = dict[str, tuple[str, str]]
 """What is made from numbers: its name -> what is shown of it, and a text that is equal if it is the same."""
@@ -207,17 +207,14 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
 def _replaced(thing: Any, fields: dict[str, Any]) -> Any:
     """A thing with other fields; None if it does not allow them."""
     try:
-        return dataclasses.replace(thing, **fields) if fields else thing
+        return replaced(thing, **fields) if fields else thing
     except Exception:  # of a user's own text, with numbers that it did not expect
         return None
 
 
 def _set(thing: Any, fields: dict[str, Any]) -> Any:
     """The same without the checks of its class."""
-    made = copy.copy(thing)
-    for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
+    return with_fields(thing, **fields)
 
 
 KINDS = 12

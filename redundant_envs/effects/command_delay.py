@@ -13,6 +13,7 @@ from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link,
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
+from redundant_envs.values import with_fields
 
 MOST_KEPT = 1024
 """Most commands of a motor that are kept: each is a number of every environment, and moves once in an
@@ -68,13 +69,16 @@ class CommandDelay(Effect):
     longest : float
         s: the longest delay that any environment may have. It chooses how many commands are kept, one more
         than control intervals fit into it, at most 1024.
-    control_dt : float, optional
-        Control interval, s. A scene gives its own; nothing else may.
+
+    Attributes
+    ----------
+    control_dt : float or None
+        Control interval of the scene that has the effect, s.
     """
 
     seconds: float
     longest: float
-    control_dt: float | None = None
+    control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
 
@@ -92,7 +96,7 @@ class CommandDelay(Effect):
 
     def at_interval(self, control_dt: float) -> CommandDelay:
         """The effect with the commands that a scene with this control interval keeps."""
-        made = dataclasses.replace(self, control_dt=control_dt)
+        made = with_fields(self, control_dt=control_dt)
         if made.kept > MOST_KEPT:
             raise ValueError(
                 f"CommandDelay.longest is {self.longest} s, which at a control_dt of {control_dt} s needs "

@@ -32,6 +32,8 @@ class LinkInertia(Effect):
 
     def fitted(self, arm: Arm) -> Effect:
         links = arm.prismatic.count(False)
+        if links == 0:
+            raise ValueError(f"LinkInertia acts on revolute joints, and {arm.kind} has none: leave it out")
         if isinstance(self.inertias, float):
             return dataclasses.replace(self, inertias=(self.inertias,) * links)
         if len(self.inertias) != links:

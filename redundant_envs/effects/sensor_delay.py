@@ -16,6 +16,7 @@ from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
+from redundant_envs.values import with_fields
 
 MOST_KEPT = 1024
 """Readings that a sensor keeps at most: each is a number of every lane, and moves on in every step."""
@@ -72,13 +73,16 @@ class SensorDelay(Effect):
         The delay, s, from 0 to ``longest``.
     longest : float
         The longest delay that may be set, s: as many readings are kept as it needs, at most 1024.
-    control_dt : float, optional
-        Control interval, s. A scene gives its own; nothing else may.
+
+    Attributes
+    ----------
+    control_dt : float or None
+        Control interval of the scene that has the effect, s.
     """
 
     seconds: float
     longest: float
-    control_dt: float | None = None
+    control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
 
@@ -104,7 +108,7 @@ class SensorDelay(Effect):
                 f"a sensor keeps at most {MOST_KEPT} readings; give at most {most:g} s, or a scene with a "
                 "longer control_dt"
             )
-        return dataclasses.replace(self, control_dt=control_dt)
+        return with_fields(self, control_dt=control_dt)
 
     @property
     def kept(self) -> int:

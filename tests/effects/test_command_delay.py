@@ -105,6 +105,17 @@ def test_a_control_interval_chooses_how_many_commands_are_kept():
     assert len(least.states()) == 4
 
 
+@pytest.mark.parametrize("kind", [e.CommandDelay, e.SensorDelay])
+def test_a_delay_has_the_control_interval_of_its_scene_and_takes_no_other(kind):
+    with pytest.raises(TypeError, match="control_dt"):
+        kind(0.01, 0.05, control_dt=0.5)
+    data = rde.Scene(FOUR_R, (kind(0.01, 0.05),), control_dt=0.02).to_dict()
+    assert rde.Scene.from_dict({**data, "control_dt": 0.01}).effects[0].control_dt == 0.01
+    data["effects"][0]["control_dt"] = 0.5
+    with pytest.raises(ValueError, match="unknown key 'control_dt'; valid: seconds, longest"):
+        rde.Scene.from_dict(data)
+
+
 @pytest.mark.quick("RRR")
 @pytest.mark.parametrize("arm", [ARMS[kind] for kind in ("RRR", "PPR")], ids=["RRR", "PPR"])
 def test_any_chain_has_delayed_commands(arm):

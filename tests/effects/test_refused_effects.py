@@ -177,6 +177,10 @@ SCENES = {
         FOUR_R, (e.CentringSpring((1, 1), (0, 0), (1, 1)),),
         "CentringSpring acts on prismatic joints, and FourR has none",
     ),
+    "inertias of sliders": (
+        rde.Chain("PP", (1.0, 0.5), ()), (e.LinkInertia(0.1),),
+        "LinkInertia acts on revolute joints, and Chain has none: leave it out",
+    ),
     "one of two sliders": (
         RPRP, (e.CentringSpring((1,), (0,), (1,)),), "for 1 prismatic joints and RPRP has 2: give as many",
     ),
