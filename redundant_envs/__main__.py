@@ -203,7 +203,7 @@ def list_names(options: argparse.Namespace) -> None:
     from redundant_envs.scene import scene_names
 
     def numbers(effect: type[Any]) -> list[str]:
-        fields = {f.name: f.default for f in dataclasses.fields(effect)}
+        fields = {f.name: f.default for f in dataclasses.fields(effect) if f.init}
         return [n if value is dataclasses.MISSING else f"{n}={value}" for n, value in fields.items()]
 
     groups = {

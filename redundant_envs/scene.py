@@ -33,12 +33,17 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene_numbers import check_ranges, entries_of, is_of_task
-from redundant_envs.values import check_bounds, check_keys, check_registered, plain, shown, typed
+from redundant_envs.values import check_bounds, check_keys, check_registered, plain, shown, typed, warn
 
 MOST_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
 """Allowed control intervals, s."""
+LONG_INTERVAL = 0.5
+"""s: a longer one may be meant in milliseconds. Motors of arms get a command every 1 to 50 ms."""
+_told: dict[int, float] = {}
+"""Long control intervals of scenes that were told, by their identity: scenes that are made from another one
+have the number itself, and are silent."""
 ACTUATIONS = ("joint", "generalized")
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-13, 1e-2
 """Allowed tip errors per control interval, m."""
@@ -58,7 +63,7 @@ class Scene:
     integrator : {"euler", "rk4", "rk8", "dop853"}
         Or a registered one. "dop853" takes steps of any length, whose error stays near rounding.
     control_dt : float
-        Control interval [s], 1e-9 to 1000; efforts are constant over it.
+        Control interval [s], 1e-9 to 1000; efforts are constant over it. One above 0.5 s is warned about.
     substeps : int
         Equal steps per control interval, at most a million.
     tolerance : float, optional
@@ -171,6 +176,13 @@ class Scene:
         if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
             allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
             raise ValueError(f"control_dt is {dt} s; it must {allowed}")
+        if dt > LONG_INTERVAL and id(dt) not in _told:
+            dt += 0.0  # a number of its own, which no other scene has
+            _told[id(dt)] = dt
+            warn(
+                f"control_dt is {dt:g}, in seconds, so that efforts are constant for {dt:g} s, and simulated "
+                f"so; for {dt:g} ms give {dt / 1000.0:g}"
+            )
         return dt
 
     def _checked_tolerance(self) -> float:

@@ -6,12 +6,15 @@ import copy
 import dataclasses
 import inspect
 import reprlib
+import warnings
 from collections.abc import Mapping
 from numbers import Integral
 from typing import Any, TypeVar
 
 Thing = TypeVar("Thing")
 
+OWN = "redundant_envs", "dataclasses"
+"""Modules whose lines a warning does not show: nobody wrote them for a scene."""
 DEEPEST = 20
 """Largest depth of plain data: what it describes needs four; Python's own limit is not reached."""
 MOST_VALUES = 3000
@@ -122,6 +125,14 @@ def replaced(thing: Any, **fields: Any) -> Any:
     made = dataclasses.replace(thing, **fields)
     kept = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if not f.init}
     return with_fields(made, **{name: value for name, value in kept.items() if getattr(made, name) is None})
+
+
+def warn(text: str) -> None:
+    """A UserWarning that shows the line outside this package that led to it."""
+    frame, level = inspect.currentframe(), 0
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in OWN:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, stacklevel=level + 1)
 
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:

@@ -1,9 +1,11 @@
 """Files of users and plain data of programs: whatever they hold, one short ValueError, at once."""
 
+import dataclasses
 import math
 import os
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
@@ -241,6 +243,27 @@ def test_bad_plain_data_is_one_short_error(data, words):
     assert short(message)
 
 
+@pytest.mark.parametrize("way", ["python", "mapping", "file", "environment"])
+def test_a_control_interval_in_milliseconds_is_told_once_for_each_scene(way, tmp_path):
+    data = scene_data("four_r_reach") | {"control_dt": 20}
+    (path := tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
+    made = {
+        "python": lambda: rde.Scene(rde.load_scene("four_r_reach").robot, control_dt=20),
+        "mapping": lambda: rde.Scene.from_dict(data),
+        "file": lambda: rde.load_scene(path),
+        "environment": lambda: gym.make("redundant_envs/FourRReach-v0", scene=str(path)),
+    }[way]
+    words = r"control_dt is 20, in seconds, .* for 20 ms give 0\.02"
+    for _ in range(2):
+        with pytest.warns(UserWarning, match=words) as told:
+            scene = made()
+        assert len(told) == 1
+    if isinstance(scene, rde.Scene):
+        assert told[0].filename == __file__
+        dataclasses.replace(scene, substeps=3, tolerance=None)  # a change of something else is silent
+    rde.Scene(rde.load_scene("four_r_reach").robot, control_dt=0.5)
+
+
 def test_what_is_no_sequence_of_finite_numbers_is_refused_by_name():
     of_others = (np.ones((4, 1)), np.array(1.0), {1: 1, 2: 1, 3: 1, 4: 1}, {1, 2, 3, 4}, iter([1, 1, 1, 1]))
     for masses in (*of_others, np.array(["1"] * 4), [1, 10**400, 1, 1], (object(), 1, 1, 1)):
@@ -307,6 +330,7 @@ SCENE = st.fixed_dictionaries(
 
 
 @pytest.mark.long
+@pytest.mark.filterwarnings("ignore:control_dt is:UserWarning")
 @ANYTHING
 @given(SCENE | PLAIN)
 def test_plain_data_makes_a_scene_or_a_value_error(data):

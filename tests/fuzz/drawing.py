@@ -103,7 +103,8 @@ def drawn_effect(rng, kind, arm):
         several = field.name in getattr(kind, "of_joints", ()) or "tuple" in str(field.type)
         guess = decades(rng, 1e-3, 1.0, rng.choice([2, n]) if several else 1)
         value = np.ravel(known.get(field.name, guess)).tolist()
-        values[field.name] = tuple(value) if several else value[0]
+        if field.init:
+            values[field.name] = tuple(value) if several else value[0]
     if kind.__name__ == "PrismaticStop":
         values["upper"] = tuple(None if rng.random() < 0.1 else x for x in values["upper"])
     return kind(**values)
