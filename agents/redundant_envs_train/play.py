@@ -92,14 +92,19 @@ def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, A
 def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
     """Run an episode, and say how it ended; ``after_step`` is called with the number of its steps so far."""
     obs, info = env.reset(seed=seed)
-    done, step = False, 0
+    done, step, returned = False, 0, 0.0
     while not done:
-        obs, _, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
+        obs, reward, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
         done = terminated or truncated
+        returned += float(reward)
         step += 1
         after_step(step)
-    end = "held" if info["is_success"] else "touched" if info["touch_success"] else "missed"
-    return f"{end}, {1000 * info['distance']:.1f} mm from the goal after {step} steps"
+    parts = []
+    if "is_success" in info:
+        parts.append("held" if info["is_success"] else "touched" if info.get("touch_success") else "missed")
+    if "distance" in info:
+        parts.append(f"{1000 * info['distance']:.1f} mm from the goal")
+    return f"{', '.join(parts) or f'return {returned:.1f}'} after {step} steps"
 
 
 def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:

@@ -1,5 +1,6 @@
 """Evaluation of a policy on the frozen goals beside the expert, and the report of a run folder."""
 
+import math
 import platform
 import sys
 import time
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs import Numerics, __version__
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure
@@ -53,31 +55,49 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     model = load_policy(folder, config, trust)
     n = config.evaluation_episodes
     policy = run_episodes(config.env, policy_act(model), n, EVALUATION_SEED, **config.env_kwargs)
-    expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
-    low, high = wilson(int(policy.hold.sum()), n)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
-    at_goal = policy.distance <= core.task.goal_tolerance * core.reach
-    missed = ~policy.hold & ~policy.ended
-    ended = [Numerics(bits) for bits in policy.faults[~policy.hold & policy.ended].tolist()]
+    expert = None
+    if core.goal_fields:
+        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
+    missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
+    ended = [Numerics(bits) for bits in policy.faults[missed & policy.ended].tolist()]
     result = {
         **{name: getattr(config, name) for name in ("env", "algo", "seed")}, "episodes": n,
-        "hold_success": float(policy.hold.mean()), "interval": [low, high],
-        "touch_success": float(policy.touch.mean()), "restless": int((missed & at_goal).sum()),
-        "passed": int((missed & policy.touch & ~at_goal).sum()),
-        "stopped": int((~policy.hold & policy.ended).sum()),
-        "missed_by_both": int((~policy.hold & ~expert.hold).sum()),
+        "interval": None if policy.hold is None else [*wilson(int(policy.hold.sum()), n)],
+        **measures("", policy), **measures("expert_", expert), **reasons(policy, expert, core),
+        "stopped": int((missed & policy.ended).sum()),
         "faults": {fault.name: count for fault in Numerics if (count := sum(fault in e for e in ended))},
-        "better": better(policy, expert),
-        "expert_hold_success": float(expert.hold.mean()), "expert_touch_success": float(expert.touch.mean()),
+        "better": {} if expert is None else better(policy, expert),
+        # success says more than these, where a task tells it
+        "metrics": {} if policy.hold is not None else {k: float(v.mean()) for k, v in policy.metrics.items()},
         **{name: facts[name] for name in run_folder.FACTS},
-        "mean_return": float(policy.returns.mean()), "expert_mean_return": float(expert.returns.mean()),
-        "median_distance": float(np.median(policy.distance)),
-        "expert_median_distance": float(np.median(expert.distance)),
-        **measures("", policy), **measures("expert_", expert),
         "date": time.strftime("%Y-%m-%d"), "machine": machine_name(), "versions": versions(),
     }  # fmt: skip
-    own = (EVALUATION_SEED + np.arange(n), policy.hold, policy.touch, policy.distance, policy.returns)
-    return Evaluation(result, np.column_stack([*own, expert.hold, expert.distance]))
+    columns = [policy.hold, policy.touch, policy.distance, policy.returns]
+    columns += [None, None] if expert is None else [expert.hold, expert.distance]
+    known = [np.full(n, np.nan) if column is None else column for column in columns]
+    return Evaluation(result, np.column_stack([EVALUATION_SEED + np.arange(n), *known]))
+
+
+def reasons(policy: Outcome, expert: Outcome | None, core: Core) -> dict[str, int | None]:
+    """Counts of the goals that were missed without a fault, by what happened; None if it is unknown."""
+    found: dict[str, int | None] = dict.fromkeys(("restless", "passed", "missed_by_both"))
+    if policy.hold is None:
+        return found
+    if expert is not None and expert.hold is not None:
+        found["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
+    tolerance = tolerance_of(core)
+    if policy.touch is not None and policy.distance is not None and tolerance is not None:
+        missed, at_goal = ~policy.hold & ~policy.ended, policy.distance <= tolerance
+        found["restless"] = int((missed & at_goal).sum())
+        found["passed"] = int((missed & policy.touch & ~at_goal).sum())
+    return found
+
+
+def tolerance_of(core: Core) -> float | None:
+    """Distance up to which the tip is at its goal, m; None if the task has none."""
+    share = core.task.parameters().get("goal_tolerance")
+    return None if share is None else share * core.reach
 
 
 def write_evaluation(found: Evaluation, folder: Path) -> None:
@@ -85,37 +105,9 @@ def write_evaluation(found: Evaluation, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     np.savetxt(
         folder / "episodes.csv", found.episodes, delimiter=",", comments="",
-        header=",".join(run_folder.EPISODES), fmt=["%d", "%d", "%d", "%.9f", "%.4f", "%d", "%.9f"],
+        header=",".join(run_folder.EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
     )  # fmt: skip
     run_folder.write_json(folder / "evaluation.json", found.result)
-
-
-def measures(who: str, outcome: Outcome) -> dict[str, float | None]:
-    """Measures of holding: time (s, median of the held goals), effort and smoothness (means)."""
-    times = outcome.time_to_hold[outcome.hold]
-    return {
-        f"{who}time_to_hold": float(np.median(times)) if len(times) else None,
-        f"{who}effort": float(outcome.effort.mean()),
-        f"{who}smoothness": float(outcome.smoothness.mean()),
-    }
-
-
-def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
-    """For each measure, whether the policy is better than the expert at the same goals; None: no difference
-    beyond chance. Times are compared by the medians over the goals that each has held."""
-    compared: dict[str, tuple[str, Statistic, bool]] = {
-        "hold_success": ("hold", np.mean, True), "touch_success": ("touch", np.mean, True),
-        "median_distance": ("distance", np.median, False),
-        "time_to_hold": ("time_to_hold", held_median, False), "effort": ("effort", np.mean, False),
-        "smoothness": ("smoothness", np.mean, False),
-        "mean_return": ("returns", np.mean, True),
-    }  # fmt: skip
-    found: dict[str, bool | None] = {}
-    for name, (field, statistic, more) in compared.items():
-        own, other = getattr(policy, field), getattr(expert, field)
-        known = differs(own, other, statistic)
-        found[name] = bool((statistic(own, axis=0) > statistic(other, axis=0)) == more) if known else None
-    return found
 
 
 def held_median(times: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -125,22 +117,81 @@ def held_median(times: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
         return np.asarray(np.nanmedian(times, axis=axis))
 
 
+COMPARED: dict[str, tuple[str, Statistic, bool]] = {
+    "hold_success": ("hold", np.mean, True), "touch_success": ("touch", np.mean, True),
+    "median_distance": ("distance", np.median, False), "time_to_hold": ("time_to_hold", held_median, False),
+    "effort": ("effort", np.mean, False), "smoothness": ("smoothness", np.mean, False),
+    "mean_return": ("returns", np.mean, True),
+}  # fmt: skip
+"""Measures of an evaluation: the field of an outcome, its statistic, and whether more is better."""
+
+
+def measures(who: str, outcome: Outcome | None) -> dict[str, float | None]:
+    """All measures of an outcome; None for those that are unknown."""
+    found: dict[str, float | None] = {}
+    for name, (field, statistic, _) in COMPARED.items():
+        values = getattr(outcome, field, None)
+        value = math.nan if values is None else float(statistic(values, axis=0))
+        found[f"{who}{name}"] = None if math.isnan(value) else value
+    return found
+
+
+def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
+    """For each measure, whether the policy is better than the expert at the same goals; None: no difference
+    beyond chance. Times are compared by the medians over the goals that each has held."""
+    found: dict[str, bool | None] = {}
+    for name, (field, statistic, more) in COMPARED.items():
+        own, other = getattr(policy, field), getattr(expert, field)
+        if own is None or other is None:
+            continue
+        known = differs(own, other, statistic)
+        found[name] = bool((statistic(own, axis=0) > statistic(other, axis=0)) == more) if known else None
+    return found
+
+
 def summary(result: dict[str, Any]) -> str:
     """The evaluation in a few sentences."""
-    low, high = result["interval"]
-    lines = [
-        f"{label(result['algo'])} on {result['env']}, seed {result['seed']}: hold success "
-        f"{100 * result['hold_success']:.1f} % of {result['episodes']} episodes (95 % interval "
-        f"{100 * low:.1f} to {100 * high:.1f} %), touch {100 * result['touch_success']:.1f} %, median final "
-        f"distance {1000 * result['median_distance']:.1f} mm.",
-        f"Computed torque on the same goals: {100 * result['expert_hold_success']:.1f} %, "
-        f"{1000 * result['expert_median_distance']:.1f} mm.",
+    parts = []
+    if result["hold_success"] is not None:
+        low, high = result["interval"]
+        parts.append(
+            f"hold success {100 * result['hold_success']:.1f} % of {result['episodes']} episodes (95 % "
+            f"interval {100 * low:.1f} to {100 * high:.1f} %)"
+        )
+    else:
+        parts.append(f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes")
+        parts += [f"{name} {value:.3g} at their end" for name, value in result.get("metrics", {}).items()]
+    if result["touch_success"] is not None:
+        parts.append(f"touch {100 * result['touch_success']:.1f} %")
+    if result["median_distance"] is not None:
+        parts.append(f"median final distance {1000 * result['median_distance']:.1f} mm")
+    who = f"{label(result['algo'])} on {result['env']}, seed {result['seed']}"
+    lines = [f"{who}: {', '.join(parts)}."]
+    others = [
+        f"{scale * result[f'expert_{name}']:.1f} {unit}"
+        for name, scale, unit in (("hold_success", 100, "%"), ("median_distance", 1000, "mm"))
+        if result[f"expert_{name}"] is not None
     ]
+    if others:
+        lines.append(f"Computed torque on the same goals: {', '.join(others)}.")
     if result.get("better"):
         lines.append(comparison(result["better"]))
-    if missed := round((1.0 - result["hold_success"]) * result["episodes"]):
+    if result["hold_success"] is None:
+        lines.append(untold(result))
+    elif missed := round((1.0 - result["hold_success"]) * result["episodes"]):
         lines.append(misses(result, missed))
     return "\n".join(lines)
+
+
+def untold(result: Mapping[str, Any]) -> str:
+    """What a task without success leaves unknown, and the faults, in sentences."""
+    text = "The task tells no is_success, so whether an episode succeeded is unknown."
+    if result["expert_mean_return"] is None:
+        text += " It has no goal, which computed torque needs: the policy is compared with nothing."
+    if result["stopped"]:
+        faults = ", ".join(f"{name}: {count}" for name, count in result["faults"].items())
+        text += f" A fault ended {result['stopped']} of {result['episodes']} episodes ({faults})."
+    return text
 
 
 def comparison(better: Mapping[str, bool | None]) -> str:
@@ -173,16 +224,26 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
     episodes = run_folder.read_table(evaluated, "episodes.csv", run_folder.EPISODES)
     target = out / "plots"
     target.mkdir(parents=True, exist_ok=True)
-    pictures = [target / "final_distance.png"]
+    pictures = []
     # an exported policy has no learning curve, and a run that was stopped may have none yet
     run = None if run_folder.is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
     if run is not None and len(run.curve):
-        pictures.insert(0, target / "learning_curve.png")
+        pictures.append(target / "learning_curve.png")
         draw_curves(group([run]), pictures[0])
+    if result["median_distance"] is not None:
+        pictures.append(target / "final_distance.png")
+        draw_distances(config, episodes, pictures[-1])
+    return pictures
+
+
+def draw_distances(config: Config, episodes: NDArray[np.float64], path: Path) -> None:
+    """The shares of episodes that end as near to the goal as a distance."""
     figure = new_figure(6.4, 3.8)
     axes = figure.subplots()
     lines = ((3, config.label, color_of(config.label), "-"), (6, "computed torque", EXPERT_COLOR, "--"))
     for column, who, color, style in lines:
+        if np.isnan(episodes[:, column]).any():
+            continue
         distance = np.sort(1000 * episodes[:, column])
         share = 100 * np.arange(1, len(distance) + 1) / len(distance)
         axes.plot(distance, share, style, color=color, label=who)
@@ -191,12 +252,11 @@ def plots(folder: Path, config: Config, result: dict[str, Any], evaluated: Path,
         ylabel="share of episodes that end as near, %",
     )  # fmt: skip
     core = make_sb3(config.env, 1, **config.env_kwargs).core
-    tolerance = 1000 * core.task.goal_tolerance * core.reach
-    axes.axvline(tolerance, color="0.6", linewidth=1, linestyle=":", label="goal tolerance")
+    if (tolerance := tolerance_of(core)) is not None:
+        axes.axvline(1000 * tolerance, color="0.6", linewidth=1, linestyle=":", label="goal tolerance")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     bare(axes)
-    save_figure(figure, target / "final_distance.png", dpi=120)
-    return pictures
+    save_figure(figure, path, dpi=120)
 
 
 def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
@@ -221,11 +281,12 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     pictures = plots(folder, config, result, evaluated, out)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
+    noun = "episodes" if result["hold_success"] is None else "goals"
     text = page(
         "report", folder=folder, config=config, result=result, clips=clips, pictures=pictures,
         summary=summary(result), scene=run_folder.difference(folder),
         again=command("train", folder / "config.yaml"),
-        measures=results_table(result, f"{result['episodes']} frozen goals", config.label),
+        measures=results_table(result, f"{result['episodes']} frozen {noun}", config.label),
     )  # fmt: skip
     target.write_text(text, encoding="utf-8")
     return target

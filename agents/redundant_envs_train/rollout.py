@@ -1,6 +1,6 @@
 """Episodes on given goals, with any source of actions, all in parallel."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,25 +12,36 @@ from redundant_envs.numerics.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
 SELECTION_SEED = 2_000_000  # first seed of the goals of the learning curve
+OTHERS = "choose zero or random actions, or a trained policy"
 STUDY_SEED = 3_000_000  # first seed of the goals of the policy study
+
+SUCCESS = ("is_success", "touch_success", "distance")
+"""What a task may tell in ``info`` of a goal: whether the tip held it, whether it touched it, and how far it
+is (m)."""
 
 Act = Callable[[Any, Core, int], NDArray[np.float32]]  # (observations, core, step) -> actions (n, joints)
 
 
 class Outcome(NamedTuple):
-    """Ends of episodes, one entry each."""
+    """Ends of episodes, one entry each; None for what the task does not tell."""
 
-    hold: NDArray[np.bool_]
-    touch: NDArray[np.bool_]
-    distance: NDArray[np.float64]  # m
+    hold: NDArray[np.bool_] | None
+    touch: NDArray[np.bool_] | None
+    distance: NDArray[np.float64] | None  # m
     returns: NDArray[np.float64]
     ended: NDArray[np.bool_]  # whether a fault ended the episode before its time
     faults: NDArray[np.int64]  # the faults of the last step, a sum of redundant_envs.Numerics
     steps: NDArray[np.int64]  # control steps
     evaluations: NDArray[np.int64]  # of the equations of motion
-    time_to_hold: NDArray[np.float64]  # s, from which on the tip stayed at the goal and slow; else NaN
+    time_to_hold: NDArray[np.float64] | None  # s, from which on the tip stayed at the goal and slow; else NaN
     effort: NDArray[np.float64]  # mean square of the normalized efforts, 0 to 1
     smoothness: NDArray[np.float64]  # mean change of an effort from step to step, 0 to 2: less is smoother
+    metrics: Mapping[str, NDArray[np.float64]] = {}  # the task's own, beside those above
+
+
+def told(core: Core) -> list[str]:
+    """Names in ``info`` of what the task tells."""
+    return [core.task.labels.get(name, name) for name in core.task.metrics]
 
 
 def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
@@ -43,7 +54,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     ends: list[dict[str, Any]] = [{} for _ in range(episodes)]
     open_lanes = np.ones(episodes, dtype=np.bool_)
     returns, effort, change = np.zeros(episodes), np.zeros(episodes), np.zeros(episodes)
-    held = np.zeros(episodes)
+    held, counts_steps = np.zeros(episodes), "hold" in env.core.task.memory
     before: NDArray[np.float64] | None = None
     step = 0
     while open_lanes.any():
@@ -53,7 +64,8 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         if before is not None:
             change += open_lanes * np.abs(done_by - before).mean(axis=1)
         before = done_by
-        held = np.where(open_lanes, env.core.memory.read(("hold",))[:, 0], held)
+        if counts_steps:
+            held = np.where(open_lanes, env.core.memory.read(("hold",))[:, 0], held)
         obs, rewards, dones, infos = env.step(actions)
         returns += rewards * open_lanes
         for lane in np.flatnonzero(dones & open_lanes):
@@ -62,18 +74,19 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         step += 1
     scene = env.core.scene
     per_step = scene.substeps * METHODS[scene.integrator].stages  # reported only if it varies
-    steps, hold, touch, distance, whole = (
-        np.array([end[name] for end in ends])
-        for name in ("episode_steps", "is_success", "touch_success", "distance", "TimeLimit.truncated")
-    )
+    found = {name: np.array([end[name] for end in ends]) for name in told(env.core)}
+    whole = np.array([end["TimeLimit.truncated"] for end in ends])
+    steps = np.array([end["episode_steps"] for end in ends])
+    hold, touch, distance = (found.pop(name, None) for name in SUCCESS)
+    time_to_hold = None
+    if hold is not None and counts_steps:  # ``held`` counts the steps before the last one
+        time_to_hold = np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan)
     evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
     return Outcome(
         hold, touch, distance, returns,
         ended=~whole, faults=np.array([end.get("numerics", 0) for end in ends]), steps=steps,
-        evaluations=np.array(evaluations),
-        # ``held`` counts the steps before the last one
-        time_to_hold=np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan),
-        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1),
+        evaluations=np.array(evaluations), time_to_hold=time_to_hold,
+        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1), metrics=found,
     )  # fmt: skip
 
 
@@ -97,6 +110,8 @@ def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
         q, qd = core.memory.read(arm.coordinates), core.memory.read(arm.rates)
         steps = core.memory.read(("steps",))[:, 0]
         if controller is None:
+            if not core.goal_fields:
+                raise ValueError(f"the task {core.task.name} has no goal, which the expert needs; {OTHERS}")
             controller = ComputedTorque(core.scene, pose=pose)
             controller.begin(q, core.goals())
         elif (steps == 0).any():

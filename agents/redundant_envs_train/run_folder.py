@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ NUMBERS = {
     "hold_success": 1, "touch_success": 1, "expert_hold_success": 1,
 }  # fmt: skip
 """Largest values of the numbers of an evaluation."""
+RETURNS = ("mean_return", "expert_mean_return")  # those that may be negative
+UNTOLD = NUMBERS.keys() - {"mean_return"}  # those that are null where the task does not tell them
 UNSURE = {
     "env_steps": MOST, "train_seconds": MOST, "time_to_hold": MOST, "effort": MOST, "smoothness": MOST,
     "expert_time_to_hold": MOST, "expert_effort": MOST, "expert_smoothness": MOST, "restless": MOST,
@@ -89,18 +91,26 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
 
 def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
-    checks = {name: _is_number(data.get(name), most) for name, most in NUMBERS.items()}
+    checks = {
+        name: _is_number(data.get(name), most, -most if name in RETURNS else 0)
+        or (name in UNTOLD and data.get(name, "") is None)
+        for name, most in NUMBERS.items()
+    }
     checks |= {n: data.get(n) is None or _is_number(data[n], most) for n, most in UNSURE.items()}
     for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
     ends: Any = data.get("interval")
     pair = isinstance(ends, list) and [_is_number(rate, 1) for rate in ends] == [True, True]
-    checks["interval"] = pair and ends[0] <= ends[1]
+    checks["interval"] = ends is None if data.get("hold_success") is None else pair and ends[0] <= ends[1]
     versions = data.get("versions")
     checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
     checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
-    for name, fits in (("faults", _is_number), ("better", lambda value: value in (True, False, None))):
+    checks_of_entries: dict[str, Callable[[Any], bool]] = {
+        "faults": _is_number, "better": lambda value: value in (True, False, None),
+        "metrics": lambda value: _is_number(value, MOST, -MOST),
+    }  # fmt: skip
+    for name, fits in checks_of_entries.items():
         entries = data.get(name, {})
         checks[name] = isinstance(entries, dict) and all(_is_line(k) and fits(entries[k]) for k in entries)
     for name, holds in checks.items():
@@ -177,9 +187,9 @@ def _read_json(path: Path, remedy: str) -> dict[str, Any]:
     return data
 
 
-def _is_number(value: Any, most: float = MOST) -> bool:
-    """Whether a value is a number from 0 to ``most``; a run has no negative numbers."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= most
+def _is_number(value: Any, most: float = MOST, least: float = 0) -> bool:
+    """Whether a value is a number from ``least`` to ``most``; only returns and metrics are negative."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
 
 
 def _is_line(value: Any) -> bool:

@@ -1,25 +1,29 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
+import inspect
 import json
 import queue
 import re
 import shutil
 import signal
 import sys
+import textwrap
 import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
 from run_folders import POLICIES, REFUSALS, RPRP, change, csv_rows, kept, says, write_run, write_scene_file
-from short_trainings import SMALL, assert_same_policy
+from short_trainings import SMALL, TINY, assert_same_policy
 
+import redundant_envs as rde
 from redundant_envs import __main__ as library
 from redundant_envs.studies import stops
-from redundant_envs_train import play, report
+from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.evidence import curves
@@ -140,6 +144,51 @@ def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
 def test_a_report_says_why_goals_were_missed(counts, words):
     none = {"restless": 0, "passed": 0, "stopped": 0, "missed_by_both": 0, "faults": {}}
     assert summary(EQUAL | none | counts).endswith(words)
+
+
+UNTOLD = dict.fromkeys(run_folder.UNTOLD | {"interval", "expert_touch_success"})
+
+
+def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_path, call):
+    curve = [(k, 1.0 + k, "nan", "nan", 8.0 * k - 9.0) for k in (1, 2)]
+    settings = {"curve_episodes": 5}
+    facts = {"mean_return": -3.0, "metrics": {"highest": 0.87}, "stopped": 0, "better": {}}
+    folder = write_run(tmp_path / "run", curve=curve, settings=settings, **UNTOLD | facts)
+    result = read_evaluation(folder)
+    assert summary(result).splitlines() == [
+        "PPO on redundant_envs/RPRPReach-v0, seed 0: mean return -3.0 over 1000 episodes, highest 0.87 at "
+        "their end.",
+        "The task tells no is_success, so whether an episode succeeded is unknown. It has no goal, which "
+        "computed torque needs: the policy is compared with nothing.",
+    ]
+    assert many.result_of(folder) == "mean return -3.0"
+    out, _ = call("table", folder, "--out", tmp_path / "a.csv")
+    assert "tells no success: the mean return of PPO is -3." in out
+    (again,) = read_groups([tmp_path / "a.csv"])
+    assert curves.told([again]) == ["return"]
+    ends = Outcome(None, None, None, *([np.ones(2)] * 5), None, np.ones(2), np.ones(2))
+    assert report.better(ends, ends).keys() == {"effort", "smoothness", "mean_return"}
+    change(folder / "evaluation.json", hold_success=0.5)  # an interval belongs to it
+    with says("evaluation.json has None as 'interval'"):
+        read_evaluation(folder)
+
+
+@pytest.mark.long
+def test_the_task_of_the_manual_trains_and_reports(tmp_path, monkeypatch, call):
+    monkeypatch.chdir(tmp_path)
+    example = inspect.cleandoc(rde.Task.__doc__).partition("step of an environment::\n")[2]
+    Path("raise_task.py").write_text(textwrap.dedent(example.partition("env = gym.make")[0]))
+    monkeypatch.syspath_prepend(tmp_path)
+    call("--import", "raise_task", "train", "rprp_reach_ppo", *TINY, "env=RPRPRaise-v0", "--out", "run")
+    assert "no is_success" in Path("run", "report.md").read_text()
+    assert data("run")["metrics"]["highest"] > 0.0
+    assert (data("run")["hold_success"], data("run")["expert_mean_return"]) == (None, None)
+    assert {p.name for p in Path("run", "plots").glob("*.png")} == {"learning_curve.png"}
+    env = gym.make("redundant_envs/RPRPRaise-v0")
+    told = play._episode(env, env.unwrapped.core, play.no_effort, 0, lambda step: None)
+    assert re.fullmatch(r"return [\d.]+ after 100 steps", told)
+    _, error = call("play", "RPRPRaise-v0", "--clip", "a.gif", status=2)
+    assert "the task Raise has no goal, which the expert needs; choose zero or random actions" in error
 
 
 def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monkeypatch):

@@ -1,6 +1,6 @@
 """Learning curves of many runs: their interquartile means over seeds, as one figure and as numbers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -61,11 +61,11 @@ class Curve(NamedTuple):
 def curves(places: Iterable[str | Path], path: str | Path) -> Path:
     """Draw learning curves of runs and write their numbers beside them, as CSV.
 
-    For each environment and scene there are panels of hold success, touch success and mean return on the
-    selection goals, over steps and over seconds. Pale lines are seeds, a thick line is their interquartile
-    mean, and a band its 95 % interval by bootstrap. Dashed is computed torque on the evaluation goals.
-    ``places`` and errors are those of :func:`read_groups`; ``path`` ends in .png or .svg, and the CSV file
-    beside it is returned.
+    For each environment and scene there are panels of hold success, touch success and mean return, as far as
+    the task tells them, on the selection goals, over steps and over seconds. Pale lines are seeds, a thick
+    line is their interquartile mean, and a band its 95 % interval by bootstrap. Dashed is computed torque on
+    the evaluation goals. ``places`` and errors are those of :func:`read_groups`; ``path`` ends in .png or
+    .svg, and the CSV file beside it is returned.
     """
     path = Path(path)
     if path.suffix.lower() not in ENDINGS:
@@ -151,11 +151,12 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
     parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
     for part, title in zip(parts, titles, strict=True):
         shown = [same for same in groups if same.title == title]
-        panels = part.subplots(len(axes), len(MEASURES), squeeze=False)
+        names = told(shown)
+        panels = part.subplots(len(axes), len(names), squeeze=False)
         for row, axis in zip(panels, axes, strict=True):
             for same in shown:
-                _draw_group(row, same, axis, *looks[same.learner])
-            for panel, name in zip(row, MEASURES, strict=True):
+                _draw_group(dict(zip(names, row, strict=True)), same, axis, *looks[same.learner])
+            for panel, name in zip(row, names, strict=True):
                 _finish(panel, name, axis, shown)
         part.suptitle(title, fontweight="bold")
         handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -165,11 +166,20 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
     return figure
 
 
-def _draw_group(row: Sequence[Any], same: Group, axis: str, color: str, style: str) -> None:
-    """A group's seeds, interquartile mean and interval in the panels of a row."""
+def told(groups: Sequence[Group]) -> list[str]:
+    """The measures that some curve of groups has; a task may tell no success."""
+    known = np.zeros(len(MEASURES), np.bool_)
+    for run in (run for same in groups for run in same.runs):
+        known |= np.isfinite(points(run, "steps")[1]).any(axis=0)
+    return [name for name, there in zip(MEASURES, known, strict=True) if there]
+
+
+def _draw_group(row: Mapping[str, Any], same: Group, axis: str, color: str, style: str) -> None:
+    """A group's seeds, interquartile mean and interval in the panels of a row, by measure."""
     scale, curve = AXES[axis][1], summarize(same, axis)
     seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
-    for k, panel in enumerate(row):
+    for name, panel in row.items():
+        k = list(MEASURES).index(name)
         for run in same.runs if len(same.runs) > 1 else ():
             x, values = points(run, axis)
             panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)

@@ -28,6 +28,7 @@ from ..config import WITHOUT_EFFECT, Config, config_of
 
 SECTIONS = ("run", "simulator", "config", "evaluation", "scene", "curve")
 """First parts of the names of columns."""
+SHARES = ("hold_success", "touch_success")  # columns of the curve that are NaN if the task does not tell them
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
 
@@ -102,7 +103,9 @@ def run_of(
                 f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
             )
     progress = curve[:, [run_folder.SELECTION.index("env_steps"), run_folder.SELECTION.index("seconds")]]
-    if not np.isfinite(curve).all() or (np.diff(progress, axis=0) < 0).any():
+    untold = SHARES if evaluation["hold_success"] is None else ()
+    needed = np.delete(curve, [run_folder.SELECTION.index(name) for name in untold], axis=1)
+    if not np.isfinite(needed).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it again: {train_again(folder)}"
@@ -139,7 +142,7 @@ def _same_results(a: Run, b: Run) -> bool:
     told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
     facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
     kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
-    return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept])
+    return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
 
 
 def _environment(run: Run) -> str:

@@ -1,5 +1,6 @@
 """Results of many runs as Markdown tables."""
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -48,7 +49,8 @@ def table(places: Iterable[str | Path]) -> str:
     groups = read_groups(places)
     results, comparison = map(_results, groups), map(_comparison, groups)
     tables = (markdown(RESULTS, results), markdown(COMPARISON, comparison))
-    return "\n\n".join([*tables, EXPLANATION, _origin(groups)])
+    untold = filter(None, map(_untold, groups))
+    return "\n\n".join([*tables, EXPLANATION, *untold, _origin(groups)])
 
 
 def brief_table(places: Iterable[str | Path]) -> str:
@@ -61,8 +63,8 @@ def brief_table(places: Iterable[str | Path]) -> str:
 def _results(same: Group) -> list[str]:
     """A row of the first table, in the order of RESULTS."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
-    low, high = map(float, run_interval(hold))
-    middle = _percent(same, [float(interquartile_mean(hold))])
+    low, high = map(float, run_interval(hold)) if hold else (math.nan, math.nan)
+    middle = _percent(same, [float(interquartile_mean(hold))] if hold else [])
     interval = "unknown" if np.isnan(low) else f"{_percent(same, [low], '')} to {_percent(same, [high], '')}"
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
@@ -70,7 +72,8 @@ def _results(same: Group) -> list[str]:
     told = ([run.evaluation.get(name) for name in ("env_steps", "train_seconds")] for run in same.runs)
     speeds = [steps / seconds for steps, seconds in told if steps is not None and seconds]
     return [
-        same.title, same.learner, str(len(same.runs)), _percent(same, hold), _percent(same, [min(hold)]),
+        same.title, same.learner, str(len(same.runs)), _percent(same, hold),
+        _percent(same, hold and [min(hold)]),
         f"{middle} [{interval}]" if len(hold) > 1 else UNKNOWN,
         _percent(same, same.numbers("expert_hold_success")), _holds_more(same),
         _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
@@ -84,12 +87,24 @@ def _comparison(same: Group) -> list[str]:
     return [same.title, same.learner, *numbers, _told([same], "machine")]
 
 
+def _untold(same: Group) -> str:
+    """The mean returns of runs of a task that tells no success, in a sentence; else nothing."""
+    if same.numbers("hold_success"):
+        return ""
+    return (
+        f"The task of {same.title} tells no success: the mean return of {same.learner} is "
+        f"{_number(same.numbers('mean_return'))}."
+    )
+
+
 def _holds_more(same: Group) -> str:
     """Which holds more goals of all seeds beyond chance; if it is the learner, in how many seeds it does not.
 
     The goals that only one of the two missed are unknown, and at most those that it missed.
     """
     hold, expert = (np.asarray(same.numbers(name)) for name in ("hold_success", "expert_hold_success"))
+    if not (len(hold) and len(expert)):
+        return UNKNOWN
     episodes = same.runs[0].evaluation["episodes"]
     missed, others = (round(float((1.0 - rates).sum()) * episodes) for rates in (hold, expert))
     if sign_test(missed, others) >= CHANCE:

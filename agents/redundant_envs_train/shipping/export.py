@@ -15,6 +15,7 @@ from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.scene import scene_names
+from redundant_envs.tasks import ReachTask
 from redundant_envs.values import shown
 
 from ..config import Config, OffPolicySettings, PlainPPOSettings
@@ -39,7 +40,8 @@ ORIGIN = {
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
 CARD_RESULTS = 4
-"""Results of a policy in its card."""
+"""Results of a policy in its card; those of a task without success are all that are known."""
+WORDS = {4: "four"}
 MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
 """Packages of classes that are not stable-baselines3's."""
 OPSET = 17  # old enough for every runtime since 2022
@@ -153,6 +155,11 @@ def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
     return [export(run, out) for run in runs]
 
 
+def count_of(evaluation: Mapping[str, Any]) -> int:
+    """Number of the results in a card, of ``MEASURES``."""
+    return len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
+
+
 def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
     scene: str,
@@ -173,11 +180,12 @@ def card(
     return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3")) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
+        reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
         updates=updates, origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
         parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],
-        results=results_table(evaluation, "", "this policy", CARD_RESULTS),
+        results=results_table(evaluation, "", "this policy", count_of(evaluation)),
     )  # fmt: skip
 
 
@@ -185,9 +193,9 @@ def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, libr
     """Front matter of a model card of Hugging Face (https://huggingface.co/docs/hub/model-cards), with the
     results of the card's table, unit by unit."""
     metrics = []
-    for label, key, scale, digits, unit in MEASURES[:CARD_RESULTS]:
+    for label, key, scale, digits, unit in MEASURES[: count_of(evaluation)]:
         if evaluation.get(key) is not None:
-            name = f"{label} [{unit.strip()}]"
+            name = f"{label} [{unit.strip()}]" if unit else label
             value = round(scale * float(evaluation[key]), digits)
             metrics.append({"type": label.replace(" ", "_"), "name": name, "value": value})
     kind = "reinforcement-learning"

@@ -128,6 +128,8 @@ def expert_rows(
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
         for who, pose in POSES.items():
             outcome = run_episodes(env_id, expert_act(pose), episodes, seed, scene=weakened(scene, factor))
+            assert outcome.hold is not None
+            assert outcome.touch is not None  # reach tasks tell both
             touched = float(outcome.touch.mean())
             rows.append(Row(arm, factor, who, *_share(outcome.hold), touched, 0, episodes))
     return rows

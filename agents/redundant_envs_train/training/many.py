@@ -109,8 +109,10 @@ def _work(jobs: Any, news: Any, core: int | None, modules: Sequence[str] = ()) -
 
 
 def result_of(folder: Path) -> str:
-    """The hold success of an evaluated run in words."""
-    return f"holds {100 * run_folder.read_evaluation(folder)['hold_success']:.1f} %"
+    """The hold success of an evaluated run in words; its mean return if the task tells no success."""
+    result = run_folder.read_evaluation(folder)
+    hold = result["hold_success"]
+    return f"mean return {result['mean_return']:.1f}" if hold is None else f"holds {100 * hold:.1f} %"
 
 
 def is_finished(folder: Path) -> bool:

@@ -16,6 +16,7 @@ from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..config.run import first_environment_seed
 from ..learners.build import make_model
 from ..policies import save_policy, start_from
+from ..rollout import told
 from ..start import with_start
 from . import checkpoint
 from .pool import Stopped, stop_request
@@ -30,7 +31,7 @@ with needs("train"):
 
 LOG_EPISODES = 4  # episodes of every environment between two lines of SAC's log
 LOG_ROLLOUTS = 10  # rollouts between two lines of PPO's log
-KEYWORDS = ("is_success",)
+KEYWORDS = ("is_success",)  # columns of monitor.csv, if the task tells them
 
 
 def train(
@@ -60,7 +61,8 @@ def _run(
     given = run_folder.own_config(folder) if resumed else config
     base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
     simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
-    monitor = VecMonitor(base, info_keywords=KEYWORDS)
+    keywords = tuple(name for name in KEYWORDS if name in told(base.core))
+    monitor = VecMonitor(base, info_keywords=keywords)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
         start_from(model, config, base)
@@ -78,7 +80,7 @@ def _run(
         (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), "utf-8")
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     monitor.results_writer = ResultsWriter(
-        str(folder / "monitor.csv"), header=header, extra_keys=KEYWORDS, override_existing=not resumed
+        str(folder / "monitor.csv"), header=header, extra_keys=keywords, override_existing=not resumed
     )
     with stop_request() as stop, closing(monitor):
         model.set_logger(logger(folder, config))

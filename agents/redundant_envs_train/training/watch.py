@@ -23,10 +23,14 @@ with needs("train"):
 
 PARTS = ("environment", "policy", "gradient")
 """Parts of a training's time: steps of the environments, choices of actions, updates of the networks."""
+CURVE = SELECTION[-3:]  # numbers of a point of the curve: hold success, touch success, mean return
 SHOW_EVERY = 0.5  # s, between two looks of the user at the progress
+LOGGED = {"touch_success": "touch_success", "hold_success": "is_success", "distance_m": "distance"}
+"""Names in the log -> those in ``info``; a task may lack some."""
 RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
-"""Receives a point of the learning curve: environment steps, hold success (0 to 1), mean return."""
+"""Receives a point of the learning curve: environment steps, hold success (0 to 1; NaN if the task does not
+tell it), mean return."""
 
 
 class Watch(BaseCallback):
@@ -48,7 +52,9 @@ class Watch(BaseCallback):
         self.on_point = on_point
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
-        """Hold success of the last point of the curve."""
+        """Hold success of the last point of the curve; NaN before it, or if the task does not tell it."""
+        self.returned = begun.get("return", math.nan)
+        """Mean return of that point."""
         self.table = folder / "selection.csv"
         if not begun:
             self.table.write_text(",".join(SELECTION) + "\n", encoding="utf-8")
@@ -88,7 +94,8 @@ class Watch(BaseCallback):
         every = self.config.checkpoint_seconds
         due = every > 0.0 and time.perf_counter() - self._kept >= every
         if due or (self.stop.is_set() and not self._ending):
-            facts = {"next": self._next, "seconds": self.seconds(), "hold": self.hold}
+            point = {"hold": self.hold, "return": self.returned}
+            facts = {"next": self._next, "seconds": self.seconds(), **point}
             checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
             self._kept = time.perf_counter()
         self._ending = self.stop.is_set()
@@ -124,12 +131,12 @@ class Watch(BaseCallback):
         return self.config.max_seconds is None or self.seconds() < self.config.max_seconds
 
     def _log_episodes(self) -> None:
-        """Means over the episodes that ended: touch, distance, terms of the return."""
+        """Means over the episodes that ended: success, distance, terms of the return."""
         for i in np.flatnonzero(self.locals["dones"]):
             info = self.locals["infos"][i]
-            self.logger.record_mean("episode/touch_success", float(info["touch_success"]))
-            self.logger.record_mean("episode/hold_success", float(info["is_success"]))
-            self.logger.record_mean("episode/distance_m", info["distance"])
+            for name, key in LOGGED.items():
+                if key in info:
+                    self.logger.record_mean(f"episode/{name}", float(info[key]))
             for name, term in info.items():
                 if name.startswith(RETURN):
                     self.logger.record_mean(f"reward/{name.removeprefix(RETURN)}", term)
@@ -142,18 +149,21 @@ class Watch(BaseCallback):
             outcome = run_episodes(
                 config.env, policy_act(self.model), config.curve_episodes, SELECTION_SEED, **config.env_kwargs
             )
-        self.hold = float(outcome.hold.mean())
-        touch, returned = float(outcome.touch.mean()), float(outcome.returns.mean())
+        told = outcome.hold, outcome.touch
+        shares = [math.nan if known is None else float(known.mean()) for known in told]
+        self.hold, self.returned = shares[0], float(outcome.returns.mean())
+        numbers = dict(zip(CURVE, (*shares, self.returned), strict=True))
         with self.table.open("a", encoding="utf-8") as file:
-            file.write(f"{self.num_timesteps},{seconds:.2f},{self.hold:.4f},{touch:.4f},{returned:.4f}\n")
-        self.logger.record("curve/hold_success", self.hold)
-        self.logger.record("curve/touch_success", touch)
-        self.logger.record("curve/return", returned)
+            row = ",".join(f"{number:.4f}" for number in numbers.values())
+            file.write(f"{self.num_timesteps},{seconds:.2f},{row}\n")
+        for name, number in numbers.items():
+            if not math.isnan(number):
+                self.logger.record(f"curve/{name}", number)
         save_policy(self.model, self.folder / "policy.zip")
         self._apart += time.perf_counter() - begun
         self._show()
         if self.on_point is not None:
-            self.on_point(self.num_timesteps, self.hold, returned)
+            self.on_point(self.num_timesteps, self.hold, self.returned)
 
     def _show(self) -> None:
         config, self._shown = self.config, time.perf_counter()
@@ -161,8 +171,14 @@ class Watch(BaseCallback):
         share = self.num_timesteps / config.total_steps
         if config.max_seconds is not None:
             share = max(share, self.seconds() / config.max_seconds)
-        recent = self.model.ep_success_buffer
-        now = f"{100 * np.mean(recent):.0f} %" if recent else "-"
-        held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
-        note = f"holds {held}, while exploring {now}"
+        if "is_success" in self.monitor.info_keywords:
+            recent = self.model.ep_success_buffer
+            now = f"{100 * np.mean(recent):.0f} %" if recent else "-"
+            held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
+            note = f"holds {held}, while exploring {now}"
+        else:
+            recent = [episode["r"] for episode in self.model.ep_info_buffer or ()]
+            now = f"{np.mean(recent):.1f}" if recent else "-"
+            known = "-" if math.isnan(self.returned) else f"{self.returned:.1f}"
+            note = f"mean return {known}, while exploring {now}"
         self.progress.update(self.task, completed=share * config.total_steps, note=note)

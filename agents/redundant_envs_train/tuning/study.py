@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -20,7 +21,7 @@ from ..training import checkpoint, telemetry
 from ..training.pool import Stopped, stop_request
 from ..training.train import simulator_hash, train
 from .search import Space, check_arguments, space_of, with_parameters, words
-from .trials import MESSAGE, Judge, complete, ended, order_of, write
+from .trials import MESSAGE, Judge, complete, ended, held, order_of, return_of, write
 from .workers import Pruned, news, outcome, workers
 
 with needs("tune"):
@@ -169,6 +170,13 @@ def _fail_running(study: optuna.Study, folder: Path) -> None:
         checkpoint.remove(folder / f"trial{trial.number}")
 
 
+def _words(hold: float | None, returned: float) -> str:
+    """A point of a curve in words: its hold success, or the return where the task tells none."""
+    if hold is None or math.isnan(hold):
+        return f"has a mean return of {returned:.1f}"
+    return f"holds {100 * hold:.1f} %"
+
+
 class _Trying:
     """Run the remaining trials of a study, one after another or several at a time."""
 
@@ -230,7 +238,7 @@ class _Trying:
                         )
                     kind, content = message
                     if kind == "point":
-                        bars.update(bar, completed=content[0], note=f"holds {100 * content[1]:.1f} %")
+                        bars.update(bar, completed=content[0], note=_words(content[1], content[2]))
                         worker.pipe.send(judge.add(*content))
                         continue
                     self._end(judge, content)
@@ -265,5 +273,7 @@ class _Trying:
 
     def _show(self, bars: Progress, line: Any) -> None:
         best = complete(self.study)
-        note = f"best holds {100 * (best[0].value or 0.0):.1f} %, trial {best[0].number}" if best else ""
+        note = ""
+        if best:
+            note = f"best {_words(held(best[0]), return_of(best[0]))}, trial {best[0].number}"
         bars.update(line, completed=len(ended(self.study)), note=note)

@@ -57,8 +57,21 @@ def order_of(trial: FrozenTrial) -> int:
     return int(trial.user_attrs[ORDER])
 
 
-def score(hold: float, returned: float | None, episodes: int) -> float:
-    """Hold success, and a share of the return that is less than half of one goal of ``episodes``."""
+def known(hold: float | None) -> float:
+    """A hold success for the sampler: 0 where the task does not tell it, so that the return alone ranks."""
+    return 0.0 if hold is None or math.isnan(hold) else hold
+
+
+def held(trial: FrozenTrial) -> float | None:
+    """Hold success of the last point of a trial; None if it has none, or the task does not tell it."""
+    points = trial.user_attrs.get(POINTS)
+    return points[-1][1] if points else trial.value
+
+
+def score(hold: float | None, returned: float | None, episodes: int) -> float:
+    """Hold success, 0 if the task does not tell it, and a share of the return that is less than half of one
+    goal of ``episodes``."""
+    hold = known(hold)
     if returned is None or math.isnan(returned):
         return hold - 0.5 / episodes
     share = math.copysign(min(math.log1p(abs(returned)) / LARGEST, 1.0), returned)
@@ -73,7 +86,8 @@ def return_of(trial: FrozenTrial) -> float:
 
 
 def complete(study: optuna.Study) -> list[FrozenTrial]:
-    """Complete trials, the best first: by hold success, then by return, of equal ones the earlier."""
+    """Complete trials, the best first: by hold success, if the task tells it, then by return, of equal ones
+    the earlier."""
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     return sorted(trials, key=lambda trial: (-(trial.value or 0.0), -return_of(trial), order_of(trial)))
 
@@ -98,7 +112,8 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
 def _row(trial: FrozenTrial) -> dict[str, Any]:
     state = state_of(trial)
     seconds = f"{trial.duration.total_seconds():.1f}" if trial.duration else ""
-    hold = trial.value if state in ("complete", "pruned") and trial.value is not None else ""
+    hold = trial.value if state in ("complete", "pruned") and held(trial) is not None else ""
+    hold = "" if hold is None else hold
     returned = return_of(trial) if trial.user_attrs.get(POINTS) else ""
     return {
         "trial": trial.number, "state": state, "hold_success": hold, "return": returned,
@@ -116,10 +131,12 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
     for trial in best[:SHOWN]:
         numbers = (trial.params[key] for key in space)
         cells = (f"{number:.4g}" if isinstance(number, float) else number for number in numbers)
-        rows.append((trial.number, f"{100 * (trial.value or 0.0):.1f} %", f"{return_of(trial):.1f}", *cells))
+        hold = "-" if held(trial) is None else f"{100 * (trial.value or 0.0):.1f} %"
+        rows.append((trial.number, hold, f"{return_of(trial):.1f}", *cells))
     shares = [(key, f"{100 * share:.0f} %") for key, share in importance(study).items()]
     return pages.page(
         "tune", config=config, counts=counts, complete=len(best),
+        untold=all(held(trial) is None for trial in best),
         judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
         best=markdown(("trial", "hold success", "mean return", *space), rows),
         searched=", ".join(f"{key} {words(searched)}" for key, searched in space.items()),
@@ -128,7 +145,8 @@ def page(study: optuna.Study, config: Config, space: Space, folder: Path) -> str
 
 
 def importance(study: optuna.Study) -> dict[str, float]:
-    """Share of each setting in the differences of hold success; empty where there are too few trials."""
+    """Share of each setting in the differences of hold success; empty where there are too few trials, or
+    these do not differ."""
     values = [trial.value for trial in complete(study)]
     if len(values) < LEAST_TRIALS or len(set(values)) == 1:
         return {}
@@ -170,7 +188,7 @@ class Judge:
         self.trial.set_user_attr(POINTS, plain)  # JSON, in the journal
         if again or steps >= self.config.total_steps:
             return False
-        self.trial.report(hold, steps)
+        self.trial.report(known(hold), steps)
         running = create_trial(
             state=TrialState.RUNNING, params=self.trial.params, distributions=self.trial.distributions,
             intermediate_values=self._scores(self.points),
@@ -179,8 +197,8 @@ class Judge:
 
     @property
     def hold(self) -> float:
-        """Hold success of the last point."""
-        return self.points[-1][1] if self.points else 0.0
+        """Hold success of the last point, for the sampler."""
+        return known(self.points[-1][1]) if self.points else 0.0
 
     def _scored(self, trial: FrozenTrial) -> FrozenTrial:
         """A trial judged by its score instead of hold success alone."""

@@ -12,7 +12,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import Scene
 
-from ...rollout import Act, Outcome, run_episodes
+from ...rollout import Act, Outcome, run_episodes, told
 from ...statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
 Array = NDArray[np.float64]
@@ -46,6 +46,10 @@ def evaluate_under(
 
     def recorded(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
         if step == 0:
+            if not (core.goal_fields and "is_success" in told(core)):
+                raise ValueError(
+                    f"the study compares success at goals, which {env_id} does not tell; choose another id"
+                )
             begun.append((core.memory.read(core.scene.robot.coordinates), core.goals()))
         actions.append(act(obs, core, step))
         return actions[-1]
@@ -64,9 +68,9 @@ def _replay(
     kwargs: Mapping[str, Any],
 ) -> tuple[Core, dict[str, int], float]:  # fmt: skip
     """The same steps without policy and autoreset: numerics flags, seconds (best of ``repeats`` of each)."""
-    env = make_sb3(env_id, len(outcome.hold), **kwargs)
+    env = make_sb3(env_id, len(outcome.steps), **kwargs)
     core, times = env.core, np.empty((repeats, len(actions)))
-    codes = np.zeros((len(actions), len(outcome.hold)), dtype=np.int64)
+    codes = np.zeros((len(actions), len(outcome.steps)), dtype=np.int64)
     for i in range(repeats):
         env.seed(seed)
         env.reset()
@@ -82,6 +86,7 @@ def _replay(
 
 def held(outcome: Outcome) -> NDArray[np.bool_]:
     """Episodes that went on to their end and held the goal there."""
+    assert outcome.hold is not None
     return outcome.hold & ~outcome.ended
 
 
