@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,12 +41,21 @@ class Draw:
     joints, rates : positions of the joints, (count, joints), rad and m, and their rates
     efforts : of the motors, (count, joints), N m and N
     parameters : numbers of the scene by name, (count, entries) each
+    states : of effects by name, (count,) each, where they are not those of the start of a motion
     """
 
     joints: Array
     rates: Array
     efforts: Array
     parameters: dict[str, Array]
+    states: dict[str, Array] = field(default_factory=dict)
+
+
+def chosen(drawn: Draw, lanes: NDArray[Any]) -> Draw:
+    """Some of the lanes."""
+    tables = drawn.parameters, drawn.states
+    rows = ({name: values[lanes] for name, values in table.items()} for table in tables)
+    return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], *rows)
 
 
 Change = Callable[[Draw, np.random.Generator], None]

@@ -3,9 +3,17 @@
 import numpy as np
 
 from redundant_envs.robots.parameters import LARGEST_RATIO
+from redundant_envs.studies.drawing import (
+    MOTORS,
+    TRIES,
+    drawn_actions,
+    drawn_efforts,
+    drawn_scene,
+    drawn_state,
+    drawn_states,
+)
 
 from .cases import ENVIRONMENTS, plain
-from .drawing import MOTORS, TRIES, drawn_actions, drawn_efforts, drawn_scene, drawn_state, drawn_states
 
 LANES, FEW, MANY = 48, 12, 128
 """Most lanes of a simulator and of environments."""

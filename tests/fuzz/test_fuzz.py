@@ -11,9 +11,9 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.backends import cache
+from redundant_envs.studies.drawing import drawn_scene, own_effects
 
 from . import cases
-from .drawing import drawn_scene, own_effects
 from .drawing_calls import AUTORESETS, drawn
 from .invariants import SHORT
 from .running import judged, minimised, run

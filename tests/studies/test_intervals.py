@@ -38,6 +38,11 @@ def test_no_interval_of_a_family_is_off_without_a_flag(family):
     assert tally.largest_error <= 1.0
 
 
+@pytest.fixture(autouse=True)
+def without_drawn_families(monkeypatch):
+    monkeypatch.setitem(intervals.DRAWN, "intervals", 0)
+
+
 class Loose(Family):
     """A scene of equal steps that are too long."""
 

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs
 """Scenes, states and efforts, drawn from one generator: from calm ones to the limits of float64."""
 
 import dataclasses
@@ -5,7 +6,7 @@ import dataclasses
 import numpy as np
 
 from redundant_envs.effects import REGISTRY
-from redundant_envs.robots import RPRP, FourR
+from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import hard_stops, spring_limits
 
@@ -34,11 +35,24 @@ def spread(rng, count, ratio):
 
 def drawn_arm(rng, calm=False):
     kind, lengths = ARMS[rng.integers(len(ARMS))]
+    return kind(*drawn_numbers(rng, 4, lengths, calm))
+
+
+def drawn_chain(rng, most=5):
+    """A chain of 1 joint to ``most``, revolute ones and sliders in any order."""
+    types = "".join(rng.choice(["R", "R", "P"], rng.integers(1, most + 1)))
+    return Chain(types, *drawn_numbers(rng, len(types), types.count("R"), calm=True))
+
+
+def drawn_numbers(rng, joints, lengths, calm):
+    """Masses, kg, and lengths, m; similar ones for a calm arm."""
     wild = 0.0 if calm else rng.random()
-    masses = spread(rng, 4, rng.choice([4.0, 30.0]) if wild < 0.7 else float(rng.choice([1e4, 1e8, 1e12])))
+    masses = spread(
+        rng, joints, rng.choice([4.0, 30.0]) if wild < 0.7 else float(rng.choice([1e4, 1e8, 1e12]))
+    )
     longs = spread(rng, lengths, rng.choice([2.0, 8.0]) if wild < 0.85 else float(rng.choice([1e3, 1e6])))
     scale = decades(rng, 0.1, 2.0) if rng.random() < 0.9 else decades(rng, 1e-6, 1e6)
-    return kind(tuple(0.5 * m for m in masses), tuple(scale * x for x in longs))
+    return tuple(0.5 * m for m in masses), tuple(scale * x for x in longs)
 
 
 # ---- effects -----------------------------------------------------------------------------------------
@@ -49,14 +63,19 @@ def own_effects():
     return {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
 
 
+def size_of(arm):
+    """Length of the stretched arm, m; 1 of sliders alone."""
+    return sum(arm.lengths) or 1.0
+
+
 def weight_of(arm):
     """Moment of the stretched arm's weight about its base, N m: the scale of efforts."""
-    return 9.81 * sum(arm.masses) * sum(arm.lengths)
+    return 9.81 * sum(arm.masses) * size_of(arm)
 
 
 def drawn_effect(rng, kind, arm):
     """An effect with numbers by the names of its fields; those of other fields are from 1e-3 to 1."""
-    n, size, weight, joint = len(arm.joints), sum(arm.lengths), weight_of(arm), rng.integers(len(arm.joints))
+    n, size, weight, joint = len(arm.joints), size_of(arm), weight_of(arm), rng.integers(len(arm.joints))
     sliders = len(arm.sliders()) if kind.__name__ in OF_SLIDERS else 1
     count = {"GearBacklash": n, "JointStop": n, "LuGre": n}.get(kind.__name__, sliders)
     if count != 1 or arm.prismatic[joint]:  # from a hundredth of the arm to as long as it is
@@ -77,7 +96,7 @@ def drawn_effect(rng, kind, arm):
         "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),
         "limits": weight * decades(rng, 0.05, 5.0) * unit * rng.uniform(0.2, 1.0, n),
         "coordinate": arm.joints[joint],
-        "joints": rng.choice(arm.joints, 2, replace=False),
+        "joints": rng.choice(arm.joints, min(2, n), replace=False),
         "moment_arms": 0.05 * rng.choice([-1.0, 1.0], 2),
         "name": "",
         "point": rng.integers(arm.num_masses) + 1,
@@ -177,16 +196,17 @@ def drawn_kinds(rng, count, usual, rare):
     return [str(rng.choice(rare if rng.random() < RARE else usual)) for _ in range(count)]
 
 
-def drawn_states(scene, count, rng):
-    """Coordinates and velocities, (count, joints) each, of all kinds."""
-    made = [drawn_state(scene, kind, rng) for kind in drawn_kinds(rng, count, STATES, RARE_STATES)]
+def drawn_states(scene, count, rng, kinds=None):
+    """Coordinates and velocities, (count, joints) each, of all kinds, or of some."""
+    kinds = drawn_kinds(rng, count, STATES, RARE_STATES) if kinds is None else rng.choice(kinds, count)
+    made = [drawn_state(scene, kind, rng) for kind in kinds]
     return tuple(np.array(x) for x in zip(*made, strict=True))
 
 
 def drawn_state(scene, kind, rng):
     """Coordinates and velocities of one lane; sliders are between their stops."""
     arm, values = scene.robot, scene.parameters()
-    n, size = len(arm.joints), sum(arm.lengths)
+    n, size = len(arm.joints), size_of(arm)
     limits = (*spring_limits(scene), *hard_stops(scene))
     ends = {joint: (values[low], values[high]) for joint, low, high in limits}
     q, rates = rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, 1.0, n)
@@ -235,11 +255,14 @@ def between_angles(scene, q):
     return joints @ np.linalg.inv(B)
 
 
-def drawn_efforts(scene, count, rng):
-    """Efforts, (count, joints), from none to ones that no motion survives."""
+def drawn_efforts(scene, count, rng, kinds=None):
+    """Efforts, (count, joints), from none to ones that no motion survives, or of some kinds."""
     arm = scene.robot
-    unit = weight_of(arm) * np.array([1.0 / sum(arm.lengths) if s else 1.0 for s in arm.prismatic])
-    return drawn_rows(rng, drawn_kinds(rng, count, EFFORTS, tuple(RARE_EFFORTS)), unit)
+    unit = weight_of(arm) * np.array([1.0 / size_of(arm) if s else 1.0 for s in arm.prismatic])
+    kinds = (
+        drawn_kinds(rng, count, EFFORTS, tuple(RARE_EFFORTS)) if kinds is None else rng.choice(kinds, count)
+    )
+    return drawn_rows(rng, kinds, unit)
 
 
 def drawn_actions(rng, count, joints, bad=False):

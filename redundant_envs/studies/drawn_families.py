@@ -1,0 +1,205 @@
+"""Families of control intervals drawn by seed: every effect that changes a motion, alone and beside another.
+
+The references are the same scene at tolerances 100 and 1000 times smaller; a part of the lanes, and all that
+are off, are crossed by another account (:mod:`redundant_envs.studies.another_account`), too, where it knows
+the scene.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import Effect, Gravity
+from redundant_envs.model import parameters
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.robots.arm import Arm
+from redundant_envs.scene import Scene
+from redundant_envs.studies import drawing
+from redundant_envs.studies.another_account import Account, tells
+from redundant_envs.studies.interval_families import Draw, chosen
+from redundant_envs.verify.judging import agree
+
+Array = NDArray[np.float64]
+KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"
+EFFORTS = "plain", "plain", "bang-bang", "none", "too large"
+FINER = 0.01, 0.001
+"""Tolerances of references, in units of the scene's."""
+VARIANTS = 16
+"""Scenes of one structure with other numbers in a family: compiling takes longer than their intervals."""
+SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "SensorNoise"
+"""Effects that change no motion."""
+LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
+
+
+@dataclass(frozen=True)
+class DrawnFamily:
+    """Scenes of one structure, which follows from a seed and a number.
+
+    Attributes
+    ----------
+    seed, number : int
+        Every effect comes alone once in as many numbers as there are.
+    tolerance : float, optional
+        m; by default one is drawn.
+    """
+
+    seed: int
+    number: int
+    tolerance: float = 0.0
+    actuation = "joint"
+
+    def __post_init__(self) -> None:
+        if self.tolerance == 0.0:
+            object.__setattr__(self, "tolerance", float(10.0 ** -self._rng(1).integers(3, 10)))
+
+    def _rng(self, *more: int) -> np.random.Generator:
+        return np.random.default_rng((self.seed, self.number, *more))
+
+    @cached_property
+    def variants(self) -> list[Scene]:
+        """Scenes that differ in numbers alone."""
+        rng, kinds = self._rng(), moving_effects()
+        name = [*kinds][self.number % len(kinds)]
+        control_dt = float(np.round(drawing.decades(rng, 0.005, 0.2), 4))
+        made = None
+        while made is None:
+            arm: Arm = drawing.drawn_chain(rng) if rng.random() < 0.5 else drawing.drawn_arm(rng, calm=True)
+            names = [name] if self.number // len(kinds) % 2 == 0 else [name, str(rng.choice([*kinds]))]
+            made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt)
+            if not LEAST_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
+                made = None
+        others = (changed(rng, made) for _ in range(20 * VARIANTS))
+        return [made, *itertools.islice((s for s in others if s is not None), VARIANTS - 1)]
+
+    @property
+    def name(self) -> str:
+        scene = self.variants[0]
+        arm: Any = scene.robot
+        effects = " + ".join(type(e).__name__ for e in scene.effects)
+        kind = arm.joint_types if arm.kind == "Chain" else arm.kind
+        return f"{self.number}: {kind}, {effects}, {1e3 * scene.control_dt:g} ms"
+
+    @property
+    def robot(self) -> Any:
+        return self.variants[0].robot
+
+    def scene(self, **how: Any) -> Scene:
+        """The scene; ``how`` sets its stepping, by default its tolerance."""
+        return dataclasses.replace(self.variants[0], **(how or {"tolerance": self.tolerance}))
+
+    def references(self) -> list[Scene]:
+        """Scenes whose tips are right where they agree, the most accurate one first."""
+        return [self.scene(tolerance=max(f * self.tolerance, 1e-13)) for f in reversed(FINER)]
+
+    def draw(self, count: int, rng: np.random.Generator) -> Draw:
+        """Random data of ``count`` lanes: states that up to two intervals reach from random ones."""
+        scenes = self.variants
+        which = np.sort(rng.integers(len(scenes), size=count))
+        numbers = {
+            name: np.array([s.parameters()[name] for s in scenes])[which] for name in scenes[0].parameters()
+        }
+        shares = [(s, int((which == k).sum())) for k, s in enumerate(scenes) if (which == k).any()]
+        q, qd = (
+            np.concatenate(parts)
+            for parts in zip(*(drawing.drawn_states(s, n, rng, KINDS) for s, n in shares), strict=True)
+        )
+        batch = begun(self.scene(), numbers, q, qd)
+        fine = np.ones(count, np.bool_)
+
+        def efforts() -> Array:
+            return np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
+
+        for _ in range(int(rng.integers(3))):
+            fine &= batch.advance(efforts()).numerics == 0
+        lanes = np.resize(np.flatnonzero(fine), count) if fine.any() else np.arange(count)
+        inside = {name: values[lanes] for name, values in numbers.items()}
+        B = self.robot.motor_map
+        return Draw(
+            batch.q[lanes] @ B, batch.qd[lanes] @ B, efforts()[lanes], inside,
+            dict(zip(scenes[0].states(), batch.z[lanes].T, strict=True)),
+        )  # fmt: skip
+
+    def tips_after(self, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
+        """Tips after a control interval, (count, 2), m, and its status."""
+        inverse = np.linalg.inv(self.robot.motor_map)
+        batch = begun(scene, drawn.parameters, drawn.joints @ inverse, drawn.rates @ inverse)
+        fields = tuple(batch.simulator.dynamics.effect_states)
+        if fields:
+            batch._memory.write(fields, np.stack([drawn.states[name] for name in fields], axis=1))
+        status = batch.advance(drawn.efforts)
+        values = drawn.parameters | dict(zip(self.robot.coordinates, batch.q.T, strict=True))
+        values = {name: x for name, x in values.items() if "." not in name}
+        return np.stack(self.robot.evaluate(["tip_x", "tip_y"], values), axis=-1), status
+
+    def told(self, drawn: Draw, others: Array) -> Array:
+        """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
+        ``others``, it has to give the same with smaller steps."""
+        scene, inverse = self.scene(), np.linalg.inv(self.robot.motor_map)
+        if not tells(scene):
+            return np.full((len(drawn.joints), 2), np.nan)
+
+        def crossed(d: Draw, error: float) -> Array:
+            account = Account(scene, d.parameters, d.efforts)
+            tips: Array = account.after(d.joints @ inverse, d.rates @ inverse, d.states, max(error, 1e-13))
+            return tips
+
+        tips = crossed(drawn, 1e-4 * self.tolerance)
+        (apart,) = np.nonzero(~agree([tips, others], self.tolerance))
+        again = crossed(chosen(drawn, apart), 1e-5 * self.tolerance)
+        tips[apart] = np.where(agree([again, tips[apart]], self.tolerance)[:, None], again, np.nan)
+        return tips
+
+
+def moving_effects() -> dict[str, type[Effect]]:
+    """Effects that change a motion, by name."""
+    return {n: kind for n, kind in drawing.own_effects().items() if n not in SENSORS}
+
+
+def made_scene(
+    rng: np.random.Generator, arm: Arm, kinds: list[type[Effect]], control_dt: float
+) -> Scene | None:
+    """A scene of some effects, with gravity in two of three; None if it cannot be."""
+    if Gravity not in kinds and rng.random() < 0.67:
+        kinds = [*kinds, Gravity]
+    for _ in range(drawing.TRIES):
+        try:
+            effects = tuple(drawing.drawn_effect(rng, kind, arm) for kind in kinds)
+            return Scene(arm, effects, control_dt=control_dt)
+        except ValueError:
+            continue
+    return None
+
+
+def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
+    """The scene with other numbers; None if they do not fit."""
+    arm: Any = scene.robot
+    try:
+        masses, lengths = drawing.drawn_numbers(rng, arm.num_masses, arm.num_lengths, calm=True)
+        other = dataclasses.replace(arm, masses=masses, lengths=lengths)
+        if not LEAST_SIZE <= drawing.size_of(other) <= LARGEST_SIZE:
+            return None
+        effects = [
+            dataclasses.replace(
+                drawing.drawn_effect(rng, type(e), other), **{name: getattr(e, name) for name in e.static}
+            )
+            for e in scene.effects
+        ]
+        made = dataclasses.replace(scene, robot=other, effects=tuple(effects))
+    except ValueError:
+        return None
+    return made if made.parameters().keys() == scene.parameters().keys() else None
+
+
+def begun(scene: Scene, numbers: dict[str, Array], q: Array, qd: Array) -> BatchSimulator:
+    """A simulator whose lanes have numbers of their own, at the start of a motion."""
+    batch = BatchSimulator(scene, len(q))
+    parameters.write(scene, batch._memory, np.arange(len(q)), numbers)
+    batch.set_state(q, qd)
+    return batch

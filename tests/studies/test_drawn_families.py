@@ -1,0 +1,50 @@
+"""Families drawn by a seed: every effect that moves an arm, and another account of their intervals."""
+
+import numpy as np
+import pytest
+
+from redundant_envs.effects import CommandDelay
+from redundant_envs.effects.hooks import Sensing
+from redundant_envs.robots import RPRP, Chain
+from redundant_envs.scene import Scene
+from redundant_envs.studies import drawing, intervals
+from redundant_envs.studies.another_account import Account
+from redundant_envs.studies.drawn_families import SENSORS, DrawnFamily, made_scene, moving_effects
+
+
+def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():
+    kinds = [*moving_effects()]
+    for number in (0, len(kinds) + 3):
+        names = {type(e).__name__ for e in DrawnFamily(0, number).variants[0].effects}
+        assert kinds[number % len(kinds)] in names
+        assert len(names - {"Gravity"}) <= 1 + number // len(kinds)
+    arm = RPRP((0.5,) * 4, (0.5, 0.5))
+    for name in SENSORS:
+        scene = made_scene(np.random.default_rng(1), arm, [drawing.own_effects()[name]], 0.02)
+        assert all(isinstance(h, Sensing) for e in scene.effects if e.key != "gravity" for h in e.hooks(arm))
+
+
+def test_another_account_crosses_an_instant():
+    """A slider of 2 kg at 1 m/s: for 6 ms the command before acts, which pulls with 1 N, then 3 N."""
+    scene = Scene(Chain("P", (2.0,)), (CommandDelay(0.006, 0.006),), control_dt=0.02)
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    account = Account(scene, numbers, np.array([[3.0]]))
+    tip = account.after(np.zeros((1, 1)), np.ones((1, 1)), {"command_delay.sent[0]": np.array([-1.0])}, 1e-13)
+    first = 0.006 - 0.25 * 0.006**2
+    assert tip[0, 0] == pytest.approx(first + (1.0 - 0.5 * 0.006) * 0.014 + 0.75 * 0.014**2, abs=1e-15)
+
+
+class Loose(DrawnFamily):
+    """A scene of equal steps that are too long."""
+
+    def scene(self, **how):
+        return super().scene(**(how or {"integrator": "euler"}))
+
+
+@pytest.mark.long
+def test_lanes_that_are_off_are_judged_by_another_account():
+    loose = Loose(0, 2, tolerance=1e-9)
+    tally = intervals.judge_family(loose, 100, seed=1)
+    assert tally.judged == 100
+    assert tally.missed > 80
+    assert intervals.MOST_TOLD <= tally.told < 100
