@@ -330,7 +330,6 @@ SCENE = st.fixed_dictionaries(
 
 
 @pytest.mark.long
-@pytest.mark.filterwarnings("ignore:control_dt is:UserWarning")
 @ANYTHING
 @given(SCENE | PLAIN)
 def test_plain_data_makes_a_scene_or_a_value_error(data):

@@ -11,8 +11,6 @@ from redundant_envs.verify.checks import random_states
 from . import measured as m
 from .hard_case import at_least, at_most, hard_case
 
-LONG_INTERVALS = pytest.mark.filterwarnings("ignore:control_dt is:UserWarning")
-
 
 def pose(subject, start, goal):
     """The figure of a pose of the lab arm with its tip at a goal, sought from a singular one."""
@@ -271,7 +269,6 @@ def test_17_spinning_up_ends_with_a_flag_and_no_gain(subject):
 
 
 @pytest.mark.long
-@LONG_INTERVALS
 @hard_case
 def test_20_a_long_spin_keeps_its_angle(subject):
     scene = rde.Scene(m.LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
@@ -287,7 +284,6 @@ def test_20_a_long_spin_keeps_its_angle(subject):
 
 
 @pytest.mark.long
-@LONG_INTERVALS
 @hard_case
 def test_21_energy_drifts_as_the_method_does(subject):
     q = np.random.default_rng(21).uniform(-np.pi, np.pi, (8, 4))
