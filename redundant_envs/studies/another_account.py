@@ -21,7 +21,7 @@ COLUMNS = 2.0 * np.arange(1, 7)
 """Substeps of the columns of an extrapolation: the last one has order 12, the error is that of order 10."""
 LEAST_STEP = 1e-11
 """A step this small as a share of the interval is taken whatever its error: a law changes in it."""
-MOST_STEPS = 150
+MOST_STEPS = 100
 NOT_TOLD = Friction, Impact, Gap, Impulse
 """Hooks that this account does not know."""
 

@@ -35,6 +35,8 @@ VARIANTS = 16
 """Scenes of one structure with other numbers in a family: compiling takes longer than their intervals."""
 SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "SensorNoise"
 """Effects that change no motion."""
+SUCCESSIVE = 8
+"""Intervals in succession from one drawn state."""
 LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 
@@ -99,31 +101,28 @@ class DrawnFamily:
         return [self.scene(tolerance=max(f * self.tolerance, 1e-13)) for f in reversed(FINER)]
 
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
-        """Random data of ``count`` lanes: states that up to two intervals reach from random ones."""
-        scenes = self.variants
-        which = np.sort(rng.integers(len(scenes), size=count))
-        numbers = {
-            name: np.array([s.parameters()[name] for s in scenes])[which] for name in scenes[0].parameters()
-        }
+        """Random data of ``count`` lanes: the starts of some intervals in succession, from random states."""
+        scenes, few = self.variants, -(-count // SUCCESSIVE)
+        which = np.sort(rng.integers(len(scenes), size=few))
+        tables = [s.parameters() for s in scenes]
+        numbers = {name: np.array([table[name] for table in tables])[which] for name in tables[0]}
         shares = [(s, int((which == k).sum())) for k, s in enumerate(scenes) if (which == k).any()]
         q, qd = (
             np.concatenate(parts)
             for parts in zip(*(drawing.drawn_states(s, n, rng, KINDS) for s, n in shares), strict=True)
         )
-        batch = begun(self.scene(), numbers, q, qd)
-        fine = np.ones(count, np.bool_)
-
-        def efforts() -> Array:
-            return np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
-
-        for _ in range(int(rng.integers(3))):
-            fine &= batch.advance(efforts()).numerics == 0
-        lanes = np.resize(np.flatnonzero(fine), count) if fine.any() else np.arange(count)
-        inside = {name: values[lanes] for name, values in numbers.items()}
+        batch, fine, drawn = begun(self.scene(), numbers, q, qd), np.arange(few), []
+        for _ in range(SUCCESSIVE):
+            efforts = np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
+            drawn.append((batch.q, batch.qd, efforts, batch.z, fine))
+            status = batch.advance(efforts)
+            fine = fine[status.numerics[fine] == 0]
+        lanes = np.concatenate([one[-1] for one in drawn])[:count]
+        q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn])[:count] for k in range(4))
         B = self.robot.motor_map
         return Draw(
-            batch.q[lanes] @ B, batch.qd[lanes] @ B, efforts()[lanes], inside,
-            dict(zip(scenes[0].states(), batch.z[lanes].T, strict=True)),
+            q @ B, qd @ B, efforts, {name: values[lanes] for name, values in numbers.items()},
+            dict(zip(scenes[0].states(), z.T, strict=True)),
         )  # fmt: skip
 
     def tips_after(self, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
@@ -136,7 +135,9 @@ class DrawnFamily:
         status = batch.advance(drawn.efforts)
         values = drawn.parameters | dict(zip(self.robot.coordinates, batch.q.T, strict=True))
         values = {name: x for name, x in values.items() if "." not in name}
-        return np.stack(self.robot.evaluate(["tip_x", "tip_y"], values), axis=-1), status
+        return np.stack(
+            np.broadcast_arrays(*self.robot.evaluate(["tip_x", "tip_y"], values)), axis=-1
+        ), status
 
     def told(self, drawn: Draw, others: Array) -> Array:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
@@ -151,7 +152,7 @@ class DrawnFamily:
             return tips
 
         tips = crossed(drawn, 1e-4 * self.tolerance)
-        (apart,) = np.nonzero(~agree([tips, others], self.tolerance))
+        (apart,) = np.nonzero(np.isfinite(tips[:, 0]) & ~agree([tips, others], self.tolerance))
         again = crossed(chosen(drawn, apart), 1e-5 * self.tolerance)
         tips[apart] = np.where(agree([again, tips[apart]], self.tolerance)[:, None], again, np.nan)
         return tips

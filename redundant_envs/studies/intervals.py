@@ -39,7 +39,7 @@ COLUMNS = (
 BATCH = 4096
 DRAWN = {"impacts": 12, "intervals": 60}
 """Families drawn by the seed beside the named ones: every effect alone, then each beside another."""
-TOLD, MOST_TOLD = 16, 64
+TOLD, MOST_TOLD = 12, 48
 """Lanes of a batch of a drawn family that another account crosses, and the most of those that are off."""
 
 Array = NDArray[np.float64]
