@@ -41,6 +41,7 @@ class Slots:
         self.waiting = p["queue"] + 0
         self.slots, self.entry = Seats(self._pointers(0), homes), Seats(self._pointers(1), homes + lanes)
         self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, self.all))
+        self.again = p.variable(0)  # whether lanes of a group have to cross their interval again
         self.next, self.last = p.variable(0), p.variable(0)  # lanes of the entry that wait for a slot
         self.before = p.variable(0)  # number of busy lanes of the previous group
 
@@ -94,13 +95,28 @@ class Slots:
         """Cross an interval that has several common steps with a group of blocks."""
         p, i = self.p, self.dynamics
         with contextlib.ExitStack() as each:
-            if i.instants:
-                each.enter_context(p.each(i.pieces))
-                with p.each(end, start=first) as number:
-                    p.call(self.begun, **self.block(number).pointers)
-            each.enter_context(p.each(p["substeps"]))
-            self.group(first, end)
-            self.run(first, lambda: self.busy.value > 0)
+            if i.attempts > 1:
+                self.again.value = 1
+                each.enter_context(p.loop_while(lambda: self.again.value != 0))
+            with contextlib.ExitStack() as steps:
+                if i.instants:
+                    steps.enter_context(p.each(i.pieces))
+                    with p.each(end, start=first) as number:
+                        p.call(self.begun, **self.block(number).pointers)
+                steps.enter_context(p.each(p["substeps"]))
+                self.group(first, end)
+                self.run(first, lambda: self.busy.value > 0)
+            if i.attempts > 1:
+                self.settle(first, end)
+
+    def settle(self, first: Scalar, end: Scalar) -> None:
+        """After the pieces of an interval: which lanes have to cross it again."""
+        self.again.value = 0
+        with self.p.each(end, start=first) as number:
+            block = self.block(number)
+            self.p.call(self.settled, **block.pointers)
+            again = self.blocks.mask(block.pointers, "again") & self.blocks.valid(block)
+            self.again.value = self.again.value | again
 
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
@@ -113,6 +129,8 @@ class Slots:
             begin, inputs = (), {}
         if i.instants:
             self.begun = make("next_piece", step.next_piece)
+        if i.attempts > 1:
+            self.settled = make("settle", self.interval.settle)
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
         self.started = make("start", *begin, step.start, inputs=inputs)
@@ -149,6 +167,8 @@ class Slots:
         if self.dynamics.logs:
             read_in_slots.add(self.layout.row_of("span_start"))  # by the log of events, and by no function
         at_end = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+        if self.dynamics.attempts > 1:
+            at_end |= self.blocks.reads[self.begun.name] | self.blocks.reads[self.settled.name]
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]

@@ -9,7 +9,7 @@ from typing import Any
 from redundant_envs.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.events import crossings
 from redundant_envs.events.boundary import Boundary
-from redundant_envs.lane import coordinates, jumps, pieces, required_steps
+from redundant_envs.lane import attempts, coordinates, jumps, pieces, required_steps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep, StepStart
 from redundant_envs.lane.dynamics import Dynamics
@@ -146,7 +146,7 @@ def others_error(dynamics: Dynamics, lane: Lane, step: Step, h: Any) -> Any:
 
 def gained_speed(dynamics: Dynamics, lane: Lane, before: Sequence[Any], after: Sequence[Any]) -> Any:
     """Change of the tip's speed between two sets of rates, m/s: the sum of what each joint contributes."""
-    rates = zip(tip_norms(dynamics, lane), after, before, strict=True)
+    rates = zip(coordinates.tip_norms(dynamics, lane), after, before, strict=True)
     return total(norm * abs(after - before) for norm, after, before in rates)
 
 
@@ -181,15 +181,9 @@ def departure(dynamics: Dynamics, lane: Lane) -> Any:
     return lane.interval * speed
 
 
-def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
-    """Metres at the tip per unit of each coordinate, from the fields of a form."""
-    x = coordinates.quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
-    return x.each(f"n{k + 1}" for k in range(dynamics.count))
-
-
 def tip_weights(dynamics: Dynamics, lane: Lane) -> list[Any]:
     """Metres at the tip per unit of the error of each coordinate."""
-    norms, arm = tip_norms(dynamics, lane), dynamics.arm
+    norms, arm = coordinates.tip_norms(dynamics, lane), dynamics.arm
     if dynamics.scene.tolerance is None:
         return norms
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
@@ -211,6 +205,8 @@ class CommonStep:
         lane.error = 0.0
         if self.dynamics.instants:
             pieces.clear(self.dynamics, lane)
+        if self.dynamics.attempts > 1:
+            attempts.clear(lane)
         if self.dynamics.local:
             self._clear_counts(lane)
         elif self.dynamics.instants:
@@ -255,6 +251,8 @@ class CommonStep:
         numbers = coordinates.numbers_of(self.dynamics, lane)
         rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
+        if self.dynamics.attempts > 1:
+            most = maximum(most, 1.0 / lane.longest_step)
         return crossed * maximum(2.0 * fastest, most)
 
     def common_step(self, lane: Lane) -> None:
@@ -337,7 +335,9 @@ class CommonStep:
 
     def _distances(self, lane: Lane, form: str) -> list[Any]:
         """Distance of the tip from each joint that turns, m, from the fields of a form."""
-        joints = zip(tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True)
+        joints = zip(
+            coordinates.tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True
+        )
         return [norm for norm, slides in joints if not slides]
 
     def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
@@ -375,6 +375,8 @@ class CommonStep:
             reason = where(served, reason, Reason.ACCURACY)
             self._count(lane, single & goes_on)
             lane.error = where(single, lane.error, 0.0)
+            if self.dynamics.attempts > 1:
+                lane.divisions = 1.0
         self._leave(lane, reason)
 
     def doubts(self, lane: Lane) -> tuple[Any, ...]:

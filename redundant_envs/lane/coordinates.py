@@ -26,6 +26,12 @@ def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: A
     return Quantities(known, (*dynamics.arm_functions, *more), arm.sincos, numbers_of(dynamics, lane))
 
 
+def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
+    """Metres at the tip per unit of each coordinate, from the fields of a form."""
+    x = quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
+    return x.each(f"n{k + 1}" for k in range(dynamics.count))
+
+
 def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
     """The numbers that are constant in a step, from quantities or a lane."""
     return {name: x[name] for name in dynamics.numbers}

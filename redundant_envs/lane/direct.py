@@ -61,21 +61,26 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
     lane = Lane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)), declares=True)
     interval.step.clear(lane)
-    for begins in common_steps(interval):
-        for procedure in (*begins, *common_procedures(interval)):
-            procedure(lane)
-        if not interval.dynamics.local or lane.reason == Reason.NONE:
+    for _ in range(interval.dynamics.attempts):
+        for begins in common_steps(interval):
+            for procedure in (*begins, *common_procedures(interval)):
+                procedure(lane)
+            if not interval.dynamics.local or lane.reason == Reason.NONE:
+                yield lane
+                continue
+            for request in interval.program.cross(lane):
+                if request is Request.FORCES:
+                    interval.boundaries.find_contact_forces(lane)
+                elif not lane.due:
+                    lane.moving = True
+                    for procedure in trial_procedures(interval):
+                        procedure(lane)
+                lane.due = False
             yield lane
-            continue
-        for request in interval.program.cross(lane):
-            if request is Request.FORCES:
-                interval.boundaries.find_contact_forces(lane)
-            elif not lane.due:
-                lane.moving = True
-                for procedure in trial_procedures(interval):
-                    procedure(lane)
-            lane.due = False
-        yield lane
+        if interval.dynamics.attempts > 1:
+            interval.settle(lane)
+            if not lane.again:
+                break
     interval.end(lane)
     yield lane
 
@@ -152,28 +157,33 @@ def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[d
         return bool(value.any() if hasattr(value, "any") else value)
 
     call(interval.step.clear)
-    for begins in common_steps(interval):
-        call(*begins)
-        if interval.dynamics.instants and not some("h"):  # all wait at the end; numbers may divide by h
+    for _ in range(interval.dynamics.attempts):
+        for begins in common_steps(interval):
+            call(*begins)
+            if interval.dynamics.instants and not some("h"):  # all wait at the end; numbers may divide by h
+                yield fields
+                continue
+            call(*common_procedures(interval))
+            if not interval.dynamics.local:
+                yield fields
+                continue
+            served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
+            fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
+            fields |= {"moving": 0.0, "touching": 0.0}
+            call(program[None])
+            if FIRST in program:
+                call(program[FIRST])
+            while some("moving") or some("touching"):
+                while some("touching"):
+                    call(interval.boundaries.find_contact_forces, program[Request.FORCES])
+                call(*trial_procedures(interval), program[Request.STEP])
+            for name, before in served.items():
+                if fields[name] is not before:
+                    fields[name] = algebra.where(leaves, fields[name], before)
             yield fields
-            continue
-        call(*common_procedures(interval))
-        if not interval.dynamics.local:
-            yield fields
-            continue
-        served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
-        fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
-        fields |= {"moving": 0.0, "touching": 0.0}
-        call(program[None])
-        if FIRST in program:
-            call(program[FIRST])
-        while some("moving") or some("touching"):
-            while some("touching"):
-                call(interval.boundaries.find_contact_forces, program[Request.FORCES])
-            call(*trial_procedures(interval), program[Request.STEP])
-        for name, before in served.items():
-            if fields[name] is not before:
-                fields[name] = algebra.where(leaves, fields[name], before)
-        yield fields
+        if interval.dynamics.attempts > 1:
+            call(interval.settle)
+            if not some("again"):
+                break
     call(interval.end)
     yield fields

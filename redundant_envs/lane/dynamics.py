@@ -29,6 +29,7 @@ from redundant_envs.lane import kinks, required_steps, sensing
 from redundant_envs.lane.closed_forms import InStep, StepStart, varying_arguments
 from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
 from redundant_envs.lane.scene_boundaries import SceneBoundaries
+from redundant_envs.numerics.error_control import MOST_DOUBLINGS
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
@@ -160,6 +161,11 @@ class Dynamics(SceneBoundaries):
     def pieces(self) -> int:
         """Most pieces of an interval."""
         return len(self.instants) + 1
+
+    @property
+    def attempts(self) -> int:
+        """Most times that an interval is crossed in all its pieces."""
+        return MOST_DOUBLINGS + 2 if self.instants and self.control is Control.EQUAL else 1
 
     @property
     def counts_evaluations(self) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import CONTROL_DT
-from redundant_envs.lane import jumps
+from redundant_envs.lane import attempts, jumps
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import known_numbers
@@ -59,6 +59,8 @@ class Interval:
             yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
             for a in dynamics.instants:
                 yield Field(a.passed, "", "1 from the instant on, 0 before", SCRATCH)
+        if dynamics.attempts > 1:
+            yield from attempts.fields(dynamics)
         evaluations = Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         if not dynamics.local:
             if dynamics.counts_evaluations:
@@ -109,6 +111,10 @@ class Interval:
             jumps.exchange(dynamics, lane, x)
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
+
+    def settle(self, lane: Lane) -> None:
+        """After the last piece: whether the interval is crossed, or has to be crossed again."""
+        attempts.settle(self.dynamics, lane)
 
     def initial_states(self, lane: Lane) -> dict[str, Any]:
         """Values that states of effects have at the start of a motion, of those whose values are computed."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from redundant_envs.algebra import where
 from redundant_envs.effects.attached import RENEWAL
-from redundant_envs.lane import jumps
+from redundant_envs.lane import attempts, jumps
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.memory import Lane
 
@@ -47,6 +47,8 @@ def clear(dynamics: Dynamics, lane: Lane) -> None:
 def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
     """Begin the next piece: let the instants at its start happen, and determine its length; ``numbers`` are
     those that the equations take beside the state."""
+    if dynamics.attempts > 1:
+        attempts.note(dynamics, lane)
     start, interval = lane.piece_end, lane.interval
     end = interval
     happens: dict[str, Any] = {}
@@ -64,6 +66,8 @@ def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
         lane[passed] = where(now, 1.0, lane[passed])
     lane.piece_end = end
     length = end - start
+    if dynamics.attempts > 1:
+        lane.error_carried = where(length > 0.0, lane.error, lane.error_carried)
     lane.h = length if dynamics.scene.substeps == 1 else length / float(dynamics.scene.substeps)
     for name in dynamics.doubts:
         lane[name] = False

@@ -7,7 +7,8 @@ from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
 from redundant_envs.lane import pieces
-from redundant_envs.lane.common_step import CommonStep, tip_norms
+from redundant_envs.lane.common_step import CommonStep
+from redundant_envs.lane.coordinates import tip_norms
 from redundant_envs.lane.features import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
@@ -129,7 +130,7 @@ class EqualSteps(StepControl):
         return Crossed(*known, *self.step.doubts(lane))
 
     def within_budget(self, lane: Lane) -> Any:
-        return lane.evaluations < self.most_trials * self.stages
+        return lane.evaluations < self.dynamics.attempts * self.most_trials * self.stages
 
 
 class AdaptiveSteps(StepControl):

@@ -141,12 +141,18 @@ def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Te
     dynamics = interval.dynamics
     if dynamics.scene.tolerance is None:
         return [number(float(dynamics.scene.substeps))] * dynamics.pieces
-    counts = []
+    found = []
     with torch.no_grad(), np.errstate(all="ignore"):
-        for lane, _ in zip(in_steps(interval, fields), range(dynamics.pieces), strict=False):
+        for lane in in_steps(interval, fields):
             served = number(lane["reason"]) == float(Reason.NONE)
             steps = number(1.0) if bool(served.all()) else number(lane["divisions"])  # else it has none
-            counts.append(torch.where(served, number(1.0), steps).clamp(min=1.0))
+            steps = torch.where(served, number(1.0), steps).clamp(min=1.0)
+            found.append((steps, number(lane["h"])))
+    counts = [number(1.0)] * dynamics.pieces
+    for k, (steps, h) in enumerate(found[:-1]):  # after the last one the interval has ended
+        piece = k % dynamics.pieces
+        # A lane that does not cross the interval again has no length before it.
+        counts[piece] = torch.where(h > 0.0, steps, counts[piece])
     return counts
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import logical_not, maximum, minimum, sqrt, where
@@ -151,6 +152,18 @@ def confirmed(c: Crossed) -> Any:
         & (c.change <= KINKED_SHARE * c.tip_tolerance)
         & (c.steps >= minimum(least, most_steps(c.impacts)))
     )
+
+
+@branches
+def growth_over_pieces(steps: Any, impacts: Any) -> Any:
+    """Factor by which an error may have grown over the pieces of an interval with so many steps."""
+    if impacts >= SOME_IMPACTS:
+        return math.inf
+    if steps <= 2.0:
+        return 30.0
+    if steps <= 8.0:
+        return 1e3
+    return 1e6 if steps <= 32.0 else math.inf
 
 
 @branches

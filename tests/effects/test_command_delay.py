@@ -61,6 +61,26 @@ def test_a_delay_has_the_bits_of_commands_that_are_held_back_by_hand(arm, steps,
             assert_same_bits([status.evaluations], [evaluations])
 
 
+@pytest.mark.parametrize(("seed", "tolerance"), [(0, 1e-3), (1, 1e-5)])
+def test_an_error_made_before_an_instant_is_small_enough_at_the_end_of_the_interval(seed, tolerance):
+    dt, delay, lanes = 0.2, 0.06, 48
+    arm = rde.FourR((0.5,) * 4, (0.9065, 0.78, 0.1136, 0.1136))
+    bare = rde.Scene(arm, (), tolerance=1e-3 * tolerance, control_dt=dt, actuation="generalized")
+    delayed = dataclasses.replace(bare, effects=(e.CommandDelay(delay, 0.1),), tolerance=tolerance)
+    rng = np.random.default_rng(seed)
+    batch, finer = (rde.BatchSimulator(scene, lanes) for scene in (delayed, bare))
+    batch.set_state(rng.uniform(-3.0, 3.0, (lanes, 4)), rng.normal(0.0, 2.0, (lanes, 4)))
+    before, now = rng.uniform(-15.0, 15.0, (2, lanes, 4))
+    batch.advance(before)
+    finer.set_state(batch.q, batch.qd)
+    faults = batch.advance(now).numerics
+    faults = faults | finer.advance_partly(before, delay).numerics
+    faults = faults | finer.advance_partly(now, dt - delay).numerics
+    off = np.linalg.norm(arm.forward_kinematics(batch.q) - arm.forward_kinematics(finer.q), axis=1)
+    assert (faults == 0).mean() > 0.5
+    assert off[faults == 0].max() <= tolerance
+
+
 def test_one_rk8_step_with_a_delay_of_a_fraction_takes_24_evaluations():
     delayed, _, commands = pair(FOUR_R, 0.013)
     assert (delayed.advance(commands[0]).evaluations == 24).all()
