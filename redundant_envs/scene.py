@@ -49,6 +49,8 @@ SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-13, 1e-2
 """Allowed tip errors per control interval, m."""
 ACCURACIES = {"standard": 1e-6, "exact": 1e-12}
 """Named tolerances: tip error per control interval, m."""
+STEPPING = ("integrator", "substeps", "tolerance")
+"""Fields that say how accurate a scene is."""
 
 
 @dataclass(frozen=True)
@@ -328,7 +330,8 @@ class Scene:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
-        """A scene from plain data; unknown names are errors that list the valid ones."""
+        """A scene from plain data; unknown names are errors that list the valid ones. Data with neither a
+        tolerance nor an integrator nor substeps have the tolerance of "standard"."""
         if not isinstance(data, Mapping):
             raise ValueError(f"scene is {shown(data)}; give a mapping")
         check_bounds("scene", data)
@@ -342,6 +345,8 @@ class Scene:
             raise ValueError(f"effects is {shown(effects)}; give a list of mappings with a 'type'")
         built = tuple(typed(f"effects[{i}]", e, EFFECTS) for i, e in enumerate(effects))
         rest = {k: v for k, v in data.items() if k not in ("robot", "effects")}
+        if rest.keys().isdisjoint(STEPPING):
+            rest["tolerance"] = ACCURACIES["standard"]
         return cls(robot, built, **rest)
 
 
@@ -395,18 +400,15 @@ def scene_data(scene: str | Path) -> Any:
 def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:
     """A scene at an accuracy of :data:`ACCURACIES`, or at a tip error per control interval [m].
 
-    With None a scene keeps its own integrator, substeps and tolerance; if it has none of them, "standard"
-    applies.
+    With None a scene keeps its own integrator, substeps and tolerance.
     """
     built = load_scene(scene)
-    own: list[str] | None = None  # of what accuracy sets, that which the data of a scene gives
+    if accuracy is None:
+        return built
+    own: list[str] = []  # of what accuracy sets, that which the data of a scene of a user gives
     if not (isinstance(scene, Scene) or (isinstance(scene, str) and not scene.endswith((".yaml", ".yml")))):
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
-        own = [k for k in ("integrator", "substeps", "tolerance") if k in data]
-    if accuracy is None:
-        if own or own is None:
-            return built
-        accuracy = "standard"
+        own = [k for k in STEPPING if k in data]
     if own:
         raise ValueError(
             f"accuracy is {accuracy!r} and the scene gives {', '.join(own)}; accuracy sets "

@@ -16,7 +16,7 @@ from refusals import ANYTHING, refusal, short
 import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
-from redundant_envs.scene import scene_data, scene_names
+from redundant_envs.scene import scene_at, scene_data, scene_names
 from redundant_envs.studies.accuracy_config import load_study
 from redundant_envs.studies.throughput import load_config
 from redundant_envs_train.__main__ import main as agents_main
@@ -241,6 +241,17 @@ def test_bad_plain_data_is_one_short_error(data, words):
     message = refusal(at_once, rde.Scene.from_dict, data)
     assert words in message
     assert short(message)
+
+
+@pytest.mark.parametrize(
+    ("given", "tolerance"),
+    [({}, 1e-6), ({"integrator": "rk8"}, None), ({"substeps": 2}, None), ({"tolerance": None}, None)],
+)
+def test_plain_data_that_say_nothing_of_steps_have_the_usual_tolerance(given, tolerance, tmp_path):
+    data = yaml.safe_load(ROBOT.encode() + EFFECTS) | given
+    (path := tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
+    assert rde.Scene.from_dict(data).tolerance == rde.load_scene(path).tolerance == tolerance
+    assert scene_at(data, None) == rde.load_scene(data)
 
 
 @pytest.mark.parametrize("way", ["python", "mapping", "file", "environment"])

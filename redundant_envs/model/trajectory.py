@@ -18,9 +18,9 @@ from redundant_envs.model.energy import kinetic_energy, potential_energy, weight
 from redundant_envs.model.parameters import numbers
 from redundant_envs.notebook import as_html, table
 from redundant_envs.robots import drawn
-from redundant_envs.scene import Scene, check_scene
+from redundant_envs.scene import ACCURACIES, Scene, check_scene
 from redundant_envs.tables import write_rows
-from redundant_envs.values import shown
+from redundant_envs.values import shown, warn
 
 Array = NDArray[np.float64]
 Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
@@ -123,6 +123,12 @@ def simulate(
     Returns
     -------
     Trajectory
+
+    Warns
+    -----
+    UserWarning
+        Once for each scene with equal steps of rk8, if their estimate of the tip error of a control interval
+        is above 1e-6 m.
     """
     check_scene(scene)
     t = np.atleast_1d(numbers("times", times))
@@ -150,7 +156,7 @@ def simulate(
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
     batch = BatchSimulator(scene, count, track_work=True, seed=seed)
     batch.set_state(q0.reshape(count, joints), qd0.reshape(count, joints))
-    dt, step, events = scene.control_dt, 0, list[Event]()
+    dt, step, events, largest = scene.control_dt, 0, list[Event](), 0.0
 
     @functools.lru_cache(maxsize=1)
     def command(step: int) -> Array:
@@ -169,7 +175,8 @@ def simulate(
     work, z_all = np.empty((len(t), count)), np.empty((len(t), count, len(scene.states())))
     for k, time in enumerate(t.tolist()):
         while step < _instant(time, dt):
-            _check(batch.advance(command(step)), step * dt)
+            _check(status := batch.advance(command(step)), step * dt)
+            largest = max(largest, float(np.max(status.error_estimate)))  # NaN, which is none, is not larger
             events += batch.events(step * dt)
             step += 1
         rest, here, now = time - step * dt, None, np.zeros((count, joints))
@@ -191,6 +198,7 @@ def simulate(
                 f"the motion is not finite at t = {time:.6g} s; take a shorter control_dt, more "
                 "substeps, or a softer scene"
             )
+    _tell_error(scene, largest)
     q_all, qd_all, applied = (x.reshape(len(t), *shape, joints) for x in (q_all, qd_all, applied))
     z_all = z_all.reshape(len(t), *shape, -1) if z_all.size else z_all.reshape(len(t), *shape, 0)
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
@@ -245,6 +253,24 @@ def _check(status: Status, time: float) -> None:
             "control_dt or a softer scene",
             stacklevel=3,
         )
+
+
+def _tell_error(scene: Scene, largest: float) -> None:
+    """Tell once for each scene without error control by how much its steps missed the usual tolerance."""
+    if scene.controlled or largest <= ACCURACIES["standard"] or vars(scene).get(TOLD):
+        return
+    vars(scene)[TOLD] = True
+    steps = "one step" if scene.substeps == 1 else f"{scene.substeps} equal steps"
+    warn(
+        f"scene has no tolerance: with {steps} of {scene.integrator} for each control_dt of "
+        f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them, as the steps "
+        f"estimate; give tolerance={ACCURACIES['standard']:g} for as many steps as that needs, or more "
+        "substeps"
+    )
+
+
+TOLD = "_error_told"
+"""Attribute of a scene whose user knows how inaccurate its steps are."""
 
 
 # ---- the experiment of the report, figures 1 and 2 ------------------------------------------------

@@ -75,6 +75,7 @@ def test_teeth_never_pull_however_fast_they_part():
         assert teeth(lead, closing, 0.0, 0.0, 0.0, K, 1e3, *sides) == pytest.approx(torque)
 
 
+@pytest.mark.filterwarnings("ignore:scene has no tolerance:UserWarning")
 @pytest.mark.quick("{'integrator': 'rk8', 'substeps': 4}")
 @pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
 def test_the_energy_book_closes_at_the_joints(how):

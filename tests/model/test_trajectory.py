@@ -1,6 +1,8 @@
 """Whole motions against 12 trajectories known to 7 to 14 decimals, and how simulate keeps time."""
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -239,3 +241,24 @@ def test_a_trajectory_has_the_tip_of_its_states_and_the_efforts_applied_from_eac
     assert applied([0.0], (1, 2, 3, 4)) == [[1.0, 2, 3, 4]]
     behind_the_motors = [[[-1.0, 1.5, 3.0, 4.0]] * 2] * 2
     assert applied([0.0, 0.03], (-9.0, 1.5, 9.0, 9.0), (2, 4), limits) == behind_the_motors
+
+
+def test_a_scene_without_a_tolerance_tells_its_error_once():
+    """Scenes with a tolerance, and those whose steps are short enough, say nothing."""
+    coarse = rde.Scene(ARM, SCENE.effects, "rk8", 0.05)
+    start = np.zeros(4), np.array([8.0, -8.0, 8.0, -8.0]), [0.2]
+    words = r"scene has no tolerance: with one step of rk8 .* off by up to (\S+) m after"
+    with pytest.warns(UserWarning, match=words) as told:
+        coarsely = rde.simulate(coarse, *start)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+    estimate = float(re.search(words, str(told[0].message))[1])
+    exact = rde.simulate(dataclasses.replace(coarse, tolerance=1e-10), *start)
+    off = np.linalg.norm(coarsely.tip - exact.tip, axis=-1).max()
+    assert 1e-6 < off < 10.0 * estimate
+    for scene in (
+        coarse,
+        dataclasses.replace(coarse, substeps=20),
+        dataclasses.replace(coarse, tolerance=1e-6),
+    ):
+        rde.simulate(scene, *start)
