@@ -29,6 +29,8 @@ from redundant_envs.verify.judging import agree
 Array = NDArray[np.float64]
 KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"
 EFFORTS = "plain", "plain", "bang-bang", "none", "too large"
+EFFORT = 0.01, 1.0
+"""Of motors, in units of those that hold the stretched arm: these whirl light links around."""
 FINER = 0.01, 0.001
 """Tolerances of references, in units of the scene's."""
 VARIANTS = 16
@@ -37,6 +39,7 @@ SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "Sensor
 """Effects that change no motion."""
 SUCCESSIVE = 8
 """Intervals in succession from one drawn state."""
+MOST_GRAVITY = 30.0  # m/s^2
 LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 
@@ -114,6 +117,7 @@ class DrawnFamily:
         batch, fine, drawn = begun(self.scene(), numbers, q, qd), np.arange(few), []
         for _ in range(SUCCESSIVE):
             efforts = np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
+            efforts *= drawing.decades(rng, *EFFORT, (few, 1))
             drawn.append((batch.q, batch.qd, efforts, batch.z, fine))
             status = batch.advance(efforts)
             fine = fine[status.numerics[fine] == 0]
@@ -171,11 +175,19 @@ def made_scene(
         kinds = [*kinds, Gravity]
     for _ in range(drawing.TRIES):
         try:
-            effects = tuple(drawing.drawn_effect(rng, kind, arm) for kind in kinds)
+            effects = tuple(drawn_calmly(rng, kind, arm) for kind in kinds)
             return Scene(arm, effects, control_dt=control_dt)
         except ValueError:
             continue
     return None
+
+
+def drawn_calmly(rng: np.random.Generator, kind: type[Effect], arm: Arm) -> Effect:
+    """An effect with numbers of its own; ValueError if an arm under it only whirls."""
+    effect = drawing.drawn_effect(rng, kind, arm)
+    if isinstance(effect, Gravity) and effect.g > MOST_GRAVITY:
+        raise ValueError(f"g is {effect.g} m/s^2")
+    return effect
 
 
 def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
@@ -187,9 +199,7 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
         if not LEAST_SIZE <= drawing.size_of(other) <= LARGEST_SIZE:
             return None
         effects = [
-            dataclasses.replace(
-                drawing.drawn_effect(rng, type(e), other), **{name: getattr(e, name) for name in e.static}
-            )
+            dataclasses.replace(drawn_calmly(rng, type(e), other), **{n: getattr(e, n) for n in e.static})
             for e in scene.effects
         ]
         made = dataclasses.replace(scene, robot=other, effects=tuple(effects))

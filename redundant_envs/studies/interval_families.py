@@ -24,8 +24,7 @@ from redundant_envs.effects import (
 from redundant_envs.robots import RPRP, FourR
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies.kinked_effects import KINKED, LOCATED, Kinked
-from redundant_envs.verify.aimed import Lag
+from redundant_envs.studies.kinked_effects import KINKED, Kinked
 
 Array = NDArray[np.float64]
 REACH = 1.0
@@ -243,11 +242,6 @@ def friction(low: float, high: float) -> Change:
     return change
 
 
-def lags(drawn: Draw, rng: np.random.Generator) -> None:
-    """Time constants of the motors over two decades."""
-    drawn.parameters["lag.time_constant"] = decades(rng, 1e-3, 0.1, (len(drawn.joints), 1))
-
-
 def floors(drawn: Draw, rng: np.random.Generator) -> None:
     """Floors of any hardness, with and without friction, at any height."""
     count = len(drawn.joints)
@@ -292,35 +286,20 @@ def spring(name: str) -> LimitSpring:
     return LimitSpring(name, low, high, 1000.0)
 
 
-def kinked(
-    name: str, arm: type[Arm], tolerance: float, effects: tuple[Kinked, ...] = KINKED
-) -> tuple[Family, ...]:
-    """Effects whose laws change with rates; by default those that do not declare their kinks."""
+def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
+    """Effects whose laws change with rates, and that do not declare their kinks."""
     return tuple(
         Family(
             f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect), (near_kinks(one),),
             tolerance=tolerance, steps=1024,
         )
-        for one in effects
+        for one in KINKED
     )  # fmt: skip
-
-
-class RRR(Arm):
-    """Arms of this kind and of the next are made from the positions of their points, like those of users."""
-
-    joint_types = "RRR"
-
-
-class PRR(Arm):
-    """Beside the arms of the package."""
-
-    joint_types = "PRR"
 
 
 TILTED = Gravity.on_plane(9.81, 0.6, 0.4)
 CENTRED = CentringSpring((50.0, 30.0), (0.0, 0.0), (0.25, 0.25))
-FLOOR, ALL_ON_FLOOR = (HalfPlane((0.0, -0.3), along_links=every) for every in (False, True))
-DISC_FOR_ALL = Disc((0.6, -0.3), 0.1, along_links=True)
+FLOOR = HalfPlane((0.0, -0.3))
 WEAK = EffortLimits((8.0, 4.0, 2.0, 1.0))
 
 FAMILIES = (
@@ -362,13 +341,7 @@ FAMILIES = (
     Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
     Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
     Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),
-    Family("4R, lagging motors", FourR, (Gravity(), Lag(0.01)), (lags,)),
-    Family("RRR", RRR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
-    Family("PRR, lagging motors", PRR, (Gravity(), Lag(0.01)), (lags,)),
     Family("4R, tip on a floor", FourR, (Gravity(), FLOOR), (floors,), steps=1024),
-    Family("RPRP, links on a floor", RPRP, (Gravity(), ALL_ON_FLOOR), (floors,), steps=1024),
     Family("4R, tip on a disc", FourR, (Gravity(), Disc((0.6, -0.3), 0.1)), (discs,), steps=1024),
-    Family("RPRP, links on a disc", RPRP, (Gravity(), DISC_FOR_ALL), (discs,), steps=1024),
     *kinked("4R", FourR, 1e-6), *kinked("RPRP", RPRP, 1e-9),
-    *kinked("4R", FourR, 1e-6, LOCATED), *kinked("RPRP", RPRP, 1e-9, LOCATED),
 )  # fmt: skip

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs import effects
 from redundant_envs.algebra import clamp, maximum, minimum, physics
 from redundant_envs.effects import Actuation, Effect, Force, Link
 from redundant_envs.effects.hooks import Hook
@@ -133,8 +132,3 @@ KINKED = (
     Kinked("torque-speed curve", TorqueSpeed(4.0), {"stalls": (1.0, 5.0), "free_rate": (2.0, 10.0)}),
     Kinked("clipped velocity", VelocityController(1.0, 3.0), {"gains": (0.05, 1.0), "limits": (0.5, 5.0)}),
 )
-LOCATED = (
-    Kinked("true stiction", effects.CoulombFriction(0.5), {"level": (1e-2, 3.0)}),
-    Kinked("guards", effects.TorqueSpeed(4.0, 3.0), {"stall": (1.0, 5.0), "free": (2.0, 10.0)}),
-)
-"""Effects of the package whose changes of law are located in time."""
