@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.disk import replacing, write_bytes
 from redundant_envs.extras import needs
 
 CLIPS = (".gif", ".mp4")  # endings of clips
@@ -37,16 +38,17 @@ def save_figure(figure: Any, path: Path, **options: Any) -> Path:
     with needs("plot"):
         import matplotlib
         from PIL import Image
-    path.parent.mkdir(parents=True, exist_ok=True)
+    memory = io.BytesIO()
     if path.suffix == ".svg":
         # Text becomes outlines, so that the picture is the same everywhere.
         with matplotlib.rc_context({"svg.hashsalt": "redundant-envs", "svg.fonttype": "path"}):
-            figure.savefig(path, metadata={"Date": None, "Creator": None}, **options)
-        return path
-    memory = io.BytesIO()
-    figure.savefig(memory, format="png", **options)
-    # A palette makes the file a third as large; line drawings have few colours.
-    Image.open(memory).convert("RGB").quantize(128).save(path, optimize=True)
+            figure.savefig(memory, format="svg", metadata={"Date": None, "Creator": None}, **options)
+    else:
+        figure.savefig(memory, format="png", **options)
+        # A palette makes the file a third as large; line drawings have few colours.
+        picture = Image.open(memory).convert("RGB").quantize(128)
+        picture.save(memory := io.BytesIO(), format="png", optimize=True)
+    write_bytes(path, memory.getvalue())
     return path
 
 
@@ -68,11 +70,12 @@ def write_clip(path: Path, frames: Sequence[NDArray[np.uint8]], frames_per_secon
     import imageio.v2 as imageio
 
     pictures: list[Any] = list(frames)
-    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix.lower() == ".gif":
         # A palette of 64 colours makes the file a third as large; the pictures have few.
-        duration = 1000 // frames_per_second
-        imageio.mimsave(path, pictures, duration=duration, loop=0, palettesize=64)
-    else:
+        memory, duration = io.BytesIO(), 1000 // frames_per_second
+        imageio.mimsave(memory, pictures, format="GIF", duration=duration, loop=0, palettesize=64)
+        write_bytes(path, memory.getvalue())
+        return
+    with replacing(path) as part:
         # H.264 needs even sizes; larger blocks would resize the frames.
-        imageio.mimsave(path, pictures, format="FFMPEG", fps=frames_per_second, macro_block_size=2)
+        imageio.mimsave(part, pictures, format="FFMPEG", fps=frames_per_second, macro_block_size=2)

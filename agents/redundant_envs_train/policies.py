@@ -8,7 +8,6 @@ taken from the file.
 import io
 import itertools
 import json
-import os
 import pickletools
 import zipfile
 import zlib
@@ -16,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.disk import write_bytes
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
@@ -64,14 +64,14 @@ def save_policy(model: Any, path: Path) -> None:
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
     kept = {k: own[k] for k in changed}
-    part = path.with_name(f"{path.name}.part")
+    memory = io.BytesIO()
     own.update(changed)
     try:
         with model.averaged():
-            model.save(part, exclude=("lr_schedule",))
+            model.save(memory, exclude=("lr_schedule",))
     finally:
         own.update(kept)
-    os.replace(part, path)
+    write_bytes(path, memory.getvalue())
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:

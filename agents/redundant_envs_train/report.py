@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs import Numerics, __version__
+from redundant_envs.disk import replacing, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
@@ -102,11 +103,11 @@ def tolerance_of(core: Core) -> float | None:
 
 def write_evaluation(found: Evaluation, folder: Path) -> None:
     """Write evaluation.json and episodes.csv into a folder, which is made."""
-    folder.mkdir(parents=True, exist_ok=True)
-    np.savetxt(
-        folder / "episodes.csv", found.episodes, delimiter=",", comments="",
-        header=",".join(run_folder.EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
-    )  # fmt: skip
+    with replacing(folder / "episodes.csv") as part:
+        np.savetxt(
+            part, found.episodes, delimiter=",", comments="",
+            header=",".join(run_folder.EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
+        )  # fmt: skip
     run_folder.write_json(folder / "evaluation.json", found.result)
 
 
@@ -288,5 +289,5 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
         again=command("train", folder / "config.yaml"),
         measures=results_table(result, f"{result['episodes']} frozen {noun}", config.label),
     )  # fmt: skip
-    target.write_text(text, encoding="utf-8")
+    write_text(target, text)
     return target

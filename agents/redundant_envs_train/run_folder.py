@@ -16,6 +16,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.disk import write_text
 from redundant_envs.envs.registration import ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip
@@ -156,15 +157,8 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
     return rows.reshape(-1, len(columns))
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text; the file is complete or unchanged."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
-
-
 def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write plain data, like :func:`write_text`."""
+    """Write plain data; the file is complete or unchanged."""
     write_text(path, json.dumps(data, indent=2) + "\n")
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from redundant_envs import __version__
+from redundant_envs.disk import write_bytes
 from redundant_envs.exports.document import Document, Heading, Note
 from redundant_envs.scene import Scene, check_scene
 
@@ -47,6 +48,5 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
     """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done."""
     made = document(scene, form, approximate, name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(made.content if isinstance(made.content, bytes) else made.content.encode())
+    write_bytes(path, made.content if isinstance(made.content, bytes) else made.content.encode())
     return made.notes

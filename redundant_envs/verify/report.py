@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs import tables
+from redundant_envs.disk import DiskFull, write_text
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import load_scene, scene_names
@@ -209,8 +210,9 @@ def run(
             print(flush=True)
     for file, text in files:
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_text(text(reports), encoding="utf-8")
+            write_text(file, text(reports))
+        except DiskFull:
+            raise
         except OSError as error:
             raise ValueError(f"{file} cannot be written: {error}") from None
     missed = sum(len(r.misses) for _, r in reports)

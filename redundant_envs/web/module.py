@@ -18,6 +18,7 @@ from redundant_envs.backends import wasm
 from redundant_envs.backends.processors import WASM
 from redundant_envs.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
 from redundant_envs.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
+from redundant_envs.disk import write_bytes, write_text
 from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
@@ -158,8 +159,8 @@ def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
     check(scene, task)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / file for file in (HOST.name, f"{name}.wasm", f"{name}.json")]
-    paths[0].write_bytes(HOST.read_bytes())  # a folder that cannot be written is refused at once
+    write_bytes(paths[0], HOST.read_bytes())  # a folder that cannot be written is refused at once
     made = environment_module(scene, task)
-    paths[1].write_bytes(made.code)
-    paths[2].write_text(f"{as_json(made.description)}\n", encoding="utf-8")
+    write_bytes(paths[1], made.code)
+    write_text(paths[2], f"{as_json(made.description)}\n")
     return paths

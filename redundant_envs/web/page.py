@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.disk import write_text
 from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import SCENES, id_of
@@ -90,12 +91,12 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / source.name for source in SOURCES]
     for path, source in zip(paths, SOURCES, strict=True):
-        path.write_text(_flat(source.read_text(encoding="utf-8")), encoding="utf-8")
+        write_text(path, _flat(source.read_text(encoding="utf-8")))
     # 4 bytes in 5 characters, in place of 3 in 4.
     content, learners = _content(policies)
     packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
     data = folder / DATA
-    data.write_text(f'"use strict";\nconst DATA = "{packed}";\n', encoding="utf-8")
+    write_text(data, f'"use strict";\nconst DATA = "{packed}";\n')
     return [*paths, data], learners
 
 

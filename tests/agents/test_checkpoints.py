@@ -1,6 +1,7 @@
 """A training that is killed at any moment continues to the same bits."""
 
 import contextlib
+import errno
 import json
 import os
 import shutil
@@ -13,7 +14,9 @@ import torch
 from run_folders import Evil, change, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 
+from redundant_envs.disk import DiskFull, told
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs_train import policies
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.pool import Stopped
@@ -171,3 +174,36 @@ def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch, ref
     facts = json.loads((folder / "training.json").read_text())
     assert (facts["env_steps"], facts["stopped"]) == (2048, False)
     refused(["resume", folder], "is finished and has no checkpoint; evaluate and report it with")
+
+
+# ---- a full disk ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("file", ["checkpoint", "monitor.csv", "policy.zip"])
+def test_a_training_on_a_disk_that_fills_keeps_its_policy_where_there_is_room(file, tmp_path, monkeypatch):
+    def no_space(*given, **more):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def no_policy(path, data):
+        if path.parent == folder:
+            with told(path):
+                no_space()
+        plain(path, data)
+
+    folder, elsewhere, plain = tmp_path / "run", tmp_path / "elsewhere", policies.write_bytes
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    if file == "checkpoint":
+        monkeypatch.setattr(checkpoint, "plain", no_space)
+    elif file == "monitor.csv":
+        monkeypatch.setattr("stable_baselines3.common.monitor.ResultsWriter.write_row", no_space)
+    else:
+        monkeypatch.setattr(policies, "write_bytes", no_policy)
+    config = small_config("ppo", checkpoint_seconds=1e-9 if file == "checkpoint" else 0)
+    with pytest.raises(DiskFull) as error:
+        train(config, folder)
+    kept = (elsewhere if file == "policy.zip" else folder).rglob("policy.zip")
+    assert str(error.value).startswith(f"{folder / file} cannot be written: the disk ")
+    assert str(error.value).endswith(f"of 2048 steps the policy is kept in {next(kept)}")
+    assert all(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    assert json.loads((folder / "training.json").read_text())["stopped"]

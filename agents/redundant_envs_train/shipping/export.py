@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from redundant_envs.disk import told
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
@@ -89,14 +90,16 @@ def export(run: Path, out: Path) -> Path:
     env = make_sb3(own.env, LANES, **own.env_kwargs)
     part = out / f".{folder.name}.part"
     shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
+    with told(folder):
+        part.mkdir(parents=True)
     try:
-        layers = layers_of(policy, env.observation_space)
-        worst = _write(config, evaluation, policy, layers, env, part)
-        scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
-        text = card(config, evaluation, layers, worst, env.core, scene)
-        (part / "README.md").write_text(text, encoding="utf-8")
-        part.rename(folder)
+        with told(folder):
+            layers = layers_of(policy, env.observation_space)
+            worst = _write(config, evaluation, policy, layers, env, part)
+            scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
+            text = card(config, evaluation, layers, worst, env.core, scene)
+            (part / "README.md").write_text(text, encoding="utf-8")
+            part.rename(folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder

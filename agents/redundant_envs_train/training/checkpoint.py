@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.disk import DiskFull, told
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
@@ -36,8 +37,9 @@ EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
 """State of NumPy's global generator, from which replay buffers sample."""
-PROGRESS = ("next", "seconds", "hold")
-"""Numbers of the caller: next point of the curve (steps), training time (s), the last point's success."""
+PROGRESS = ("next", "seconds", "hold", "return")
+"""Numbers of the caller: next point of the curve (steps), training time (s), the last point's success and
+mean return."""
 BUFFER_ARRAYS = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
 )  # fmt: skip
@@ -58,7 +60,8 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
-    monitor.results_writer.file_handler.flush()
+    with told(folder / "monitor.csv"):
+        monitor.results_writer.file_handler.flush()
     state = {
         "run": run,
         "progress": progress,
@@ -79,7 +82,13 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
             "actions": model.action_space.np_random,
         },
     }
-    torch.save(plain(state), part / STATE)
+    try:
+        # torch alone would leave the file open after an error
+        with told(folder / CHECKPOINT), (part / STATE).open("wb") as file:
+            torch.save(plain(state), file)
+    except DiskFull:
+        shutil.rmtree(part, ignore_errors=True)  # leaves room for the policy
+        raise
     old = folder / OLD_CHECKPOINT
     shutil.rmtree(old, ignore_errors=True)
     if (folder / CHECKPOINT).exists():

@@ -18,6 +18,7 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
+from redundant_envs.disk import write_text
 from redundant_envs.extras import needs
 from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
@@ -176,7 +177,7 @@ def train_one(
             finish(checked(Config, data), place, Teller(board.actor.put_nowait.remote, name))
             page = place / "report.md"
             text = page.read_text(encoding="utf-8").replace(str(place), where)
-            page.write_text(text, encoding="utf-8")
+            write_text(page, text)
             failed, note = False, result_of(place)
         except KeyboardInterrupt:
             note = "its task was cancelled"

@@ -1,11 +1,13 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
-from contextlib import closing, nullcontext
+import tempfile
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from redundant_envs.disk import DiskFull, telling, told, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -16,7 +18,7 @@ from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..config.run import first_environment_seed
 from ..learners.build import make_model
 from ..policies import save_policy, start_from
-from ..rollout import told
+from ..rollout import told as told_by
 from ..start import with_start
 from . import checkpoint
 from .pool import Stopped, stop_request
@@ -61,7 +63,7 @@ def _run(
     given = run_folder.own_config(folder) if resumed else config
     base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
     simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
-    keywords = tuple(name for name in KEYWORDS if name in told(base.core))
+    keywords = tuple(name for name in KEYWORDS if name in told_by(base.core))
     monitor = VecMonitor(base, info_keywords=keywords)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
@@ -74,31 +76,50 @@ def _run(
     for name in run_folder.RESULTS:  # of the policy at the stop
         (folder / name).unlink(missing_ok=True)
     if not resumed:
-        (folder / run_folder.SCENE).write_text(
-            yaml.safe_dump(base.core.scene.to_dict(), sort_keys=False), "utf-8"
-        )
-        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict(), sort_keys=False), "utf-8")
+        described = {run_folder.SCENE: base.core.scene.to_dict(), "config.yaml": config.to_dict()}
+        for name, data in described.items():
+            write_text(folder / name, yaml.safe_dump(data, sort_keys=False))
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
-    monitor.results_writer = ResultsWriter(
-        str(folder / "monitor.csv"), header=header, extra_keys=keywords, override_existing=not resumed
-    )
-    with stop_request() as stop, closing(monitor):
-        model.set_logger(logger(folder, config))
+    table = folder / "monitor.csv"
+    with told(table):
+        episodes = ResultsWriter(
+            str(table), header=header, extra_keys=keywords, override_existing=not resumed
+        )
+    for name in ("write_row", "close"):
+        setattr(episodes, name, telling(getattr(episodes, name), table))
+    monitor.results_writer = episodes
+    with told(folder):
+        telemetry = logger(folder, config)
+    full: DiskFull | None = None
+    with stop_request() as stop:
+        model.set_logger(telemetry)
+        open_files = [model.logger.close, monitor.close]
+
+        def close() -> None:
+            while open_files:
+                open_files.pop()()
+
         with progress_bars() if progress is None else nullcontext(progress) as bars:
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
             on_policy = isinstance(config.settings, PlainPPOSettings)
             every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
             try:
                 left = config.total_steps - model.num_timesteps
-                model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
+                with told(folder):
+                    model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
                 # a request during the last rollout comes too late
                 stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
+                close()
             except KeyboardInterrupt:
                 stopped = True
+            except DiskFull as error:
+                full, stopped = error, True
             finally:
-                model.logger.close()
+                for _ in tuple(open_files):  # those that an error left open
+                    with suppress(DiskFull):
+                        close()
                 if progress is not None:
                     bars.remove_task(watch.task)
         facts = {
@@ -106,9 +127,19 @@ def _run(
             "simulator": simulator_hash(base.core),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
+        facts_file = folder / "training.json"
+        if full is not None:
+            kept = keep(model, folder)
+            with suppress(DiskFull):
+                run_folder.write_json(facts_file, {**facts, "stopped": True})
+            for path in [path for path in folder.rglob("*") if path.is_file() and not path.stat().st_size]:
+                path.unlink()
+            raise DiskFull(
+                f"{full}. After {facts['env_steps']} of {config.total_steps} steps {kept}"
+            ) from full
         if stopped:
             save_policy(model, folder / "policy.zip")
-        run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
+        run_folder.write_json(facts_file, {**facts, "stopped": stopped})
     if stopped:
         go_on = (
             f"Go on with: {command('resume', folder)}, or look"
@@ -121,6 +152,19 @@ def _run(
         )
     checkpoint.remove(folder)
     return facts
+
+
+def keep(model: Any, folder: Path) -> str:
+    """Save the policy of a training whose disk is full where there is room, and say where."""
+    own = folder / "policy.zip"
+    with suppress(OSError):
+        save_policy(model, own)
+        return f"the policy is kept in {own}"
+    with suppress(OSError):
+        elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / own.name
+        save_policy(model, elsewhere)
+        return f"the policy is kept in {elsewhere}"
+    return f"{own} is that of the last point of the curve" if own.is_file() else "no policy could be kept"
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:

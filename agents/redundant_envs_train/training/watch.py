@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.disk import told, write_text
 from redundant_envs.extras import needs
 
 from ..config import Config
@@ -57,7 +58,7 @@ class Watch(BaseCallback):
         """Mean return of that point."""
         self.table = folder / "selection.csv"
         if not begun:
-            self.table.write_text(",".join(SELECTION) + "\n", encoding="utf-8")
+            write_text(self.table, ",".join(SELECTION) + "\n")
         self._next = begun.get("next", config.curve_every)
         self._before = begun.get("seconds", 0.0)
         self._apart = 0.0
@@ -149,11 +150,11 @@ class Watch(BaseCallback):
             outcome = run_episodes(
                 config.env, policy_act(self.model), config.curve_episodes, SELECTION_SEED, **config.env_kwargs
             )
-        told = outcome.hold, outcome.touch
-        shares = [math.nan if known is None else float(known.mean()) for known in told]
+        ends = outcome.hold, outcome.touch
+        shares = [math.nan if known is None else float(known.mean()) for known in ends]
         self.hold, self.returned = shares[0], float(outcome.returns.mean())
         numbers = dict(zip(CURVE, (*shares, self.returned), strict=True))
-        with self.table.open("a", encoding="utf-8") as file:
+        with told(self.table), self.table.open("a", encoding="utf-8") as file:
             row = ",".join(f"{number:.4f}" for number in numbers.values())
             file.write(f"{self.num_timesteps},{seconds:.2f},{row}\n")
         for name, number in numbers.items():

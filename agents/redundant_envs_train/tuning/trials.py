@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import yaml
 
+from redundant_envs.disk import write_text
 from redundant_envs.extras import needs
 from redundant_envs.tables import markdown, write_rows
 
 from .. import command, pages
 from ..config import Config
-from ..run_folder import write_text
 from .search import Space, own_parameters, with_parameters, words
 
 with needs("tune"):

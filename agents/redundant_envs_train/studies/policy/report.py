@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.disk import replacing, write_text
 from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.tables import write_rows
 
@@ -40,7 +41,7 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
         about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
         all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
     )  # fmt: skip
-    target.write_text(text, encoding="utf-8")
+    write_text(target, text)
     return target
 
 
@@ -62,7 +63,8 @@ def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[
         columns += [e.hold, e.returns, e.steps, e.ended]
     head = f"# {', '.join(f'{k} {v}' for k, v in about.items())}\n{','.join(names)}"
     table = np.column_stack(columns)
-    np.savetxt(path, table, "%.12g", delimiter=",", header=head, comments="", encoding="utf-8")
+    with replacing(path) as part:
+        np.savetxt(part, table, "%.12g", delimiter=",", header=head, comments="", encoding="utf-8")
 
 
 def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:

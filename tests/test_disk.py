@@ -1,0 +1,94 @@
+"""Files are complete or absent; a full disk is one message that names the file and the disk."""
+
+import errno
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from redundant_envs import __main__ as library
+from redundant_envs import disk
+from redundant_envs.disk import DiskFull, replacing, write_text
+from redundant_envs.exports import files
+from redundant_envs.figures import new_figure, save_figure, write_clip
+from redundant_envs.scene import load_scene
+from redundant_envs.tables import write_rows
+
+FRAMES = [np.zeros((16, 16, 3), np.uint8)] * 2
+
+
+@pytest.fixture
+def full(monkeypatch):
+    """Nothing can be written: a file gets its first bytes, and then there is no space left."""
+    plain = Path.open
+
+    def fail(path, mode="r", *given, **more):
+        if not set(mode) & set("wa"):
+            return plain(path, mode, *given, **more)
+        plain(path, mode, *given, **more).close()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "open", fail)
+    monkeypatch.setattr(Path, "write_bytes", lambda path, data: path.open("wb"))
+    monkeypatch.setattr(Path, "write_text", lambda path, data, **more: path.open("w"))
+
+
+WRITERS = {
+    "a.csv": lambda path: write_rows([{"a": 1}], ["a"], path),
+    "a.svg": lambda path: save_figure(new_figure(1, 1), path),
+    "a.png": lambda path: save_figure(new_figure(1, 1), path),
+    "a.gif": lambda path: write_clip(path, FRAMES, 25),
+    "a.xml": lambda path: files.write(load_scene("rprp_reach"), "mjcf", path, approximate=True),
+    "a.md": lambda path: write_text(path, "text"),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_file_that_cannot_be_finished_is_not_there_and_the_old_one_is(name, tmp_path, full):
+    with pytest.raises(DiskFull, match=rf"{name} cannot be written: the disk /.* is full .*MB left"):
+        WRITERS[name](tmp_path / "new" / name)
+    assert not [*(tmp_path / "new").iterdir()]
+    (tmp_path / name).touch()
+    with pytest.raises(DiskFull):
+        WRITERS[name](tmp_path / name)
+    assert [path.name for path in tmp_path.glob("*.*")] == [name]
+
+
+def test_links_and_devices_stay_what_they_are(tmp_path):
+    write_text(tmp_path / "file", "old")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    write_text(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "new"
+    write_text(Path("/dev/null"), "text")
+    assert not Path("/dev/null").is_file()
+    with pytest.raises(IsADirectoryError):
+        write_text(tmp_path, "text")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_disk_that_fills_while_a_file_is_closed_is_told():
+    with pytest.raises(DiskFull, match="/dev/full cannot be written"):
+        write_text(Path("/dev/full"), "text")
+
+
+def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_path, monkeypatch):
+    def fail():
+        with replacing(tmp_path / "a.mp4") as part:
+            part.write_bytes(b"begun")
+            raise OSError("broken pipe")
+
+    with pytest.raises(OSError, match="broken pipe"):
+        fail()
+    monkeypatch.setattr(disk, "disk_of", lambda path: (tmp_path, 100))
+    with pytest.raises(DiskFull, match=r"a\.mp4"):
+        fail()
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_command_tells_a_full_disk_in_one_line(tmp_path, full, capsys):
+    words = ["export", "rprp_reach", "--approximate", "--format", "mjcf", "--out", tmp_path / "a.xml"]
+    assert library.main([*map(str, words)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert f"{tmp_path / 'a.xml'} cannot be written: the disk" in error
