@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections import Counter
 from collections.abc import Iterable
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 from redundant_envs.batch.advance import advance_kernel
 from redundant_envs.batch.blocks import Blocks
-from redundant_envs.effects.hooks import Field, Inertia
+from redundant_envs.effects.hooks import Actuation, Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
@@ -20,7 +21,7 @@ from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tracing.flow import Program
+from redundant_envs.tracing.flow import LaneFunction, Program
 from redundant_envs.tracing.graph import COMPARISONS, Operation, located, reached
 from redundant_envs.tracing.listing import lines
 
@@ -89,7 +90,10 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     motion, "action", "observation", "reward" and "reset" that of an environment.
 
     Operations are counted in the step that all lanes take together, stages as often as they are evaluated,
-    before products are joined with sums. An operation that two owners need counts for the first; operations
+    before products are joined with sums. To the effects that cause events, with stops, dry friction, contact
+    or laws that change, count in addition what the step of all has because of them, and the programs with
+    which a lane crosses an event, once each, as for one event in a control step; several effects share these
+    in proportion to their boundaries. An operation that two owners need counts for the first; operations
     of the arm that only a uniform field or an inertia requires count for the effect that adds it, readings of
     sensors for theirs. "action" turns actions into efforts, "reward" is all that follows a step: faults,
     memory of the task, reward, ends of episodes. Bytes are those of the fields, and for "observation" those
@@ -113,7 +117,10 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     check_scene(scene)
     counts, blocks = _of_motion(scene, track_work)
     rest = dataclasses.replace(scene, randomize=None)  # a range may be of an effect that is left out
-    for key in dict.fromkeys(a.key for a in scene.attached.of(Field, Inertia)):
+    if owned := Counter(b.owner for b in blocks.interval.dynamics.boundaries):
+        rest = _without(rest, owned)
+        _add(counts, _of_events(owned, counts, _of_motion(rest, track_work)[0], blocks))
+    for key in dict.fromkeys(a.key for a in rest.attached.of(Field, Inertia)):
         rest = dataclasses.replace(rest, effects=tuple(e for e in rest.effects if e.key != key))
         without, _ = _of_motion(rest, track_work)
         more = counts["arm"] - without["arm"]  # with an inertia the arm's own elimination is not used
@@ -135,21 +142,63 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     return Bill((owner, Operations(**counts[owner])) for owner in sorted(counts))
 
 
+def _without(scene: Scene, keys: Iterable[str]) -> Scene:
+    """A scene without some effects; links of motors stay if others need them."""
+    for more in (set[str](), scene.attached.keys_of(Actuation)):
+        left = tuple(e for e in scene.effects if e.key not in keys or e.key in more)
+        with contextlib.suppress(ValueError):  # the units of the links that are left do not meet
+            return dataclasses.replace(scene, effects=left)
+    return scene
+
+
 def _of_motion(scene: Scene, track_work: bool) -> tuple[Counts, Blocks]:
     """Operations of the motion, and the blocks of the program."""
     with located():
         _, blocks = advance_kernel(Dynamics(scene, track_work))
         functions = blocks.functions
         step = next(functions[n] for n in ("interval", "step", "common") if n in functions)
-        nodes = reached(step.results)
-        counts: Counts = {"arm": Counter()}
-        _add(counts, _counted(nodes))
-        if stages := [n for n in nodes if n.name == "stage"]:
-            _add(counts, _counted(stages[0].extra.traced()[1]), len(stages))
+        counts: Counts = {part: Counter() for part in PARTS.values()}
+        _add(counts, _of_function(step))
         if "interval" not in functions:  # else the updates are a part of it
             update = traced("update", blocks.layout, blocks.interval.update_effect_states)
             _add(counts, _counted(reached(update.results)))
     return counts, blocks
+
+
+def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Blocks) -> Counts:
+    """Operations that boundaries cause, for the effects that own some of them, and as much less for the
+    owners in the step of all lanes: the difference of that step with and without these effects, and the
+    programs of events."""
+    caused: Counter[str] = Counter()
+    for name, function in blocks.functions.items():
+        if name not in COMMON:
+            for counts in _of_function(function).values():
+                caused.update(counts)
+    found: Counts = {}
+    for part in {*PARTS.values()}:
+        found[part] = Counter(without[part])
+        found[part].subtract(full[part])
+        caused.subtract(found[part])
+    most = max(owned, key=lambda key: owned[key])
+    for key, boundaries in owned.items():
+        found[key] = Counter({k: n * boundaries // owned.total() for k, n in caused.items()})
+    for kind in caused:  # what is left over by rounding
+        found[most][kind] += caused[kind] - sum(found[key][kind] for key in owned)
+    return found
+
+
+COMMON = ("interval", "step", "common", "common_held", "end")
+"""Functions of the step that all lanes take together, which is counted by its parts, and the form of it for
+lanes that rest at a stop."""
+
+
+def _of_function(function: LaneFunction) -> Counts:
+    """Operations of a function and of the stages that it calls, by owner."""
+    nodes = reached(function.results)
+    counts = _counted(nodes)
+    if stages := [n for n in nodes if n.name == "stage"]:
+        _add(counts, _counted(stages[0].extra.traced()[1]), len(stages))
+    return counts
 
 
 def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:

@@ -215,7 +215,6 @@ def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
         (RPRP, e.CentringSpring((1, 1), (0, 0), (1, 1)), kinds(6 * n, 4 * n, size=48)),
         (FOUR_R, e.EffortLimits(1.0), kinds(0, 0, 0, 0, 0, 8 * once, 8 * once, size=32)),
         (FOUR_R, e.Gravity(), kinds(4 * n, 4 * n, 0, 0, n, size=24)),  # turned to the first link, and added
-        (RPRP, e.PrismaticStop((0, 0), (1, 1)), kinds(size=40)),
     ):
         assert rde.bill(scene(arm, (effect,), integrator))[effect.key] == expected, effect
     arm = rde.bill(scene(FOUR_R, (e.Gravity(),), integrator))["arm"]
@@ -226,20 +225,53 @@ def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
         assert rde.bill(scene(FOUR_R, integrator="euler"))["integrator"] == kinds(8, 8, size=0)
 
 
+def functions(text):
+    """The text of each function of a listing, by its name."""
+    parts = re.split(r"^function (\w+):", text[: text.index("\nkernel ") + 1], flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def seen(texts):
+    """Operations of listed functions, as in a bill."""
+    text = "\n".join(texts)
+    names = Counter(name for place, name, _ in operations(text) if place["function"] != "sincos")
+    compared = sum(names[name] for name in ("<", "<=", ">", ">=", "==", "!="))
+    counts = names["+"] + names["-"], names["*"], names["/"], names["sqrt"]
+    return [*counts, len(re.findall(r"= bit 1 ", text)), compared, names["select"]]
+
+
+def motion(made):
+    """Operations of the motion in the bill of a scene."""
+    found = [counts for owner, counts in rde.bill(made).items() if owner not in ENVIRONMENT]
+    return [sum(column) for column in zip(*found, strict=True)][:-1]
+
+
 @pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk4", 3)])
 def test_the_bill_of_a_motion_is_the_sum_of_the_listed_step(integrator, substeps):
     """A step is counted once, however often it is made in an interval."""
     made = scene(FOUR_R, EFFECTS["FourR"], integrator, substeps=substeps)
-    text = rde.listing(made)
-    step = text[text.index("function step:" if substeps > 1 else "function interval:") :]
-    step = step[: step.index("kernel ")]
-    step = step[: step.find("\nfunction ") + 1 or None]
-    seen = Counter(name for place, name, _ in operations(step) if place["function"] != "sincos")
-    found = [counts for owner, counts in rde.bill(made).items() if owner not in ENVIRONMENT]
-    total = [sum(column) for column in zip(*found, strict=True)]
-    assert total[:4] == [seen["+"] + seen["-"], seen["*"], seen["/"], seen["sqrt"]]
-    assert len(re.findall(r"= bit 1 ", step)) == total[4]
-    assert total[5:7] == [sum(seen[name] for name in ("<", "<=", ">", ">=", "==", "!=")), seen["select"]]
+    listed = functions(rde.listing(made))
+    assert motion(made) == seen([listed["step" if substeps > 1 else "interval"]])
+
+
+@pytest.mark.parametrize(
+    ("arm", "effects"),
+    [
+        (ARMS["RP"], (e.PrismaticStop((0.0,), (1.0,)),)),
+        (ARMS["RP"], (e.CoulombFriction(1.0),)),
+        (ARMS["RP"], (e.Gravity(), e.CoulombFriction(1.0), e.PrismaticStop((0.0,), (1.0,)))),
+    ],
+    ids=["stops", "friction", "both"],
+)
+def test_the_bill_of_events_is_the_sum_of_the_listed_programs(arm, effects):
+    """Each program counts once, for the effects that need it; the arm alone has nothing of them."""
+    made, without = scene(arm, effects, "euler"), scene(arm, effects[:-2], "euler")
+    listed, found, bare = functions(rde.listing(made)), rde.bill(made), rde.bill(without)
+    assert motion(made) == seen([text for name, text in listed.items() if name not in ("common_held", "end")])
+    for effect in effects[-2:]:
+        assert sum(found[effect.key][:-1]) > 100
+    for owner in ("arm", "integrator", "interval", *(effect.key for effect in effects[:-2])):
+        assert found[owner][:-1] == bare[owner][:-1]
 
 
 @physics(gives="reach_again_term")
