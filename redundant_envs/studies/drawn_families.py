@@ -40,6 +40,8 @@ SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "Sensor
 SUCCESSIVE = 8
 """Intervals in succession from one drawn state."""
 MOST_GRAVITY = 30.0  # m/s^2
+MOST_EVALUATIONS = 5000
+"""Of an interval: few take more, and these would take nearly all the time."""
 LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 
@@ -76,7 +78,11 @@ class DrawnFamily:
         made = None
         while made is None:
             arm: Arm = drawing.drawn_chain(rng) if rng.random() < 0.5 else drawing.drawn_arm(rng, calm=True)
-            names = [name] if self.number // len(kinds) % 2 == 0 else [name, str(rng.choice([*kinds]))]
+            names = (
+                [name]
+                if self.number // len(kinds) % 2 == 0
+                else [name, str(rng.choice([k for k in kinds if k not in (name, "Gravity")]))]
+            )
             made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt)
             if not LEAST_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
                 made = None
@@ -118,8 +124,10 @@ class DrawnFamily:
         for _ in range(SUCCESSIVE):
             efforts = np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
             efforts *= drawing.decades(rng, *EFFORT, (few, 1))
-            drawn.append((batch.q, batch.qd, efforts, batch.z, fine))
+            begin = batch.q, batch.qd, efforts, batch.z
             status = batch.advance(efforts)
+            fine = fine[status.evaluations[fine] <= MOST_EVALUATIONS]
+            drawn.append((*begin, fine))
             fine = fine[status.numerics[fine] == 0]
         lanes = np.concatenate([one[-1] for one in drawn])[:count]
         q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn])[:count] for k in range(4))

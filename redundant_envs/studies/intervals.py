@@ -167,7 +167,7 @@ def rows_of(
             "tolerance": one.tolerance,
             **dataclasses.asdict(tally),
             "largest_error": f"{tally.largest_error:.2g}",
-            "evaluations": round(tally.evaluations / tally.intervals, 1),
+            "evaluations": round(tally.evaluations / max(tally.intervals, 1), 1),
         }
         for one, tally in zip(asked, judge_tolerances(asked, intervals, (seed, number)), strict=True)
     ]
