@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from redundant_envs.backends.torch import number, torch
+from redundant_envs.effects.attached import DRAWN
 from redundant_envs.lane import jumps, pieces
 from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.direct import fields_of, in_steps
@@ -73,6 +74,10 @@ def torch_step(scene: Scene) -> Step:
         )
     count, layout, of_effects = dynamics.count, interval.layout(), tuple(dynamics.effect_states)
     of_draws = dynamics.draw_fields
+    owners = {
+        "z": dict.fromkeys(a.key for a in scene.attached if a.states),
+        "draws": dict.fromkeys(name.partition(DRAWN)[0].rpartition(".")[0] for name in dynamics.draws),
+    }
 
     def step(
         q: Any,
@@ -85,11 +90,13 @@ def torch_step(scene: Scene) -> Step:
         tensors = [_checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))]
         effects: dict[str, Any] = {}
         if of_effects:
+            _given("z", z, owners["z"], "states", len(of_effects))
             effects = dict(zip(of_effects, _checked("z", z, len(of_effects)).unbind(-1), strict=True))
         elif z is not None:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
         keys: dict[str, Any] = {}
         if of_draws:
+            _given("draws", draws, owners["draws"], "random numbers", len(of_draws))
             keys = dict(zip(of_draws, _checked("draws", draws, len(of_draws)).unbind(-1), strict=True))
         elif draws is not None:
             raise ValueError("draws is given, and no effect of the scene draws; leave it out")
@@ -154,6 +161,17 @@ def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Te
         # A lane that does not cross the interval again has no length before it.
         counts[piece] = torch.where(h > 0.0, steps, counts[piece])
     return counts
+
+
+def _given(name: str, value: Any, owners: Iterable[str], what: str, width: int) -> None:
+    """ValueError if the states or the draws of effects are missing, with how to have those of a start."""
+    if value is None:
+        one = "has" if len(keys := [*owners]) == 1 else "have"
+        raise ValueError(
+            f"{name} is missing, and {', '.join(keys)} {one} {what}; give step(q, qd, efforts, {name}=...) a "
+            f"tensor (..., {width}), at the start torch.tensor(BatchSimulator(scene, num_envs).{name}), "
+            "and then what the step returns"
+        )
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:

@@ -366,7 +366,7 @@ def test_the_differentiable_step_draws_what_compiled_code_draws():
         np.testing.assert_allclose(found.detach(), known, rtol=1e-11, atol=1e-11)
     (slope,) = torch.autograd.grad(z.sum(), size)
     assert torch.isfinite(slope)
-    with pytest.raises(ValueError, match="draws is missing"):
+    with pytest.raises(ValueError, match=r"missing, and shaken has random numbers; give .*\(BatchSimulator"):
         step(q, qd, torch.zeros(4), z=z)
     with pytest.raises(ValueError, match="no effect of the scene draws"):
         rde.torch_step(rde.Scene(FOUR_R))(q, qd, torch.zeros(4), draws=draws)

@@ -174,7 +174,9 @@ def test_torch_steps_have_the_gradients_of_differences(what):
     assert float(value.grad.view(-1)[-1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
     assert abs(slope) > 1e-4
     if what == "z":
-        with pytest.raises(ValueError, match="z is missing"):
+        with pytest.raises(
+            ValueError, match=r"z is missing, and lag, held_command have states; give .*\(BatchSimulator"
+        ):
             step(*start)
 
 
