@@ -41,6 +41,9 @@ class Heading(NamedTuple):
         return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
 
+PYBULLET = "PyBullet takes moments of inertia from it only with flags=URDF_USE_INERTIA_FROM_FILE."
+
+
 def refuse_inexact(notes: Sequence[Note], form: str, approximate: bool) -> None:
     """ValueError with all notes, unless the document may be approximate."""
     if notes and not approximate:

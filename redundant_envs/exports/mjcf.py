@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.document import PYBULLET, Document, Heading
 from redundant_envs.exports.mechanism import Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
@@ -45,6 +45,7 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
         "Controls are shares of the limits of motors, -1 to 1; without a limit they are efforts [N m, N].",
         f"A control interval of {scene.control_dt:g} s takes {steps} steps.",
         f"Bodies of point masses have {MJCF.least:g} kg m^2, because MuJoCo requires them to have some.",
+        PYBULLET,
     ]
     root.append(comment(heading.lines(about, made.notes)))
     exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.document import PYBULLET, Document, Heading
 from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scene import Scene
@@ -31,24 +32,32 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     about = [
         f"URDF has no gravity: set it to ({x!r}, {y!r}, 0) m/s^2 where the model is loaded.",
         f"Bodies of point masses have {URDF.least:g} kg m^2, because programs require them to have some.",
+        PYBULLET,
     ]
     root.append(comment(heading.lines(about, made.notes)))
     ET.SubElement(root, "link", name="base")
     for k, body in enumerate(made.bodies):
         link = ET.SubElement(root, "link", name=f"link{k + 1}")
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=numbers(*body.centre, 0.0))
-        ET.SubElement(inertial, "mass", value=numbers(body.mass))
-        own = numbers(body.inertia)
-        ET.SubElement(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
+        _inertial(link, body.mass, body.centre, body.inertia)
         _draw(link, made, k)
         _joint(root, made, k)
-    ET.SubElement(root, "link", name="tip")
+    _inertial(ET.SubElement(root, "link", name="tip"), 0.0)  # PyBullet gives a link without one 1 kg
     fixed = ET.SubElement(root, "joint", name="fixed_tip", type="fixed")
     ET.SubElement(fixed, "parent", link=f"link{made.tip[0] + 1}")
     ET.SubElement(fixed, "child", link="tip")
     ET.SubElement(fixed, "origin", xyz=numbers(*made.tip[1], 0.0))
     return Document(text_of(root), made.notes)
+
+
+def _inertial(
+    link: ET.Element, mass: float, centre: Iterable[float] = (0.0, 0.0), inertia: float = 0.0
+) -> None:
+    """The mass of a link, where its centre is, and its moment of inertia."""
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=numbers(*centre, 0.0))
+    ET.SubElement(inertial, "mass", value=numbers(mass))
+    own = numbers(inertia)
+    ET.SubElement(inertial, "inertia", ixx=own, iyy=own, izz=own, ixy="0", ixz="0", iyz="0")
 
 
 def _draw(link: ET.Element, made: Mechanism, k: int) -> None:
