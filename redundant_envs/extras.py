@@ -10,6 +10,10 @@ class MissingPackage(ImportError):
     """A feature needs a package that is not installed; the message names the extra."""
 
 
+INSTALL = "install it in a clone of redundant-envs with: pip install '.[{}]'"
+"""How to have an extra: no index has the package."""
+
+
 @contextlib.contextmanager
 def needs(extra: str) -> Iterator[None]:
     """Context for imports of packages that an extra of this one has, such as "plot"; if one is missing, a
@@ -21,4 +25,4 @@ def needs(extra: str) -> Iterator[None]:
         missing = isinstance(error, ModuleNotFoundError) and name
         # A package that is installed but cannot be imported states its own reason.
         reason = f"{name} is not installed" if missing else str(error)
-        raise MissingPackage(f"{reason}; install it with: pip install 'redundant-envs[{extra}]'") from error
+        raise MissingPackage(f"{reason}; {INSTALL.format(extra)}") from error

@@ -12,9 +12,7 @@ try:
     import mujoco
 except ModuleNotFoundError:
     mujoco = None
-NEEDS_MUJOCO = pytest.mark.skipif(
-    mujoco is None, reason="MuJoCo is not installed: pip install 'redundant-envs[verify]'"
-)
+NEEDS_MUJOCO = pytest.mark.skipif(mujoco is None, reason="MuJoCo is not installed: pip install '.[verify]'")
 
 
 def model_of(scene, form, approximate=False, name=""):

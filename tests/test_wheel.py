@@ -111,7 +111,7 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
     assert done.returncode == 0, done.stderr
     assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".js", ".json", ".wasm"}
     for name, words, said in (
-        ("redundant-envs-train", "train rprp_reach_ppo", "pip install 'redundant-envs[train]'"),
+        ("redundant-envs-train", "train rprp_reach_ppo", "pip install '.[train]'"),
         ("redundant-envs", "study accuracy --config mine.yaml", "in the source tree"),
     ):
         done = call(program(core, name), *words.split(), folder=tmp_path)

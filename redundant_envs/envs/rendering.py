@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from redundant_envs.effects import CentringSpring, Effect, PointMass, shapes
 from redundant_envs.envs.arguments import reach_of
 from redundant_envs.envs.core import Core
+from redundant_envs.extras import INSTALL
 from redundant_envs.files import read_yaml
 from redundant_envs.model import parameters
 from redundant_envs.robots.arm import Arm
@@ -458,7 +459,7 @@ def load_pygame() -> Any:
             import pygame
     except ImportError as error:
         raise DependencyNotInstalled(
-            "render_mode='human' needs pygame, which is not installed: pip install redundant-envs[human]"
+            f"render_mode='human' needs pygame, which is not installed; {INSTALL.format('human')}"
         ) from error
     return pygame
 

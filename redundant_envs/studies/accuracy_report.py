@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from redundant_envs.extras import needs
+from redundant_envs.extras import INSTALL, needs
 from redundant_envs.studies import accuracy
 from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
@@ -152,8 +152,7 @@ def page_text(study: Study, results: Sequence[PanelResult], command: str, figure
     if stamp["mujoco"] == "4.0.0":
         lines += [MUJOCO_FAULT, ""]
     for peer in absent:
-        install = "pip install 'redundant-envs[verify]'"
-        lines += [f"{peer} is not installed, so its lines are missing; install it with `{install}`.", ""]
+        lines += [f"{peer} is not installed, so its lines are missing; {INSTALL.format('verify')}", ""]
     lines += [
         "## The reference",
         "",

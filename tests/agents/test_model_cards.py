@@ -6,7 +6,7 @@ import pytest
 import yaml
 from published_runs import RESULTS, ROOT
 
-pytest.importorskip("onnx", reason="ONNX is not installed: pip install 'redundant-envs[onnx]'")
+pytest.importorskip("onnx", reason="ONNX is not installed: pip install '.[onnx]'")
 
 from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.pages import MEASURES

@@ -16,7 +16,7 @@ from short_trainings import TINY, assert_same_policy
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
 
-pytest.importorskip("ray", reason="ray is not installed; pip install 'redundant-envs[ray]'")
+pytest.importorskip("ray", reason="ray is not installed; pip install '.[ray]'")
 
 import ray
 from ray.cluster_utils import Cluster

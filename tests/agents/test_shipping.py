@@ -18,7 +18,7 @@ from published_runs import RESULTS, ROOT, published_run
 from run_folders import change, kept, members, says, write_members
 from short_trainings import assert_same_policy
 
-pytest.importorskip("onnx", reason="ONNX is not installed: pip install 'redundant-envs[onnx]'")
+pytest.importorskip("onnx", reason="ONNX is not installed: pip install '.[onnx]'")
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked, config_of

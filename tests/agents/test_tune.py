@@ -15,7 +15,7 @@ from redundant_envs_train.training import watch
 from redundant_envs_train.training.pool import Stopped
 from redundant_envs_train.training.train import train
 
-pytest.importorskip("optuna", reason="optuna is not installed; pip install 'redundant-envs[tune]'")
+pytest.importorskip("optuna", reason="optuna is not installed; pip install '.[tune]'")
 
 from optuna.distributions import FloatDistribution, IntDistribution
 

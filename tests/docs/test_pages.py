@@ -3,6 +3,7 @@
 import importlib.util
 import re
 import tomllib
+from pathlib import Path
 
 import gymnasium as gym
 import pytest
@@ -10,6 +11,7 @@ import yaml
 from markdown import EFFECTS, MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
 
 import redundant_envs as rde
+from redundant_envs.effects import REGISTRY
 from redundant_envs.envs.cost import BARE
 from redundant_envs.files import config_folder
 
@@ -38,7 +40,12 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     # Then line numbers of an error are those of the page.
     code = compile("\n" * (line - 1) + block, str(page.relative_to(ROOT)), "exec")
-    exec(code, {"__name__": "__main__"})
+    known = dict(REGISTRY)
+    try:
+        exec(code, {"__name__": "__main__"})
+    finally:  # other tests do not know its effects
+        REGISTRY.clear()
+        REGISTRY.update(known)
     shown = capsys.readouterr().out.splitlines()
     assert len(shown) <= 30  # an example must not flood the screen
     assert ("print(" in block) == bool(shown)
@@ -98,6 +105,32 @@ def test_the_readme_is_short_and_its_pages_are_not_long():
     assert len(text(README).split()) <= 1100
     for name in ("models", "scenes", "accuracy", "speed", "gradients", "command_line"):
         assert text(ROOT / "docs" / f"{name}.md").count("\n") < 250, name
+
+
+NOT_THERE = re.compile(
+    r"redundant-envs\\?\[|pip install [^`\n]*\bredundant.envs|(pypi|github)\.\w+/[\w/]*redundant.envs"
+)
+"""What would lead to a page or a package of this name on an index, or to a repository on a host."""
+READ = {".py", ".md", ".toml", ".cff", ".yaml", ".yml", ".txt", ".js", ".html"}
+
+
+def test_nothing_is_said_to_come_from_a_place_where_it_is_not():
+    """No index has the package: what is missing is installed in a clone, with pip install '.[extra]'."""
+    assert all(
+        NOT_THERE.search(x) for x in ("pip install 'redundant-envs[plot]'", "pip install redundant-envs")
+    )
+    folders = [ROOT / name for name in ("redundant_envs", "agents", "docs", "configs", "policies", "tests")]
+    files = [path for folder in folders for path in folder.rglob("*") if path.suffix in READ]
+    for path in (*files, *(path for path in ROOT.iterdir() if path.suffix in READ)):
+        if path != Path(__file__):
+            found = NOT_THERE.search(path.read_text(encoding="utf-8"))
+            assert found is None, f"{path.relative_to(ROOT)}: {found[0]}"
+
+
+def test_pages_with_commands_of_a_clone_name_those_of_the_wheel():
+    for page in (README, *MANUAL):
+        if "python -m agents" in text(page):
+            assert "redundant-envs-train" in text(page), page
 
 
 def test_the_citation_file_agrees_with_the_package():

@@ -120,7 +120,7 @@ def test_a_window_opens_without_a_warning_and_shows_every_step(goal_id, monkeypa
 
 def test_a_missing_pygame_is_told_with_the_extra_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(DependencyNotInstalled, match=r"pip install redundant-envs\[human\]"):
+    with pytest.raises(DependencyNotInstalled, match=r"pip install '\.\[human\]'"):
         gym.make(ID, render_mode="human")
 
 

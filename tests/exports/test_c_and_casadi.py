@@ -106,9 +106,7 @@ def test_c_says_under_which_function_of_the_equations_an_operation_stands():
 
 @pytest.fixture(scope="module")
 def ca():
-    return pytest.importorskip(
-        "casadi", reason="CasADi is not installed: pip install 'redundant-envs[casadi]'"
-    )
+    return pytest.importorskip("casadi", reason="CasADi is not installed: pip install '.[casadi]'")
 
 
 @pytest.mark.long

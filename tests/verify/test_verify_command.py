@@ -175,7 +175,7 @@ def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
     found = verify(FOUR_R, 8, checks=[engines.accelerations, engines.mass_matrix])
     assert found.good
     assert {o.verdict for o in found.outcomes} == {Verdict.NOT_RUN}
-    assert "pip install 'redundant-envs[verify]'" in found.outcomes[0].finding.words
+    assert "pip install '.[verify]'" in found.outcomes[0].finding.words
 
 
 def test_a_measured_number_is_no_promise():

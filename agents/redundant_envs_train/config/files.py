@@ -15,7 +15,8 @@ from .run import ALGORITHMS, CHANGES, VERSION, Config
 
 KEYS = """# Keys of a training configuration
 
-Made by `python -m agents schema --markdown`. A YAML file has these keys (`configs/training` has the presets),
+Made by `python -m agents schema --markdown` (from a wheel `redundant-envs-train`). A YAML file has these
+keys (`configs/training` has the presets),
 and a command sets them for one run: `python -m agents train rprp_reach_ppo seed=3 ppo.gamma=0.98`. Settings
 of a learner are allowed if `algo` names it. `python -m agents schema` prints a JSON schema, for editors.
 

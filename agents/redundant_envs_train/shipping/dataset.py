@@ -37,7 +37,8 @@ MOST_STEPS = 51_200
 EPISODE_BYTES = 50_000
 """More than what HDF5 needs for an episode beside its numbers, 25 kB."""
 SUCCESS = "is_success"
-PAGE = f"https://pypi.org/project/redundant-envs/{__version__}/"
+CODE = f"redundant-envs {__version__}, redundant-envs-train dataset"
+"""What Minari calls a permalink of the code; there is no address of it."""
 
 
 class Source(NamedTuple):
@@ -285,7 +286,7 @@ def _about(source: Source, episodes: int, seed: int, name: str) -> dict[str, Any
 
     algorithm = ACTORS.get(source.actor, source.actor)
     return {
-        "dataset_id": name, "algorithm_name": algorithm, "code_permalink": PAGE,
+        "dataset_id": name, "algorithm_name": algorithm, "code_permalink": CODE,
         "description": f"Episodes of {source.env_id} by {algorithm}, with the seeds {seed} to "
         f"{seed + episodes - 1}. Reset with the seed of an episode, the environment gives its observations "
         "for its actions, to the last bit. infos begin at the reset, as observations do: effort is the mean "

@@ -11,6 +11,7 @@ from typing import Any
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 
+from .. import COMMAND
 from ..config.run import MOST_SEEDS, SEEDS_PER_RUN, first_environment_seed
 from ..learners.networks import Averaging
 from ..learners.ppo import AveragedPPO
@@ -53,7 +54,7 @@ class Experiment(ExperimentManager):
         if self.averaged and (self.continue_training or self.optimize_hyperparameters):
             raise ValueError(
                 "--trained-agent and --optimize-hyperparameters are for the algorithms of stable-baselines3; "
-                f"{self.algo} goes on after a stop in a run of: python -m agents train"
+                f"{self.algo} goes on after a stop in a run of: {COMMAND} train"
             )
 
     def create_envs(self, n_envs: int, eval_env: bool = False, no_log: bool = False) -> VecEnv:
