@@ -7,7 +7,7 @@ from redundant_envs.effects import CommandDelay
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.robots import RPRP, Chain
 from redundant_envs.scene import Scene
-from redundant_envs.studies import drawing, intervals
+from redundant_envs.studies import drawing, drawn_families, intervals
 from redundant_envs.studies.another_account import Account
 from redundant_envs.studies.drawn_families import SENSORS, DrawnFamily, made_scene, moving_effects
 
@@ -42,9 +42,11 @@ class Loose(DrawnFamily):
 
 
 @pytest.mark.long
-def test_lanes_that_are_off_are_judged_by_another_account():
+def test_lanes_that_are_off_are_judged_by_another_account(monkeypatch):
     loose = Loose(0, 2, tolerance=1e-9)
     tally = intervals.judge_family(loose, 100, seed=1)
     assert tally.judged == 100
     assert tally.missed > 80
     assert intervals.MOST_TOLD <= tally.told < 100
+    monkeypatch.setattr(drawn_families, "MOST_EVALUATIONS", 0)
+    assert intervals.judge_family(loose, 100, seed=1).intervals == 0
