@@ -5,6 +5,7 @@ import inspect
 import re
 import subprocess
 import sys
+import textwrap
 
 import numpy as np
 import pytest
@@ -108,6 +109,61 @@ def test_the_program_for_torchrl_prints_what_its_comments_say():
     assert shown == ["torch.Size([100])", "torch.Size([64, 250]) torch.Size([128])", "torch.float64"]
 
 
+@without("tree")  # RLlib needs it, and Ray alone does not
+def test_rllib_trains_on_the_native_vector_with_two_lines():
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    (program,) = (program for program in programs if "rllib" in program)
+    done = python("-c", program)
+    assert done.returncode == 0, done.stderr
+    assert int(float(done.stdout.splitlines()[-1])) >= 2048
+
+
+STEPS = {
+    "skrl": """
+        from skrl.envs.wrappers.torch import wrap_env
+        env = wrap_env(gym.make_vec(ID, num_envs=64))
+        env.reset()
+        shapes = [x.shape[0] for x in env.step(torch.zeros(64, 4))[:4]]
+        """,
+    "sbx": """
+        import sbx
+        model = sbx.PPO("MlpPolicy", redundant_envs.make_sb3(ID, 64), n_steps=16)
+        model.learn(1024)
+        shapes = [model.num_timesteps // 16]
+        """,
+    "tianshou": """
+        from tianshou.env import DummyVectorEnv
+        env = DummyVectorEnv([lambda: gym.make(ID)] * 64)
+        env.reset()
+        shapes = [len(x) for x in env.step(np.zeros((64, 4), np.float32))]
+        """,
+    "d3rlpy": """
+        import d3rlpy
+        model, log = d3rlpy.algos.SACConfig().create(), d3rlpy.logging.NoopAdapterFactory()
+        model.fit_online(gym.make(ID), n_steps=64, n_steps_per_epoch=64, logger_adapter=log)
+        shapes = [64]
+        """,
+    "pufferlib": """
+        from pufferlib.emulation import GymnasiumPufferEnv
+        env = GymnasiumPufferEnv(env_creator=lambda: gym.make(ID))
+        env.reset(seed=0)
+        shapes = [64 * np.isfinite(env.step(np.zeros(4, np.float32))[1])]
+        """,
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=without(name)) for name in STEPS])
+def test_a_row_of_the_page_takes_steps(name):
+    head = "import gymnasium as gym, numpy as np, redundant_envs, torch"
+    program = f"{head}\nID = {RPRP!r}\n{textwrap.dedent(STEPS[name])}\nassert set(shapes) == {{64}}, shapes"
+    done = python("-c", program)
+    assert done.returncode == 0, done.stderr
+    (row,) = (
+        line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.lower().startswith(f"| {name}")
+    )
+    assert row.count("|") == 4
+
+
 def test_the_page_names_files_and_arguments_that_exist():
     text = PAGE.read_text(encoding="utf-8")
     for name in re.findall(r"(?:configs/zoo|docs/examples|agents/redundant_envs_train)/\w+\.\w+", text):
@@ -193,6 +249,25 @@ def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, envs, st
     CLASSES[algo].load(saved, device="cpu")  # stable-baselines3 alone takes it
     saved.rename(saved.parent / "policy.zip")
     assert_same_policy(saved.parent, tmp_path / "ours")
+
+
+@without("rl_zoo3")
+def test_a_policy_of_an_averaged_learner_is_watched(tmp_path):
+    short = ["--hyperparams", "n_envs:16", "n_timesteps:600"]
+    assert zoo(tmp_path, "averaged_ppo", "--seed", 0, *short).returncode == 0
+    words = ["--algo", "averaged_ppo", "--env", RPRP, "-f", tmp_path, "--no-render", "-n", 200]
+    done = python("-m", "redundant_envs_train.zoo", "enjoy", *words)
+    assert done.returncode == 0, done.stderr
+    assert "Success rate: " in done.stdout
+
+
+@without("rl_zoo3")
+def test_a_search_of_rl_zoo3_completes_trials_with_the_file_for_it(tmp_path):
+    given = ["--conf-file", "configs/zoo/ppo_optimize.yml", "--log-folder", tmp_path, "--num-threads", 1]
+    search = ["-optimize", "--n-trials", 1, "-n", 600, "--seed", 0]
+    done = python("-m", "redundant_envs_train.zoo", "--algo", "ppo", "--env", RPRP, *given, *search)
+    assert done.returncode == 0, done.stderr
+    assert "Trial 0 finished" in done.stdout + done.stderr
 
 
 @without("rl_zoo3")

@@ -15,7 +15,7 @@ from redundant_envs.effects import REGISTRY
 from redundant_envs.envs.cost import BARE
 from redundant_envs.files import config_folder
 
-SLOW = ("torch.optim.Adam", "model.learn(")
+SLOW = ("torch.optim.Adam", "model.learn(", "config.build_algo(")
 """In blocks that take seconds; beside them shorter ones use the same functions."""
 BLOCKS = [
     pytest.param(
@@ -24,16 +24,19 @@ BLOCKS = [
     )
     for page in MANUAL for line, _, block in blocks(page, "python")
 ]  # fmt: skip
-OTHERS = ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")
+OTHERS = {name: name for name in ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")} | {
+    "ray": "tree"
+}
+"""Packages that blocks import, and what must be there for them: Ray alone has not all that RLlib imports."""
 BEHIND = {"casadi": "casadi", "RecordVideo": "moviepy", "animate(": "imageio"}
 """Packages that are not imported by a block, but needed by what it calls."""
 
 
 @pytest.mark.parametrize(("page", "line", "block"), BLOCKS)
 def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
-    for name in OTHERS:
-        if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(name):
-            pytest.skip(f"{name} is not installed")
+    for name, needed in OTHERS.items():
+        if re.search(rf"^(import|from) {name}\b", block, re.M) and not importlib.util.find_spec(needed):
+            pytest.skip(f"{needed} is not installed")
     for call, name in BEHIND.items():
         if call in block:
             pytest.importorskip(name)

@@ -1,4 +1,4 @@
-"""``python -m redundant_envs_train.zoo``: takes all arguments of ``rl_zoo3.train``."""
+"""``python -m redundant_envs_train.zoo``: rl_zoo3's train, and with ``enjoy`` first its enjoy."""
 
 import sys
 
@@ -6,12 +6,16 @@ from redundant_envs.extras import MissingPackage
 
 
 def main() -> int:
-    """Train; after a message 2 for a missing package or a mistake in the input."""
+    """Train or watch; after a message 2 for a missing package or a mistake in the input."""
     try:
-        from .experiment import train
+        from .experiment import enjoy, train
 
-        train()
-    except (MissingPackage, ValueError) as error:
+        if sys.argv[1:2] == ["enjoy"]:
+            del sys.argv[1]
+            enjoy()
+        else:
+            train()
+    except (MissingPackage, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     return 0

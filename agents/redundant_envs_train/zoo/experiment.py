@@ -21,8 +21,10 @@ from ..rollout import SELECTION_SEED
 
 with needs("zoo"):
     import rl_zoo3
+    import rl_zoo3.enjoy
     import rl_zoo3.train
     from rl_zoo3.exp_manager import ExperimentManager
+    from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.callbacks import CallbackList
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
@@ -99,6 +101,12 @@ class Experiment(ExperimentManager):
         super().save_trained_model(model)
         if self.averaged:
             save_policy(model, Path(self.save_path) / f"{self.env_name}.zip")
+
+
+def enjoy() -> None:
+    """Watch as ``rl_zoo3.enjoy`` does; policies of the averaged learners are those of stable-baselines3."""
+    rl_zoo3.ALGOS.update(averaged_ppo=PPO, averaged_sac=SAC)
+    rl_zoo3.enjoy.enjoy()
 
 
 def train() -> None:
