@@ -20,6 +20,7 @@ from redundant_envs.effects.hooks import (
     CONTROL_DT,
     ELAPSED,
     MOST_GUARDS,
+    MOST_KINKS,
     PASSED,
     SIDE,
     SPEED,
@@ -65,7 +66,7 @@ class May(enum.Enum):
 class Rule(NamedTuple):
     """The rule of a function of a hook or a state."""
 
-    values: int = 1  # that it returns; at most so many for a guard
+    values: int = 1  # that it returns; at most so many for those of SEVERAL
     may: May = May.ANYTHING
     refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
 
@@ -75,7 +76,7 @@ RULES: dict[type, dict[str, Rule]] = {
                              "parameters and states of its effect: give a Force at each point for another")},
     Force: {
         "function": Rule(),
-        "kink": Rule(),
+        "kink": Rule(MOST_KINKS),
         "guard": Rule(MOST_GUARDS),
         "potential": Rule(1, May.POSITION),
         "conservative": Rule(1, May.POSITION),
@@ -83,7 +84,7 @@ RULES: dict[type, dict[str, Rule]] = {
         "damping": Rule(1, May.OWN_JOINT),
     },
     Impulse: {"function": Rule()},
-    Actuation: {"function": Rule(), "kink": Rule(), "guard": Rule(MOST_GUARDS), "by_side": Rule()},
+    Actuation: {"function": Rule(), "kink": Rule(MOST_KINKS), "guard": Rule(MOST_GUARDS), "by_side": Rule()},
     Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
                              "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
@@ -103,6 +104,8 @@ RULES: dict[type, dict[str, Rule]] = {
 }  # fmt: skip
 """Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
 AXES = "function", "conservative"
+SEVERAL = "guard", "kink"
+"""Functions of hooks that may return several values."""
 TAKING_DRAWS = "update", "initial"
 """Functions of states that may take draws."""
 OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
@@ -420,12 +423,12 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     part, arm = known.part, known.arm
     function = getattr(part, field)
     values, name = dialect.check(function), name_of(function)
-    if field == "guard" and values > MOST_GUARDS:
-        raise ValueError(f"guard {name} returns {values} values; it may return {MOST_GUARDS} at most")
+    if field in SEVERAL and values > rule.values:
+        raise ValueError(f"{field} {name} returns {values} values; it may return {rule.values} at most")
     roots = dict(_roots(field, function, known))
     at_point = isinstance(part, Force | Impulse) and isinstance(part.joint, Point)
     wanted = 2 if at_point and field in AXES else rule.values
-    if values != wanted and field != "guard":
+    if values != wanted and field not in SEVERAL:
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
         if field == "function":
             raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")

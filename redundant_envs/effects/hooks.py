@@ -123,6 +123,8 @@ SIDE = "side"
 """Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
 MOST_GUARDS = 4
 """Most values of the guard of one hook: its functions have as many sides."""
+MOST_KINKS = 2
+"""Most values of its ``kink``."""
 
 
 def sides(count: int) -> list[str]:
@@ -168,7 +170,8 @@ class Force:
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
     same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
     function does not show, or that replaces one that it shows: it replaces all kinks of the values that
-    ``where`` chooses from in it.
+    ``where`` chooses from in it. It may return two values, such as those at both ends of a narrow range in
+    which a smooth law bends.
     """
 
     joint: int | Point

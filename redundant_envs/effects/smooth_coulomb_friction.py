@@ -21,6 +21,13 @@ def steepest(level, speed):
     return level / speed
 
 
+@physics
+def bends(rate, speed):
+    """0 at the rates at which the friction bends most: a step across one may contain its whole change, which
+    estimates do not see."""
+    return rate - 0.5 * speed, rate + 0.5 * speed
+
+
 @dataclass(frozen=True)
 class SmoothCoulombFriction(Effect):
     """Friction of a constant level, which falls to zero below a speed.
@@ -52,4 +59,4 @@ class SmoothCoulombFriction(Effect):
             {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "speed": f".speed[{k}]"}
             for k in range(len(arm.joints))
         )
-        return tuple(Force(k, force, bind, damping=steepest) for k, bind in enumerate(own))
+        return tuple(Force(k, force, bind, damping=steepest, kink=bends) for k, bind in enumerate(own))

@@ -29,7 +29,8 @@ class Watch:
     def values(self, x: Quantities) -> list[Any]:
         """Values that change their signs at the kinks, from quantities."""
         if not self.moving:  # its own value does
-            return [self.function(x)]
+            found = self.function(x)
+            return [*found] if isinstance(found, tuple) else [found]
         kinks = kinks_in(self.run(x))
         return [kinks[k].value for k in self.kept]
 
@@ -82,10 +83,12 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         stands_for: set[Key] = set()
         if "kink" in a.functions and any(moves(a.functions["kink"], command)):
             watch = Watch(a.functions["kink"])
-            found.append((a, watch, []))
-            own, *chosen = _keys_declared(value_of(watch.values(x)[0]))
-            seen.add(own)
-            stands_for.update(chosen)
+            values = watch.values(x)
+            found.append((a, dataclasses.replace(watch, levels=(False,) * len(values)), []))
+            for value in values:
+                own, *chosen = _keys_declared(value_of(value))
+                seen.add(own)
+                stands_for.update(chosen)
         # Functions that determine the motion within an interval.
         rates = [own["derivative"] for own in a.states.values() if "derivative" in own]
         for function in (a.functions["function"], *rates):

@@ -77,9 +77,14 @@ class SceneBoundaries:
 
     @cached_property
     def sharpness(self) -> float:
-        """The factor of the error estimate."""
+        """The factor of the error estimate: the larger one with springs and stops, and with a force that
+        declares where its single law bends."""
         springs = any("stiffness" in a.functions for a in self.scene.attached.of(Force))
-        return SHARPNESS_OF_SPRINGS if springs and self.stops else SHARPNESS
+        bends = any(
+            "kink" in a.functions and "guard" not in a.functions and a.hook.switch is None
+            for a in self.scene.attached.of(Force)
+        )
+        return SHARPNESS_OF_SPRINGS if (springs and self.stops) or bends else SHARPNESS
 
     @cached_property
     def holding(self) -> tuple[Boundary, ...]:

@@ -56,6 +56,36 @@ def test_smooth_coulomb_friction_takes_its_level_from_fast_joints():
     assert batch.qd[0, 0] == pytest.approx(10.0 - 2.0 * 0.02 / INERTIA, rel=1e-9)
 
 
+@pytest.mark.parametrize(("seed", "tolerance"), [(3, 1e-6), (4, 1e-9)])
+def test_smooth_coulomb_friction_keeps_the_tolerance_where_a_joint_stops_or_turns(seed, tolerance):
+    lanes, dt, steps = 4096, 0.02, 800
+    rng = np.random.default_rng(seed)
+    level, load = 10 ** rng.uniform(-1.0, 1.0, lanes), rng.normal(0.0, 10.0, lanes)
+    speed, q, rate = 10 ** rng.uniform(-2.0, -0.5, lanes), rng.normal(size=lanes), rng.normal(size=lanes)
+    rate[::4] = 0.0
+    batch = rde.BatchSimulator(
+        rde.Scene(ONE, (e.SmoothCoulombFriction(1.0),), tolerance=tolerance, control_dt=dt), lanes
+    )
+    batch.set_parameters(
+        {f"smooth_coulomb_friction.{n}": x[:, None] for n, x in (("levels", level), ("speed", speed))}
+    )
+    batch.set_state(q[:, None], rate[:, None])
+    assert not batch.advance(load[:, None]).numerics.any()
+
+    def slope(v):
+        return (load - level * v / np.hypot(v, speed)) / INERTIA
+
+    h, v = dt / steps, rate
+    for _ in range(steps):
+        k1 = slope(v)
+        k2 = slope(v + 0.5 * h * k1)
+        k3 = slope(v + 0.5 * h * k2)
+        k4 = slope(v + h * k3)
+        q = q + h * (v + h / 6.0 * (k1 + k2 + k3))
+        v = v + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    assert abs(batch.q[:, 0] - q).max() <= tolerance
+
+
 # ---- LuGre -------------------------------------------------------------------------------------------------
 
 CASE_34 = e.LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 0.01)
