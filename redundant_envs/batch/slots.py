@@ -114,9 +114,11 @@ class Slots:
         self.again.value = 0
         with self.p.each(end, start=first) as number:
             block = self.block(number)
-            self.p.call(self.settled, **block.pointers)
-            again = self.blocks.mask(block.pointers, "again") & self.blocks.valid(block)
-            self.again.value = self.again.value | again
+            self.p.call(self.doubted, **block.pointers)
+            with self.p.when(self.blocks.mask(block.pointers, "again") & self.blocks.valid(block) != 0):
+                self.p.call(self.settled, **block.pointers)
+                again = self.blocks.mask(block.pointers, "again") & self.blocks.valid(block)
+                self.again.value = self.again.value | again
 
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
@@ -130,6 +132,7 @@ class Slots:
         if i.instants:
             self.begun = make("next_piece", step.next_piece)
         if i.attempts > 1:
+            self.doubted = make("doubt", self.interval.doubt)
             self.settled = make("settle", self.interval.settle)
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
@@ -168,7 +171,9 @@ class Slots:
             read_in_slots.add(self.layout.row_of("span_start"))  # by the log of events, and by no function
         at_end = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
         if self.dynamics.attempts > 1:
-            at_end |= self.blocks.reads[self.begun.name] | self.blocks.reads[self.settled.name]
+            at_end = at_end.union(
+                *(self.blocks.reads[f.name] for f in (self.begun, self.doubted, self.settled))
+            )
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]

@@ -78,6 +78,7 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
                 lane.due = False
             yield lane
         if interval.dynamics.attempts > 1:
+            interval.doubt(lane)
             interval.settle(lane)
             if not lane.again:
                 break
@@ -182,7 +183,7 @@ def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[d
                     fields[name] = algebra.where(leaves, fields[name], before)
             yield fields
         if interval.dynamics.attempts > 1:
-            call(interval.settle)
+            call(interval.doubt, interval.settle)
             if not some("again"):
                 break
     call(interval.end)

@@ -112,8 +112,12 @@ class Interval:
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 
+    def doubt(self, lane: Lane) -> None:
+        """After the last piece: whether the lane has to be judged."""
+        attempts.doubt(self.dynamics, lane)
+
     def settle(self, lane: Lane) -> None:
-        """After the last piece: whether the interval is crossed, or has to be crossed again."""
+        """Then: whether the interval is crossed, or has to be crossed again."""
         attempts.settle(self.dynamics, lane)
 
     def initial_states(self, lane: Lane) -> dict[str, Any]:

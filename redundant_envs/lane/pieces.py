@@ -67,7 +67,7 @@ def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
     lane.piece_end = end
     length = end - start
     if dynamics.attempts > 1:
-        lane.error_carried = where(length > 0.0, lane.error, lane.error_carried)
+        attempts.carry(lane, length > 0.0)
     lane.h = length if dynamics.scene.substeps == 1 else length / float(dynamics.scene.substeps)
     for name in dynamics.doubts:
         lane[name] = False

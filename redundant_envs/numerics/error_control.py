@@ -156,14 +156,17 @@ def confirmed(c: Crossed) -> Any:
 
 @branches
 def growth_over_pieces(steps: Any, impacts: Any) -> Any:
-    """Factor by which an error may have grown over the pieces of an interval with so many steps."""
+    """Factor by which an error may have grown over the pieces of an interval with so many steps.
+
+    With one or two it is that of an interval without instants, whose growth estimates leave room for.
+    """
     if impacts >= SOME_IMPACTS:
         return math.inf
     if steps <= 2.0:
-        return 30.0
+        return 1.0
     if steps <= 8.0:
-        return 1e3
-    return 1e6 if steps <= 32.0 else math.inf
+        return 10.0
+    return 1e3 if steps <= 32.0 else math.inf
 
 
 @branches
