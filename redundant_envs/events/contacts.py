@@ -25,6 +25,8 @@ LOWEST_BOUNCE = 1e-9
 """m; a coordinate that would bounce less high comes to rest."""
 LOWEST_PER_SQUARE = 1e3
 """1/m; the same over the square of the tolerance, where friction decides what rests (0025)."""
+LOWEST_IN_TURN = 10.0
+"""1/m; the same where joints strike their stops in turn: what one loses by coming to rest the other lacks."""
 AWAY = -1e300
 """m/s^2; the outward acceleration of a coordinate that is pressed onto no stop."""
 

@@ -47,7 +47,8 @@ def clear(lane: Lane) -> None:
 def begin(lane: Lane) -> None:
     """Before an attempt."""
     lane.piece_end = lane.error = lane.error_carried = lane.steps_taken = 0.0
-    lane.shortest_step, lane.unsure, lane.carries_doubt = math.inf, False, False
+    lane.divisions, lane.shortest_step = 1.0, math.inf
+    lane.unsure = lane.carries_doubt = False
 
 
 def note(dynamics: Dynamics, lane: Lane) -> None:

@@ -167,11 +167,14 @@ class Boundaries:
         )  # fmt: skip
 
     def _lowest_bounce(self, lane: Lane) -> Any:
-        """Height below which a bounce ends in rest, m. Where friction decides what rests it falls with the
-        square of the tolerance below 1e-6 m, as the speed of such a bounce does with the tolerance."""
-        if not self.dynamics.sticking or self.dynamics.scene.tolerance is None:
+        """Height below which a bounce ends in rest, m. Where friction decides what rests, or joints that turn
+        may strike their stops in turn, it falls with the square of the tolerance, as the speed of such a
+        bounce does with the tolerance."""
+        several = len(self.dynamics.angular) > 1
+        if not (self.dynamics.sticking or several) or self.dynamics.scene.tolerance is None:
             return contacts.LOWEST_BOUNCE
-        height = contacts.LOWEST_PER_SQUARE * lane.tip_tolerance * lane.tip_tolerance
+        share = contacts.LOWEST_IN_TURN if several else contacts.LOWEST_PER_SQUARE
+        height = share * lane.tip_tolerance * lane.tip_tolerance
         return minimum(contacts.LOWEST_BOUNCE, maximum(height, ROUNDING))
 
     def _grip(self, lane: Lane, b: Boundary) -> Any:

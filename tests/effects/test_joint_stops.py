@@ -229,3 +229,17 @@ def test_impossible_numbers_are_refused(arguments, match):
 def test_another_number_of_joints_is_refused():
     with pytest.raises(ValueError, match=r"lower has 1 entries; .* has 4 joints: give an end, or None"):
         rde.Scene(FOUR_R, (e.JointStop((0.1,), (0.2,)),))
+
+
+def test_joints_that_strike_their_stops_in_turn_do_not_come_to_rest_too_early():
+    """About 150 impacts between two joints, after which a third of the speed was missing."""
+    arm = rde.Chain("PRR", (0.93570767, 0.09052804, 0.33780294), (0.16131276, 0.12802083))
+    stop = e.JointStop((-0.02893336, -0.02893336, -0.02893336), (0.203147555, 0.249404853, -0.022265936), 0.5)
+    spring = e.CentringSpring((37.3913052,), (-0.02893336,), (-0.00783374,))
+    tips = []
+    for tolerance in (1e-6, 1e-9):
+        batch = rde.BatchSimulator(rde.Scene(arm, (spring, stop), tolerance=tolerance, control_dt=0.083), 1)
+        batch.set_state([[0.203147555, -0.02893336, -0.051199296]], [[0.0, 1.63044479, -5.33186601]])
+        assert not batch.advance([[1.81819243, 0.37270138, -0.01205528]]).numerics.any()
+        tips.append(arm.forward_kinematics(batch.q)[0])
+    assert np.linalg.norm(tips[0] - tips[1]) <= 1e-6
