@@ -239,7 +239,8 @@ class SceneBoundaries:
         for b in self.sticking:
             mode = x[b.side]
             if held is None:
-                forces = "tGh" if self.frictions else "t"
+                applied = "t" if self.scene.actuation == "joint" else "Q"
+                forces = f"{applied}Gh" if self.frictions else applied
                 loads = total(abs(x[f"{force}{k + 1}"]) for force in forces for k in range(self.count))
                 most = TORN_LOOSE * self.friction_limit(b, x, 0.0) + LOST_IN_LOADS * loads
                 hold = x[f"hold{b.number}"]

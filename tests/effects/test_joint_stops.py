@@ -10,7 +10,9 @@ from redundant_envs import effects as e
 
 LINK = rde.Chain("R", (2.0,), (0.5,))
 INERTIA = 2.0 * 0.5**2
-STEPS = pytest.mark.parametrize("how", [{}, {"tolerance": 1e-9}, {"integrator": "dop853"}])
+STEPS = pytest.mark.parametrize(
+    "how", [{}, {"tolerance": 1e-9}, {"integrator": "dop853", "actuation": "generalized"}]
+)
 LOWER, UPPER = (-1.0, -0.8, None, -0.5), (1.5, 0.9, 0.7, 0.5)
 SCENES = {
     "4R": rde.Scene(
@@ -69,7 +71,7 @@ def test_a_link_between_two_stops_loses_the_same_share_of_its_rate_at_each(how):
     assert motion.qd[-1, 0] == pytest.approx(0.8**4, rel=1e-15)
 
 
-@pytest.mark.quick("how0")
+@pytest.mark.quick("how2")
 @STEPS
 def test_a_link_pressed_onto_its_stop_rests_until_its_effort_turns(how):
     """The effort lags behind its command: it is 0 at T ln 2 after the command has turned."""
