@@ -35,7 +35,7 @@ class Known(dict[str, Any]):
 
 def tells(scene: Scene) -> bool:
     """Whether it knows everything in a scene."""
-    return not scene.attached.of(*NOT_TOLD) and scene.actuation == "joint"
+    return not scene.attached.of(*NOT_TOLD)
 
 
 class Account:
@@ -45,6 +45,7 @@ class Account:
         self.scene, self.arm, self.B = scene, scene.robot, np.asarray(scene.robot.motor_map)
         self.given = dict(numbers) | {"control_dt": np.full(len(commands), scene.control_dt)}
         self.given |= {f"command{k + 1}": u for k, u in enumerate(commands.T)}
+        self.acting = self.B if scene.actuation == "joint" else np.eye(len(self.B))
         x: Any = Known(self.given)
         self.instants = [(a, np.asarray(a.functions["after"](x))) for a in scene.attached.instants]
         self.moving = [name for a in scene.attached for name, f in a.states.items() if "derivative" in f]
@@ -112,7 +113,7 @@ class Account:
                 link.settle_law(x)
                 changes |= link.changes("derivative", x)
                 x[command] = link.functions["function"](x)
-            forces += np.multiply.outer(x[command], self.B[:, k])
+            forces += np.multiply.outer(x[command], self.acting[:, k])
         qdd = np.linalg.solve(M, forces[:, :, None])[:, :, 0]
         rates = [np.broadcast_to(changes[name], len(q)) for name in self.moving]
         return np.concatenate([qd, qdd, np.array(rates).reshape(-1, len(q)).T], axis=1)

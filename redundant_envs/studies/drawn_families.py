@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -29,8 +30,10 @@ from redundant_envs.verify.judging import agree
 Array = NDArray[np.float64]
 KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"
 EFFORTS = "plain", "plain", "bang-bang", "none", "too large"
-EFFORT = 0.01, 1.0
+EFFORT = 0.01, 4.0
 """Of motors, in units of those that hold the stretched arm: these whirl light links around."""
+GENERALIZED = 1.0 / 3.0
+"""Share of families whose efforts act on the coordinates: what holds the whole arm acts on single links."""
 FINER = 0.01, 0.001
 """Tolerances of references, in units of the scene's."""
 VARIANTS = 16
@@ -40,8 +43,13 @@ SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "Sensor
 SUCCESSIVE = 8
 """Intervals in succession from one drawn state."""
 MOST_GRAVITY = 30.0  # m/s^2
-MOST_EVALUATIONS = 5000
-"""Of an interval: few take more, and these would take nearly all the time."""
+MOST_EVALUATIONS = 100_000
+"""Of an interval: few take more."""
+ENOUGH = 3e6
+"""Evaluations of the intervals of a draw: where they take many it has fewer of them, and is the last one if
+it has less than half of those asked for."""
+AT_ONCE = 32
+"""States drawn at once."""
 LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 
@@ -60,7 +68,6 @@ class DrawnFamily:
     seed: int
     number: int
     tolerance: float = 0.0
-    actuation = "joint"
 
     def __post_init__(self) -> None:
         if self.tolerance == 0.0:
@@ -75,6 +82,7 @@ class DrawnFamily:
         rng, kinds = self._rng(), moving_effects()
         name = [*kinds][self.number % len(kinds)]
         control_dt = float(np.round(drawing.decades(rng, 0.005, 0.2), 4))
+        actuation = "generalized" if self._rng(2).random() < GENERALIZED else "joint"
         made = None
         while made is None:
             arm: Arm = drawing.drawn_chain(rng) if rng.random() < 0.5 else drawing.drawn_arm(rng, calm=True)
@@ -83,7 +91,7 @@ class DrawnFamily:
                 if self.number // len(kinds) % 2 == 0
                 else [name, str(rng.choice([k for k in kinds if k not in (name, "Gravity")]))]
             )
-            made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt)
+            made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt, actuation)
             if not LEAST_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
                 made = None
         others = (changed(rng, made) for _ in range(20 * VARIANTS))
@@ -95,7 +103,7 @@ class DrawnFamily:
         arm: Any = scene.robot
         effects = " + ".join(type(e).__name__ for e in scene.effects)
         kind = arm.joint_types if arm.kind == "Chain" else arm.kind
-        return f"{self.number}: {kind}, {effects}, {1e3 * scene.control_dt:g} ms"
+        return f"{self.number}: {kind}, {effects}, {1e3 * scene.control_dt:g} ms, {scene.actuation}"
 
     @property
     def robot(self) -> Any:
@@ -110,8 +118,21 @@ class DrawnFamily:
         return [self.scene(tolerance=max(f * self.tolerance, 1e-13)) for f in reversed(FINER)]
 
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
-        """Random data of ``count`` lanes: the starts of some intervals in succession, from random states."""
-        scenes, few = self.variants, -(-count // SUCCESSIVE)
+        """Random data of at most ``count`` lanes: the starts of some intervals in succession, from random
+        states."""
+        states, drawn, spent = -(-count // SUCCESSIVE), list[Draw](), 0.0
+        for start in range(0, states, AT_ONCE):
+            some, evaluations = self._drawn_from(min(AT_ONCE, states - start), rng)
+            drawn.append(some)
+            spent += evaluations
+            if spent > ENOUGH:
+                break
+        made = joined(drawn)
+        return chosen(made, np.arange(min(count, len(made.joints))))
+
+    def _drawn_from(self, few: int, rng: np.random.Generator) -> tuple[Draw, float]:
+        """Intervals in succession from ``few`` random states, and their evaluations in all."""
+        scenes = self.variants
         which = np.sort(rng.integers(len(scenes), size=few))
         tables = [s.parameters() for s in scenes]
         numbers = {name: np.array([table[name] for table in tables])[which] for name in tables[0]}
@@ -120,7 +141,7 @@ class DrawnFamily:
             np.concatenate(parts)
             for parts in zip(*(drawing.drawn_states(s, n, rng, KINDS) for s, n in shares), strict=True)
         )
-        batch, fine, drawn = begun(self.scene(), numbers, q, qd), np.arange(few), []
+        batch, fine, drawn, spent = begun(self.scene(), numbers, q, qd), np.arange(few), [], 0.0
         for _ in range(SUCCESSIVE):
             efforts = np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
             efforts *= drawing.decades(rng, *EFFORT, (few, 1))
@@ -128,14 +149,16 @@ class DrawnFamily:
             status = batch.advance(efforts)
             fine = fine[status.evaluations[fine] <= MOST_EVALUATIONS]
             drawn.append((*begin, fine))
+            spent += float(status.evaluations.sum())
             fine = fine[status.numerics[fine] == 0]
-        lanes = np.concatenate([one[-1] for one in drawn])[:count]
-        q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn])[:count] for k in range(4))
+        lanes = np.concatenate([one[-1] for one in drawn])
+        q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn]) for k in range(4))
         B = self.robot.motor_map
-        return Draw(
+        made = Draw(
             q @ B, qd @ B, efforts, {name: values[lanes] for name, values in numbers.items()},
             dict(zip(scenes[0].states(), z.T, strict=True)),
         )  # fmt: skip
+        return made, spent
 
     def tips_after(self, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
         """Tips after a control interval, (count, 2), m, and its status."""
@@ -176,7 +199,7 @@ def moving_effects() -> dict[str, type[Effect]]:
 
 
 def made_scene(
-    rng: np.random.Generator, arm: Arm, kinds: list[type[Effect]], control_dt: float
+    rng: np.random.Generator, arm: Arm, kinds: list[type[Effect]], control_dt: float, actuation: str = "joint"
 ) -> Scene | None:
     """A scene of some effects, with gravity in two of three; None if it cannot be."""
     if Gravity not in kinds and rng.random() < 0.67:
@@ -184,7 +207,7 @@ def made_scene(
     for _ in range(drawing.TRIES):
         try:
             effects = tuple(drawn_calmly(rng, kind, arm) for kind in kinds)
-            return Scene(arm, effects, control_dt=control_dt)
+            return Scene(arm, effects, control_dt=control_dt, actuation=actuation)
         except ValueError:
             continue
     return None
@@ -214,6 +237,20 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
     except ValueError:
         return None
     return made if made.parameters().keys() == scene.parameters().keys() else None
+
+
+def joined(draws: Sequence[Draw]) -> Draw:
+    """The lanes of several draws of a family."""
+
+    def together(tables: Any) -> dict[str, Array]:
+        tables = list(tables)
+        return {name: np.concatenate([t[name] for t in tables]) for name in tables[0]}
+
+    joints, rates, efforts = (
+        np.concatenate([getattr(d, name) for d in draws]) for name in ("joints", "rates", "efforts")
+    )
+    tables = together(d.parameters for d in draws), together(d.states for d in draws)
+    return Draw(joints, rates, efforts, *tables)
 
 
 def begun(scene: Scene, numbers: dict[str, Array], q: Array, qd: Array) -> BatchSimulator:

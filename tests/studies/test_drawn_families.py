@@ -5,7 +5,7 @@ import pytest
 
 from redundant_envs.effects import CommandDelay
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.robots import RPRP, Chain
+from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.scene import Scene
 from redundant_envs.studies import drawing, drawn_families, intervals
 from redundant_envs.studies.another_account import Account
@@ -32,6 +32,18 @@ def test_another_account_crosses_an_instant():
     tip = account.after(np.zeros((1, 1)), np.ones((1, 1)), {"command_delay.sent[0]": np.array([-1.0])}, 1e-13)
     first = 0.006 - 0.25 * 0.006**2
     assert tip[0, 0] == pytest.approx(first + (1.0 - 0.5 * 0.006) * 0.014 + 0.75 * 0.014**2, abs=1e-15)
+
+
+def test_another_account_knows_efforts_on_coordinates():
+    """4R of 2 kg in 20 ms: what acts at the joints, Q = B t, and the same on the coordinates."""
+    arm, efforts = FourR((0.5,) * 4, (0.4,) * 4), np.array([[3.0, -2.0, 1.0, 0.5]])
+    start, still, tips = np.array([[0.1, 0.5, 1.0, 2.0]]), np.zeros((1, 4)), []
+    for actuation, given in (("joint", efforts), ("generalized", efforts @ arm.motor_map.T)):
+        scene = Scene(arm, control_dt=0.02, actuation=actuation)
+        numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+        tips.append(Account(scene, numbers, given).after(start, still, {}, 1e-13))
+    assert tips[0] == pytest.approx(tips[1], abs=1e-15)
+    assert {DrawnFamily(0, n).variants[0].actuation for n in (1, 2)} == {"joint", "generalized"}
 
 
 class Loose(DrawnFamily):
