@@ -532,7 +532,7 @@ def test_pieces_share_the_tolerance_and_their_errors_add_up():
     made = with_effects(bare(FOUR_R, tolerance=tolerance), LateCommand(seconds))
     q, qd, commands = starts(FOUR_R, 96)
     for one in zip(q, 6.0 * qd, commands[0], strict=True):
-        first, second = after_each_piece(made, *one, ("error", "fault"))
+        *_, first, second = after_each_piece(made, *one, ("error", "fault"))
         assert first["fault"] == second["fault"] == 0.0
         assert first["error"] <= tolerance * seconds / LENGTH
         assert first["error"] < second["error"] <= tolerance
