@@ -34,10 +34,7 @@ def missed(trial, checks):
     "4R free 1e-12",
     "stops dop853",
     "RPRP every effect 1e-6",
-    "4R motors rk8",
     "RPRP stiction 1e-6",
-    "4R obstacles rk8",
-    "4R bodies rk8",
 )
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]

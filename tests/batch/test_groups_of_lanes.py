@@ -53,6 +53,7 @@ def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
     assert_same_bits([beside[:GROUP]], [alone])
 
 
+@pytest.mark.long
 def test_environments_of_many_groups_are_those_of_few():
     count, last = GROUP + 21, GROUP - 64  # few are in one group, many are not
     many, few = (

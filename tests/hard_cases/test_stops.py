@@ -15,6 +15,7 @@ from .hard_case import at_least, at_most, hard_case
 from .subject import Subject
 
 
+@pytest.mark.long
 @hard_case
 def test_23_five_impacts_keep_the_order(subject):
     errors, motion = m.five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))

@@ -95,6 +95,7 @@ def test_all_passages_of_a_guard_in_one_step_are_found(tolerance):
     assert evaluations.mean() < 400.0
 
 
+@pytest.mark.long
 def test_a_guard_that_never_changes_its_sign_costs_no_step():
     state = start(FOUR_R, 64, seed=2)
     counts = [

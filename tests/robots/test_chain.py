@@ -114,6 +114,7 @@ def test_the_class_of_all_chains_is_no_base_no_kind_and_no_subject():
         subject_of("Chain")
 
 
+@pytest.mark.long
 def test_symbols_of_a_chain_are_those_of_its_equations():
     sp = pytest.importorskip("sympy", reason="sympy is in the extra 'verify'")
     made = rde.Chain("PR", (2.0, 1.0), (0.5,)).symbols()
