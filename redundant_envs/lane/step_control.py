@@ -130,7 +130,8 @@ class EqualSteps(StepControl):
         return Crossed(*known, *self.step.doubts(lane))
 
     def within_budget(self, lane: Lane) -> Any:
-        return lane.evaluations < self.dynamics.attempts * self.most_trials * self.stages
+        crossings = 2.0 if self.dynamics.attempts > 1 else 1.0  # each has twice the steps of the one before
+        return lane.evaluations < crossings * self.most_trials * self.stages
 
 
 class AdaptiveSteps(StepControl):
