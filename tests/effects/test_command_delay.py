@@ -9,6 +9,9 @@ from catalogue import ARMS, FOUR_R, RPRP, assert_same_bits
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects.command_delay import rest, whole_intervals
+from redundant_envs.lane.direct import cross_interval, fields_of
+from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.interval import Interval
 
 DT = 0.02
 STEPS = {
@@ -79,6 +82,25 @@ def test_an_error_made_before_an_instant_is_small_enough_at_the_end_of_the_inter
     off = np.linalg.norm(arm.forward_kinematics(batch.q) - arm.forward_kinematics(finer.q), axis=1)
     assert (faults == 0).mean() > 0.5
     assert off[faults == 0].max() <= tolerance
+
+
+def test_an_interval_that_is_crossed_again_ends_alike_without_a_compiler():
+    arm, lanes = rde.Chain("RR", (0.5, 0.5), (0.9, 0.2)), 8
+    scene = rde.Scene(arm, (e.CommandDelay(0.06, 0.1),), tolerance=1e-6, control_dt=0.2)
+    batch, rng = rde.BatchSimulator(scene, lanes), np.random.default_rng(0)
+    batch.set_state(rng.uniform(-3.0, 3.0, (lanes, 2)), rng.normal(0.0, 2.0, (lanes, 2)))
+    batch.advance(rng.uniform(-0.5, 0.5, (lanes, 2)))
+    interval, efforts = Interval(Dynamics(scene)), rng.uniform(-0.5, 0.5, (lanes, 2))
+    states = dict(zip(interval.dynamics.states, np.hstack([batch.q, batch.qd]).T, strict=True))
+    states |= dict(zip(interval.dynamics.effect_states, batch.z.T, strict=True))
+    states |= dict(zip(interval.dynamics.commands, efforts.T, strict=True)) | fields_of(interval.dynamics)
+    several = cross_interval(interval, states)
+    k = int(np.argmax(batch.advance(efforts).evaluations))
+    one = cross_interval(interval, {n: x[k] if np.ndim(x) else x for n, x in states.items()})
+    assert one["attempts"] == several["attempts"] == 2.0
+    for name, q in zip(arm.coordinates, batch.q.T, strict=True):
+        np.testing.assert_allclose(several[name], q, rtol=0.0, atol=1e-12)
+        assert one[name] == pytest.approx(q[k], rel=0.0, abs=1e-12)
 
 
 def test_one_rk8_step_with_a_delay_of_a_fraction_takes_24_evaluations():

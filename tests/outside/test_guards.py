@@ -154,6 +154,7 @@ five = physics(lambda x: (x, x, x, x, x))
 uses_side = physics(lambda x, side: x * side)
 REFUSED = {
     "a fifth value": (Force(0, itself, {"position": "phi1"}, guard=five), "five|returns 5 values"),
+    "a third kink": (Force(0, itself, {"position": "phi1"}, kink=five), "five|it may return 2 at most"),
     "a side without a guard": (Force(0, uses_side, {"x": "phi1"}), "side"),
     "a side of a guard in the guard": (
         Force(0, uses_side, {"x": "phi1"}, guard=physics(lambda x, side: x * side)), "side",
