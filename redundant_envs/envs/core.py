@@ -128,7 +128,7 @@ class Core(Copied):
     of the episode follows from that key inside the compiled code.
     """
 
-    made_anew = ("keys", "mask", "_key_address", "_team", "_goal_reward", "_facts", "_single")
+    made_anew = ("keys", "mask", "_key_address", "_offsets", "_team", "_goal_reward", "_facts", "_single")
 
     def __init__(
         self,
@@ -179,6 +179,10 @@ class Core(Copied):
             self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
+        seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.made(self.columns, 1))]
+        bytes_of_lane = [4 * len(self.actions), *seen, 0, *seen, self.key_table.strides[0], 0, 0, 0]
+        self._offsets = [[part.first * LANES * size for size in bytes_of_lane] for part in self._team.parts]
+        """What the arguments of each part are behind those of the first."""
 
     @property
     def episode(self) -> Episode:
@@ -238,7 +242,7 @@ class Core(Copied):
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(Operation.STEP, actions, autoreset)
         self.begun = None
-        if autoreset != Autoreset.DISABLED and self.mask.any():
+        if autoreset != Autoreset.DISABLED and np.count_nonzero(self.mask):  # quicker than any()
             self.begun = self.mask == (BEGUN if autoreset == Autoreset.NEXT_STEP else DUE)
             self.waiting[self.begun] = False
             self.mask[self.begun] = 0
@@ -271,29 +275,25 @@ class Core(Copied):
         self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
     ) -> Tables:
         """An operation on all lanes."""
-        n, count = self.num_envs, self.memory.blocks * LANES
         if actions is None:
-            actions = np.zeros((n, len(self.actions)), dtype=np.float32)
-        obs, out = np.empty((count, self.obs_size), np.float32), Outputs.made(self.columns, count)
-        last_obs, last_out = obs, out
+            actions = np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
+        obs, out, places = self._tables(np.empty)
+        last_obs, last_out, last = obs, out, places
         if autoreset == Autoreset.SAME_STEP:
-            last_obs, last_out = np.zeros_like(obs), Outputs.made(self.columns, count, np.zeros)
-        fresh = [actions, obs, *out]
-        sizes = [actions.strides[0], obs.strides[0], *(table.itemsize for table in out)]  # bytes of a lane
-        starts = [address(array) for array in fresh]
-        last = starts[1:] if last_obs is obs else [address(array) for array in (last_obs, *last_out)]
-        how = operation, autoreset, int(self.mask.any())
-        for part in self._team.parts:
-            first = part.first * LANES
-            places = [start + first * size for start, size in zip(starts, sizes, strict=True)]
-            before = [start + first * size for start, size in zip(last, sizes[1:], strict=True)]
-            keys = self._key_address + first * self.key_table.strides[0]
-            part.put("actions", [*places, count, *before, keys, *how])
+            last_obs, last_out, last = self._tables(np.zeros)
+        starts = [address(actions), *places, self.memory.blocks * LANES, *last, self._key_address]
+        starts += operation, autoreset, int(np.count_nonzero(self.mask))
+        for part, offsets in zip(self._team.parts, self._offsets, strict=True):
+            part.put("actions", [start + offset for start, offset in zip(starts, offsets, strict=True)])
         self._team()
-        if count > n:
-            obs, last_obs = obs[:n], last_obs[:n]
-            out, last_out = out.lanes(slice(n)), last_out.lanes(slice(n))
         return obs, out, last_obs, last_out
+
+    def _tables(self, make: Callable[..., Any]) -> tuple[NDArray[np.float32], Outputs, list[int]]:
+        """New tables for observations and outputs of all lanes, and the addresses of their whole blocks."""
+        n, count = self.num_envs, self.memory.blocks * LANES
+        obs, out = make((count, self.obs_size), np.float32), Outputs.made(self.columns, count, make)
+        places = [address(array) for array in (obs, *out)]
+        return (obs, out, places) if count == n else (obs[:n], out.lanes(slice(n)), places)
 
     def begin(
         self, lanes: NDArray[np.bool_], given: options.Given, run: Callable[[int], Any] | None = None

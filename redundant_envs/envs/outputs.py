@@ -71,6 +71,8 @@ class Columns:
         self.places_shown = [p for p, name in zip(self.places_shown, names, strict=True) if name in asked]
         self.names = [name for name in names if name in asked]
         """Names of these in ``info``."""
+        shown = zip(self.names, self.places_shown, strict=True)
+        self._of_vectors = [(name, f"_{name}", table, row) for name, (_, table, row) in shown]
         self.shows_drawn = DRAWN in asked
         if self.shows_drawn:
             self.names.append(DRAWN)
@@ -84,18 +86,17 @@ class Columns:
         """Two coordinates of all lanes, (lanes, 2)."""
         return np.stack([self.of(out, name) for name in names], axis=1)
 
-    def infos(self, out: Outputs) -> dict[str, Any]:
+    def infos(self, out: Outputs, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """Values of all lanes for the ``infos`` of a vector environment, and with each a mask of the lanes
-        that have it: all."""
-        masks = np.ones((len(self.names), out.flags.shape[1]), np.bool_)  # one call, not many
+        that have it."""
         infos: dict[str, Any] = {}
-        for (_, table, row), name, mask in zip(self.places_shown, self.names, masks):  # noqa: B905 - drawn
+        for name, masked, table, row in self._of_vectors:
             infos[name] = out[table][row]
-            infos[f"_{name}"] = mask
+            infos[masked] = mask.copy()
         if self.shows_drawn:
             found = self.drawn_of([self.of(out, field) for field in self.drawn_fields])
-            nested = {f"_{name}": masks[-1].copy() for name in found}  # as Gymnasium nests a dict in infos
-            infos[DRAWN], infos[f"_{DRAWN}"] = {**found, **nested}, masks[-1]
+            nested = {f"_{name}": mask.copy() for name in found}  # as Gymnasium nests a dict in infos
+            infos[DRAWN], infos[f"_{DRAWN}"] = {**found, **nested}, mask.copy()
         return infos
 
     def drawn_of(self, values: Iterable[Any]) -> dict[str, Any]:

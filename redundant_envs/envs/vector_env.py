@@ -15,7 +15,6 @@ from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
 from redundant_envs.envs.options import checked_options
-from redundant_envs.envs.outputs import DRAWN, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scene_numbers import names_of
@@ -60,7 +59,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._ended, self._all = np.zeros(num_envs, dtype=np.bool_), np.ones(num_envs, dtype=np.bool_)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -96,7 +95,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.core.begin(mask, checked)
         self._ended[mask] = False
         observation, out = self._observed()
-        return observation, self._infos(out, mask)
+        return observation, self.core.columns.infos(out, mask)
 
     def step(
         self, actions: Any
@@ -111,7 +110,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         observation, reward, ended, out, last, last_out = self._stepped(
             self._checked_actions(actions), KERNEL_MODE[mode]
         )
-        infos = self._infos(out, None)
+        infos = core.columns.infos(out, self._all)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
             reward[core.begun] = 0.0
         elif mode is AutoresetMode.SAME_STEP and ended.any():
@@ -119,7 +118,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             for n in np.flatnonzero(ended).tolist():
                 final[n] = observation_of(last, n)
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
-            infos["final_info"], infos["_final_info"] = self._infos(last_out, ended), ended.copy()
+            infos["final_info"], infos["_final_info"] = core.columns.infos(last_out, ended), ended.copy()
         elif mode is AutoresetMode.DISABLED:
             self._ended = ended
         terminated, truncated = (core.columns.of(out, name) for name in ("terminated", "truncated"))
@@ -189,17 +188,6 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             raise ValueError("render needs render_mode='rgb_array' at make")
         self._check_begun()
         return tuple(self._pictures().draw(lane) for lane in range(self.num_envs))
-
-    def _infos(self, out: Outputs, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-        """Values of all environments; only those of a mask have them."""
-        infos = self.core.columns.infos(out)
-        if mask is not None:
-            for name in self.core.columns.names:
-                infos[f"_{name}"] &= mask
-            if self.core.columns.shows_drawn:
-                for name in self.core.columns.drawn:
-                    infos[DRAWN][f"_{name}"] &= mask
-        return infos
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
