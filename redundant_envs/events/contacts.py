@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import enum
 import itertools
+import math
 from collections.abc import Sequence
 from functools import reduce
 from operator import mul, sub
@@ -22,11 +23,8 @@ MOST_IMPACTS = 256
 MOST_CHANGES = 512
 """Most contact resolutions of an interval; with more it is given up."""
 LOWEST_BOUNCE = 1e-9
-"""m; a coordinate that would bounce less high comes to rest."""
-LOWEST_PER_SQUARE = 1e3
-"""1/m; the same over the square of the tolerance, where friction decides what rests (0025)."""
-LOWEST_IN_TURN = 10.0
-"""1/m; the same where joints strike their stops in turn: what one loses by coming to rest the other lacks."""
+"""m; a coordinate that would bounce less high comes to rest. Under a smaller tolerance it is this share:"""
+LOWEST_SHARE = 0.01
 AWAY = -1e300
 """m/s^2; the outward acceleration of a coordinate that is pressed onto no stop."""
 
@@ -102,6 +100,7 @@ class Resolved(NamedTuple):
     happened: list[Any]  # the :class:`Happening`
     speeds: list[Any]  # into the stop, m/s
     impacts: Any  # their number
+    left_out: Any  # time of the bounces that were left out, s
 
 
 def impulses_of_impacts(contacts: Sequence[Contact], w: Matrix) -> tuple[list[Any], Any]:
@@ -171,6 +170,16 @@ def would_rest(c: Contact, press: Any) -> Any:
     if c.gripped:  # then there is a bounce to remove: without a speed friction decides
         low = low & (c.speed < 0.0)
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
+
+
+@branches
+def time_of_bounces(c: Contact, unheld: Any) -> Any:
+    """Time of all further bounces of a coordinate that is pressed onto its stop, s; without the support of
+    others it is pressed with ``unheld``."""
+    press = maximum(unheld, c.side * c.acceleration) * (1.0 - c.restitution)
+    if c.speed >= 0.0:
+        return 0.0
+    return -2.0 * c.speed / press if press > 0.0 else math.inf
 
 
 def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) -> list[list[Any]]:
@@ -287,4 +296,5 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
         happened=[happened_to(c, strikes, hits[k], rests[k], released[k], active[k]) for k, c in each],
         speeds=[where(hits[k], c.speed, 0.0) for k, c in each],
         impacts=sum((where(hit, 1.0, 0.0) for hit in hits), impacts),
+        left_out=reduce(maximum, [where(rests[k], time_of_bounces(c, unheld[k]), 0.0) for k, c in each]),
     )

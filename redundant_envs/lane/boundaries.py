@@ -23,9 +23,10 @@ from redundant_envs.lane.coordinates import (
     side_of_stop,
 )
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import WATCHED, Reason
+from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.guards import Guards
 from redundant_envs.lane.memory import Lane
+from redundant_envs.numerics import error_control
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 
@@ -167,15 +168,19 @@ class Boundaries:
         )  # fmt: skip
 
     def _lowest_bounce(self, lane: Lane) -> Any:
-        """Height below which a bounce ends in rest, m. Where friction decides what rests, or joints that turn
-        may strike their stops in turn, it falls with the square of the tolerance, as the speed of such a
-        bounce does with the tolerance."""
-        several = len(self.dynamics.angular) > 1
-        if not (self.dynamics.sticking or several) or self.dynamics.scene.tolerance is None:
+        """Height below which a bounce ends in rest, m. Where others may come before it would be over, error
+        control compares that with a motion that leaves out only what rounding loses."""
+        dynamics = self.dynamics
+        if dynamics.control is Control.FIXED:
             return contacts.LOWEST_BOUNCE
-        share = contacts.LOWEST_IN_TURN if several else contacts.LOWEST_PER_SQUARE
-        height = share * lane.tip_tolerance * lane.tip_tolerance
-        return minimum(contacts.LOWEST_BOUNCE, maximum(height, ROUNDING))
+        if dynamics.control is Control.ADAPTIVE:
+            return ROUNDING
+        share = contacts.LOWEST_SHARE * lane.tip_tolerance
+        lowest = minimum(contacts.LOWEST_BOUNCE, maximum(share, ROUNDING))
+        if not dynamics.compares_bounces:
+            return lowest
+        first = lane[f"{dynamics.arm.coordinates[0]}_seen"] == error_control.NEVER_SEEN
+        return where(first, lowest, ROUNDING)
 
     def _grip(self, lane: Lane, b: Boundary) -> Any:
         """Limit of the friction at rest of a joint with a stop; None in a scene without dry friction."""
@@ -262,6 +267,10 @@ class Boundaries:
             lane[f"released_{b.name}"] = released
             if dynamics.logs:
                 lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
+        if dynamics.compares_bounces:
+            strikes = r.impacts > lane.impacts
+            lane.bounce_missed = lane.bounce_missed | (strikes & (lane.elapsed < lane.bounces_end))
+            lane.bounces_end = maximum(lane.bounces_end, lane.elapsed + r.left_out)
         lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
         if dynamics.sticking:
             self.guards.strike(lane, r.strikes)

@@ -421,6 +421,8 @@ class LaneProgram:
             lane.resolving = False
         if self.dynamics.resolves:
             lane.changes = 0.0
+        if self.dynamics.compares_bounces:
+            lane.bounces_end, lane.bounce_missed = -1.0, False
         lane.copy((*self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted), of="{}_start")
         self.note_released(lane, "{}_start")
 

@@ -211,6 +211,13 @@ class SceneBoundaries:
         return bool(self.stops or self.sticking)
 
     @property
+    def compares_bounces(self) -> bool:
+        """Whether an interval is compared with one that has all bounces: with more than one contact an impact
+        may come before those that are left out would be over, and find at rest what is still in the air."""
+        equal_steps = self.controlled and self.scene.integrator != "dop853"
+        return equal_steps and bool(self.sticking or len(self.stops) > 1)
+
+    @property
     def sides(self) -> tuple[str, ...]:
         """Fields that say which laws hold, where their changes are located."""
         return tuple(b.side for b in (*self.laws, *self.guards))

@@ -127,7 +127,10 @@ class EqualSteps(StepControl):
         change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
         impacts = lane.impacts if self.dynamics.stops else 0.0
         known = lane.divisions, lane.error, self.allowed_error(lane), change, impacts
-        return Crossed(*known, *self.step.doubts(lane))
+        doubtful, *kinks = self.step.doubts(lane)
+        if self.dynamics.compares_bounces:
+            doubtful = doubtful | lane.bounce_missed
+        return Crossed(*known, doubtful, *kinks)
 
     def within_budget(self, lane: Lane) -> Any:
         crossings = 2.0 if self.dynamics.attempts > 1 else 1.0  # each has twice the steps of the one before
