@@ -18,6 +18,7 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.studies.account_of_contacts import ContactAccount
 from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
 from redundant_envs.verify.checks import random_states
@@ -286,6 +287,17 @@ def started(scene, count=21, seed=0, varied=False, **kwargs):
         batch.set_parameters({"masses": masses * scene.robot.masses})
     batch.advance(efforts)
     return batch
+
+
+def by_another_account(scene, q, qd, efforts):
+    """q, qd (lanes, 2, joints) after an interval with contacts, by the account of the studies."""
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    return np.array(
+        [
+            ContactAccount(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
+            for k in range(len(q))
+        ]
+    )
 
 
 def advanced(scene, q, qd, efforts=None, change=None, intervals=1, **kwargs):

@@ -71,6 +71,13 @@ class Account:
 
     def slope(self, known, y):
         """Rates of coordinates, velocities and states of effects."""
+        n = len(self.arm.joints)
+        M, forces, rates, _ = self.equations(known, y)
+        qdd = np.linalg.solve(M, forces[:, :, None])[:, :, 0]
+        return np.concatenate([y[:, n : 2 * n], qdd, rates], axis=1)
+
+    def equations(self, known, y):
+        """Mass matrix, (lanes, joints, joints), forces, rates of states of effects, and all quantities."""
         n, every = len(self.arm.joints), self.scene.attached
         q, qd = y[:, :n], y[:, n : 2 * n]
         x = Known(known)
@@ -114,9 +121,8 @@ class Account:
                 changes |= link.changes("derivative", x)
                 x[command] = link.functions["function"](x)
             forces += np.multiply.outer(x[command], self.acting[:, k])
-        qdd = np.linalg.solve(M, forces[:, :, None])[:, :, 0]
         rates = [np.broadcast_to(changes[name], len(q)) for name in self.moving]
-        return np.concatenate([qd, qdd, np.array(rates).reshape(-1, len(q)).T], axis=1)
+        return M, forces, np.array(rates).reshape(-1, len(q)).T, x
 
     def after(self, q, qd, states, error):
         """Tips at the end of the interval, (lanes, 2) m, of steps with some ``error``, relative to 1 and to

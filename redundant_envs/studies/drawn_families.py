@@ -1,8 +1,8 @@
 """Families of control intervals drawn by seed: every effect that changes a motion, alone and beside another.
 
 The references are the same scene at tolerances 100 and 1000 times smaller; a part of the lanes, and all that
-are off, are crossed by another account (:mod:`redundant_envs.studies.another_account`), too, where it knows
-the scene.
+are off, are crossed by another account, too, where one knows the scene
+(:mod:`redundant_envs.studies.another_account` and :mod:`redundant_envs.studies.account_of_contacts`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from redundant_envs.model import parameters
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies import drawing
-from redundant_envs.studies.another_account import Account, tells
+from redundant_envs.studies import account_of_contacts, another_account, drawing
+from redundant_envs.studies.account_of_contacts import ContactAccount
+from redundant_envs.studies.another_account import Account
 from redundant_envs.studies.interval_families import Draw, chosen
 from redundant_envs.verify.judging import agree
 
@@ -178,11 +179,15 @@ class DrawnFamily:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
         ``others``, it has to give the same with smaller steps."""
         scene, inverse = self.scene(), np.linalg.inv(self.robot.motor_map)
-        if not tells(scene):
+        alone = account_of_contacts.tells(scene)
+        if not alone and not another_account.tells(scene):
             return np.full((len(drawn.joints), 2), np.nan)
 
         def crossed(d: Draw, error: float) -> Array:
-            account = Account(scene, d.parameters, d.efforts)
+            if alone and len(d.joints) != 1:
+                each = [crossed(chosen(d, np.array([k])), error) for k in range(len(d.joints))]
+                return np.concatenate([np.empty((0, 2)), *each])
+            account = (ContactAccount if alone else Account)(scene, d.parameters, d.efforts)
             tips: Array = account.after(d.joints @ inverse, d.rates @ inverse, d.states, max(error, 1e-13))
             return tips
 

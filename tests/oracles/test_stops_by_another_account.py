@@ -1,4 +1,4 @@
-"""Impacts and rests at stops agree with an account that shares no code with the package.
+"""Impacts and rests at stops agree with an account that finds them in another way.
 
 ``python -m tests.oracles.test_stops_by_another_account 10000`` compares as many intervals of the families of
 ``study impacts``, some 50 ms each.
@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from redundant_envs.progress import counted
+from redundant_envs.studies.account_of_contacts import ContactAccount
 from redundant_envs.studies.intervals import families, tips_after
 from redundant_envs.verify.judging import judge
-from tests.oracles.independent_stops import StoppedArm
 
 pytestmark = pytest.mark.long
 
@@ -23,17 +23,11 @@ def compared(family, count, seed):
     """Intervals of a family that the account crosses, and those of them that are missed without a flag."""
     drawn = family.draw(count, np.random.default_rng(seed))
     tips, status = tips_after(family, family.scene(), drawn)
-    arm = StoppedArm(
-        family.masses, family.lengths, family.g, family.friction, family.travel, family.restitution
-    )
     inverse, right = np.linalg.inv(family.robot.motor_map), np.full((count, 2), np.nan)
-    for i, (q, qd, efforts) in enumerate(
-        zip(drawn.joints @ inverse, drawn.rates @ inverse, drawn.efforts, strict=True)
-    ):
-        if status.numerics[i] == 0:
-            end = arm.after(q, qd, efforts, family.control_dt)
-            if end is not None:
-                right[i] = family.robot.forward_kinematics(end[:4])
+    numbers = {name: np.array([value]) for name, value in family.scene().parameters().items()}
+    for i in np.flatnonzero(status.numerics == 0):
+        q, qd, efforts = (x[[i]] for x in (drawn.joints @ inverse, drawn.rates @ inverse, drawn.efforts))
+        right[i] = ContactAccount(family.scene(), numbers, efforts).after(q, qd, {}, 1e-12)
     judgement = judge(tips, [right], family.tolerance, np.isfinite(right).all(axis=1))
     return int(judgement.judged.sum()), int(judgement.missed.sum())
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from catalogue import by_another_account
 
-from redundant_envs.effects import CommandDelay
+from redundant_envs.effects import CommandDelay, CoulombFriction, JointStop
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.scene import Scene
@@ -32,6 +33,20 @@ def test_another_account_crosses_an_instant():
     tip = account.after(np.zeros((1, 1)), np.ones((1, 1)), {"command_delay.sent[0]": np.array([-1.0])}, 1e-13)
     first = 0.006 - 0.25 * 0.006**2
     assert tip[0, 0] == pytest.approx(first + (1.0 - 0.5 * 0.006) * 0.014 + 0.75 * 0.014**2, abs=1e-15)
+
+
+def test_another_account_strikes_a_stop_slips_and_rests():
+    """A slider of 2 kg at 1 m/s is slowed by 3 N, turns back from its stop with half its rate, and stays
+    where it comes to rest. Another one, which 5 N press onto its stop, rests there after 0.6 s of bounces."""
+    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
+    arm, end = Chain("P", (2.0,)), 0.1
+    scene = Scene(arm, (CoulombFriction(3.0), JointStop((None,), (end,), 0.5)), control_dt=0.5)
+    q, qd = by_another_account(scene, np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))[0]
+    assert q[0] == pytest.approx(end - 0.25 * (1.0 - 2.0 * 1.5 * end) / (2.0 * 1.5), abs=1e-13)
+    assert qd[0] == 0.0
+    scene = Scene(arm, (JointStop((None,), (end,), 0.5),), control_dt=0.7)
+    q, qd = by_another_account(scene, np.full((1, 1), 0.05), np.zeros((1, 1)), np.full((1, 1), 5.0))[0]
+    assert (q[0], qd[0]) == (end, 0.0)
 
 
 def test_another_account_knows_efforts_on_coordinates():
