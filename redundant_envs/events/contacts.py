@@ -18,13 +18,12 @@ from redundant_envs.events.boundary import NEGLIGIBLE_SPEED, ROUNDING, side_touc
 from redundant_envs.events.complementarity import Matrix, halting, impulses, outward_mobilities, pressed
 from redundant_envs.tracing.ways import branches
 
-MOST_IMPACTS = 256
-"""Most impacts of an interval; with more it is given up."""
-MOST_CHANGES = 512
-"""Most contact resolutions of an interval; with more it is given up."""
-LOWEST_BOUNCE = 1e-9
-"""m; a coordinate that would bounce less high comes to rest. Under a smaller tolerance it is this share:"""
-LOWEST_SHARE = 0.01
+MOST_IMPACTS, MOST_OF_ALL = 256, 1024
+"""Most impacts of an interval, and of one with bounces below 1e-9 m; with more it is given up."""
+CHANGES_OF_IMPACT = 2
+"""Most contact resolutions of an interval for each of these."""
+LOWEST_BOUNCE, LOWEST_SHARE = 1e-9, 0.01
+"""m; a coordinate that would bounce less high comes to rest, under a tolerance less than this share of it."""
 AWAY = -1e300
 """m/s^2; the outward acceleration of a coordinate that is pressed onto no stop."""
 
@@ -101,6 +100,12 @@ class Resolved(NamedTuple):
     speeds: list[Any]  # into the stop, m/s
     impacts: Any  # their number
     left_out: Any  # time of the bounces that were left out, s
+    others: Any  # whether another coordinate may come to its stop, or bounces there, in this time
+
+
+def lowest_bounce(tolerance: Any) -> Any:
+    """Height below which a bounce ends in rest under a tolerance, both m."""
+    return minimum(LOWEST_BOUNCE, maximum(LOWEST_SHARE * tolerance, ROUNDING))
 
 
 def impulses_of_impacts(contacts: Sequence[Contact], w: Matrix) -> tuple[list[Any], Any]:
@@ -284,6 +289,11 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     waits = any_of(
         (c.side != 0.0) & c.free & logical_not(rests[k]) & logical_not(c.released) for k, c in each
     )
+    left_out = reduce(maximum, [where(rests[k], time_of_bounces(c, unheld[k]), 0.0) for k, c in each])
+    due = [
+        c.free & (minimum(c.upper - c.position, c.position - c.lower) <= abs(c.velocity) * left_out)
+        for c in contacts
+    ]
     return Resolved(
         strikes=strikes | any_of(rests) | any_of(rounding),
         going_on=logical_not(strikes) & logical_not(settling & (approach | moved | waits)),
@@ -296,5 +306,6 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
         happened=[happened_to(c, strikes, hits[k], rests[k], released[k], active[k]) for k, c in each],
         speeds=[where(hits[k], c.speed, 0.0) for k, c in each],
         impacts=sum((where(hit, 1.0, 0.0) for hit in hits), impacts),
-        left_out=reduce(maximum, [where(rests[k], time_of_bounces(c, unheld[k]), 0.0) for k, c in each]),
+        left_out=left_out,
+        others=(left_out > 0.0) & (total(where(d, 1.0, 0.0) for d in due) > 1.0),
     )

@@ -26,7 +26,6 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import WATCHED, Control, Reason
 from redundant_envs.lane.guards import Guards
 from redundant_envs.lane.memory import Lane
-from redundant_envs.numerics import error_control
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 
@@ -168,19 +167,17 @@ class Boundaries:
         )  # fmt: skip
 
     def _lowest_bounce(self, lane: Lane) -> Any:
-        """Height below which a bounce ends in rest, m. Where others may come before it would be over, error
-        control compares that with a motion that leaves out only what rounding loses."""
-        dynamics = self.dynamics
-        if dynamics.control is Control.FIXED:
-            return contacts.LOWEST_BOUNCE
-        if dynamics.control is Control.ADAPTIVE:
-            return ROUNDING
-        share = contacts.LOWEST_SHARE * lane.tip_tolerance
-        lowest = minimum(contacts.LOWEST_BOUNCE, maximum(share, ROUNDING))
-        if not dynamics.compares_bounces:
-            return lowest
-        first = lane[f"{dynamics.arm.coordinates[0]}_seen"] == error_control.NEVER_SEEN
-        return where(first, lowest, ROUNDING)
+        """Height below which a bounce ends in rest, m."""
+        if self.dynamics.compares_bounces:
+            return lane.lowest_bounce
+        if self.dynamics.control is Control.EQUAL:
+            return contacts.lowest_bounce(lane.tip_tolerance)
+        return ROUNDING if self.dynamics.control is Control.ADAPTIVE else contacts.LOWEST_BOUNCE
+
+    def most_impacts(self, lane: Lane) -> Any:
+        """Most impacts of an interval."""
+        lowered = self._lowest_bounce(lane) < contacts.LOWEST_BOUNCE
+        return where(lowered, float(contacts.MOST_OF_ALL), float(contacts.MOST_IMPACTS))
 
     def _grip(self, lane: Lane, b: Boundary) -> Any:
         """Limit of the friction at rest of a joint with a stop; None in a scene without dry friction."""
@@ -268,8 +265,9 @@ class Boundaries:
             if dynamics.logs:
                 lane[f"happened_{b.name}"], lane[f"speed_{b.name}"] = happened, speed
         if dynamics.compares_bounces:
-            strikes = r.impacts > lane.impacts
-            lane.bounce_missed = lane.bounce_missed | (strikes & (lane.elapsed < lane.bounces_end))
+            happens = (r.impacts > lane.impacts) | (r.left_out > 0.0)
+            missed = r.others | (happens & (lane.elapsed < lane.bounces_end))
+            lane.bounce_missed = lane.bounce_missed | missed
             lane.bounces_end = maximum(lane.bounces_end, lane.elapsed + r.left_out)
         lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
         if dynamics.sticking:

@@ -174,9 +174,7 @@ class LaneProgram:
             lane.resolving = True
         while True:
             yield Request.FORCES
-            if lane.changes >= self.most_changes:
-                return False
-            if self.dynamics.stops and lane.impacts > contacts.MOST_IMPACTS:
+            if self.has_too_many_events(lane):
                 return False
             if self.boundaries.decide(lane):
                 if self.dynamics.impulses_change_laws:
@@ -184,10 +182,12 @@ class LaneProgram:
                 self.start_here(lane)
                 return True
 
-    @property
-    def most_changes(self) -> int:
-        """Most resolutions of an interval; with more it is given up."""
-        return contacts.MOST_CHANGES * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
+    def has_too_many_events(self, lane: Lane) -> Any:
+        """Whether the interval has more impacts, or resolutions, than it may have, and is given up."""
+        most = self.boundaries.most_impacts(lane)
+        each = contacts.CHANGES_OF_IMPACT * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
+        too_many = lane.changes >= each * most
+        return too_many | (lane.impacts > most) if self.dynamics.stops else too_many
 
     # ---- a trial step ------------------------------------------------------------------------------------
 

