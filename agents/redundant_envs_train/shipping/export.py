@@ -33,9 +33,12 @@ with needs("onnx"):
     import onnxruntime
     import torch
 
-AVERAGED_SAC = "SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`agents/learners/sac.py`)"
+AVERAGED_SAC = (
+    "SAC of stable-baselines3 with an averaged, smoothed, delayed actor "
+    "(`redundant_envs_train/learners/sac.py`)"
+)
 ORIGIN = {
-    "ppo": "PPO of stable-baselines3 with averaged weights (`agents/learners/ppo.py`)",
+    "ppo": "PPO of stable-baselines3 with averaged weights (`redundant_envs_train/learners/ppo.py`)",
     "sac": AVERAGED_SAC, "her": f"{AVERAGED_SAC} and hindsight goals (`HerReplayBuffer`)",
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
