@@ -276,7 +276,8 @@ class KnownInterval(EqualSteps):
 
     def __init__(self, crossed):
         self.crossed = crossed
-        self.dynamics = SimpleNamespace(arm=SimpleNamespace(coordinates=()), stops=True, instants=())
+        arm = SimpleNamespace(coordinates=())
+        self.dynamics = SimpleNamespace(arm=arm, stops=True, instants=(), compares_bounces=False)
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
