@@ -30,12 +30,7 @@ def missed(trial, checks):
     return [(o.check, o.finding) for o in outcomes if o.verdict is Verdict.MISSED]
 
 
-@pytest.mark.quick(
-    "4R free 1e-12",
-    "stops dop853",
-    "RPRP every effect 1e-6",
-    "RPRP stiction 1e-6",
-)
+@pytest.mark.quick("RPRP every effect 1e-6")
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]
 )

@@ -32,7 +32,7 @@ def run(scene, q, qd, efforts, intervals=4, threads=1):
     return np.stack(seen, axis=1)
 
 
-@pytest.mark.quick("substeps")
+@pytest.mark.long
 @pytest.mark.parametrize("scene", MADE.values(), ids=MADE)
 def test_lanes_of_many_groups_are_those_of_one(scene):
     states = random_states(scene, COUNT, 4)

@@ -166,7 +166,7 @@ def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
     assert ((error <= family.tolerance) | (status.numerics != 0)).all()
 
 
-@pytest.mark.quick("a joint slips, sticks again, and slips the other way")
+@pytest.mark.long
 @pytest.mark.parametrize("found", BEYOND, ids=lambda found: found["what"])
 def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
     family = next(family for family in FAMILIES if family.name == found["family"])

@@ -36,8 +36,6 @@ e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
-OF_LONG_RUNS = ("cheap_sensors", "everything", "shop_floor", "slow_motors")
-"""Scenes of the package that take 6 to 14 s each; tests of effects hold in short runs what they add."""
 ENERGIES, DECLARED = (potentials, energy_book), checks_of(hints, rest)
 
 
@@ -385,11 +383,8 @@ def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
     assert "verify found" in err
 
 
-@pytest.mark.quick("rprp_reach")
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.long if name in OF_LONG_RUNS else ()) for name in scene_names()],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", scene_names())
 def test_scenes_of_the_package_are_good(name):
     assert verify(rde.load_scene(name), STATES, Mode.QUICK).misses == ()
 
