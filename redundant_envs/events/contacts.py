@@ -18,7 +18,7 @@ from redundant_envs.events.boundary import NEGLIGIBLE_SPEED, ROUNDING, side_touc
 from redundant_envs.events.complementarity import Matrix, halting, impulses, outward_mobilities, pressed
 from redundant_envs.tracing.ways import branches
 
-MOST_IMPACTS, MOST_OF_ALL = 256, 1024
+MOST_IMPACTS, MOST_WITH_LOW_BOUNCES = 256, 1024
 """Most impacts of an interval, and of one with bounces below 1e-9 m; with more it is given up."""
 CHANGES_OF_IMPACT = 2
 """Most contact resolutions of an interval for each of these."""

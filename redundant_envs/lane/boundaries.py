@@ -177,7 +177,7 @@ class Boundaries:
     def most_impacts(self, lane: Lane) -> Any:
         """Most impacts of an interval."""
         lowered = self._lowest_bounce(lane) < contacts.LOWEST_BOUNCE
-        return where(lowered, float(contacts.MOST_OF_ALL), float(contacts.MOST_IMPACTS))
+        return where(lowered, float(contacts.MOST_WITH_LOW_BOUNCES), float(contacts.MOST_IMPACTS))
 
     def _grip(self, lane: Lane, b: Boundary) -> Any:
         """Limit of the friction at rest of a joint with a stop; None in a scene without dry friction."""

@@ -212,10 +212,11 @@ class SceneBoundaries:
 
     @property
     def compares_bounces(self) -> bool:
-        """Whether an interval is compared with one that has all bounces: with more than one contact an impact
-        may come before those that are left out would be over, and find at rest what is still in the air."""
+        """Whether an interval is compared with one that has all bounces: with another stop, or dry friction,
+        an impact may come before those that are left out would be over, and find at rest what is still in the
+        air."""
         equal_steps = self.controlled and self.scene.integrator != "dop853"
-        return equal_steps and bool(self.sticking or len(self.stops) > 1)
+        return equal_steps and (len(self.stops) > 1 or bool(self.stops and self.frictions))
 
     @property
     def sides(self) -> tuple[str, ...]:

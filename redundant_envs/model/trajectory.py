@@ -239,8 +239,9 @@ def _check(status: Status, time: float) -> None:
     """Raise an error if an interval was not simulated to the end, or not to the scene's tolerance."""
     if (status.numerics & Numerics.EVENT_BUDGET).any():
         raise ValueError(
-            "the motion has more than 256 impacts, or 65536 pieces, in the control interval at "
-            f"t = {time:.6g} s; take a shorter control_dt, more substeps, or a smaller restitution"
+            "the motion has more than 256 impacts (1024 with low bounces), or 65536 pieces, in the "
+            f"control interval at t = {time:.6g} s; take a shorter control_dt, more "
+            "substeps, or a smaller restitution"
         )
     if (status.numerics & Numerics.NO_STEP_FOUND).any():
         raise ValueError(

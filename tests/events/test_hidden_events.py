@@ -54,7 +54,8 @@ def test_events_undone_within_the_interval_are_found(tolerance):
         for how in ({"tolerance": None, "substeps": 64}, {"tolerance": tolerance})
     )
     np.testing.assert_allclose(coarse[:, :4], fine[:, :4], rtol=0, atol=1e-6)
-    assert (found.events >= known.events).all()  # a tolerance may count lower bounces, too
+    more = found.events - known.events  # under a tolerance lower bounces may count, too
+    assert (more >= 0 if tolerance else more == 0).all()
     assert not (found.numerics | known.numerics).any()
 
 
