@@ -223,6 +223,10 @@ def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
             yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
         yield Field(f"happened_{b.name}", "", "resolution of the contact (Happening)", SCRATCH, book=True)
         yield Field(f"speed_{b.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
+    if dynamics.compares_bounces:
+        yield Field("lowest_bounce", "m", "height of a bounce below which it ends in rest", SCRATCH)
+        yield Field("bounces_end", "s", "when all bounces that were left out would be over", SCRATCH)
+        yield Field("bounce_missed", "", "there was an impact before", SCRATCH, truth=True)
     if dynamics.logs:
         yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
         yield Field("logged", "", "events kept", STATE, book=True)
