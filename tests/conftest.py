@@ -68,3 +68,8 @@ def pytest_collection_finish():
     """What was imported and collected stays to the end: garbage collection need not look at it."""
     gc.freeze()
     gc.set_threshold(*COLLECTION_THRESHOLDS)
+
+
+def pytest_sessionfinish():
+    """pytest looks for garbage five times at its end; kept simulators are none."""
+    gc.freeze()

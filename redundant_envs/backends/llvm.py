@@ -92,7 +92,10 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
             stacklevel=2,
         )
     with uncollected():
-        text = str(module_of(program, made_for))
+        described = module_of(program, made_for)
+        text = str(described)
+        for block in (block for function in described.functions for block in function.blocks):
+            block.instructions.clear()  # They know their block: a garbage collection would look at all.
     with _lock:
         llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if made_for.wide else "true"))
         try:

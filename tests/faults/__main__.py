@@ -63,7 +63,8 @@ def is_long(test: str) -> bool:
     """Whether only ``make test-long`` runs a test, as its marks say."""
     path, name, row = re.match(r"(.*?)::(\w+)(?:\[(.*)\])?$", test).groups()
     body = body_of(path)
-    marks = [ast.unparse(x.value) for x in body if ast.unparse(x).startswith("pytestmark = ")]
+    assigned = [x for x in body if isinstance(x, ast.Assign)]
+    marks = [ast.unparse(x.value) for x in assigned if ast.unparse(x.targets[0]) == "pytestmark"]
     (found,) = (x for x in body if isinstance(x, ast.FunctionDef) and x.name == name)
     for mark in found.decorator_list:
         if row and isinstance(mark, ast.Call) and ast.unparse(mark.func) == "pytest.mark.quick":
