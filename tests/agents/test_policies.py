@@ -196,7 +196,8 @@ def test_a_configuration_that_asks_for_all_memory_is_refused(damaged, refused):
     ("preset", "policy"),
     [
         ("rprp_reach_ppo", "RPRPReach-v0-ppo"), ("rprp_reach_sac", "RPRPReach-v0-plain_sac"),
-        ("four_r_goal_reach_her", "FourRGoalReach-v0-her"), ("baselines/rprp_reach_td3", "RPRPReach-v0-td3"),
+        ("four_r_goal_reach_her", "FourRGoalReach-v0-her"),
+        pytest.param("baselines/rprp_reach_td3", "RPRPReach-v0-td3", marks=pytest.mark.long),
         pytest.param("baselines/rprp_reach_tqc", "RPRPReach-v0-tqc", marks=pytest.mark.long),
         pytest.param("baselines/rprp_reach_crossq", "RPRPReach-v0-crossq", marks=pytest.mark.long),
     ],

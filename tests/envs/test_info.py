@@ -39,6 +39,7 @@ def types(value):
     return {type(value)}.union(*map(types, inner))
 
 
+@pytest.mark.quick("drawing-None", "fixed-all")
 @pytest.mark.parametrize("info_keys", [None, "all"])
 @pytest.mark.parametrize("data", [None, DRAWING], ids=["fixed", "drawing"])
 def test_info_is_plain_data(data, info_keys):

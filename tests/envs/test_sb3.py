@@ -48,6 +48,7 @@ def test_seeds_and_options_are_used_up_by_the_next_reset_and_replace_each_other(
         assert (env.goal == (0.2, 0.1)).all(axis=1).tolist() == waits
 
 
+@pytest.mark.quick(ID)
 @pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
 def test_episodes_are_those_that_vec_monitor_counts(env_id):
     own = made("sb3", env_id, 5, max_episode_steps=7)

@@ -182,6 +182,7 @@ def struck_by_turns(u, W, restitution, most=100_000):
     return None
 
 
+@pytest.mark.quick("0.0", "1.0")
 @pytest.mark.parametrize("restitution", [0.0, 0.1, 1.0])
 def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
     """One moves onto its stop, the other away from its own: never struck together, but in turn; a chain that

@@ -158,6 +158,7 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
             assert moved(scale[:, None] * errors, steps / scale) == pytest.approx(expected)
 
 
+@pytest.mark.quick("300.0")
 @pytest.mark.parametrize("frequency", [300.0, 3000.0])
 def test_dop853_is_as_exact_in_states_of_effects_as_in_those_of_the_arm(frequency):
     """Before the stop is touched its oscillation acts on nothing: only its own error shows it."""
