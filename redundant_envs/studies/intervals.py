@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
+from redundant_envs.studies import account_of_contacts
 from redundant_envs.studies.drawn_families import DrawnFamily
 from redundant_envs.studies.interval_families import FAMILIES, Draw, Family, chosen
 from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_families
@@ -39,8 +40,9 @@ COLUMNS = (
 BATCH = 4096
 DRAWN = {"impacts": 12, "intervals": 60}
 """Families drawn by the seed beside the named ones: every effect alone, then each beside another."""
-TOLD, MOST_TOLD = 12, 48
-"""Lanes of a batch of a drawn family that another account crosses, and the most of those that are off."""
+TOLD, TOLD_WITH_CONTACTS, MOST_TOLD = 12, 2, 48
+"""Lanes of a batch of a drawn family that another account crosses, those with contacts, each of which takes
+it seconds, and the most of those that are off."""
 
 Array = NDArray[np.float64]
 AnyFamily = Family | StopFamily | DrawnFamily
@@ -122,7 +124,8 @@ def judge_tolerances(
             spent = (flags & Numerics.EVENT_BUDGET) > 0
             right, confirming = best, other
             if isinstance(one, DrawnFamily):
-                account = told_of(one, drawn, best, judge(tip, [best], one.tolerance).missed)
+                off = judge(tip, [best], one.tolerance, status.numerics == 0).missed
+                account = told_of(one, drawn, best, off)
                 told = np.isfinite(account[:, 0])
                 right, confirming = (np.where(told[:, None], account, x) for x in (best, other))
                 flags = np.where(told, status.numerics, flags)
@@ -146,7 +149,8 @@ def judge_tolerances(
 
 def told_of(family: DrawnFamily, drawn: Draw, best: Array, doubtful: NDArray[np.bool_]) -> Array:
     """Tips by another account, (count, 2), m, of some lanes and of doubtful ones; NaN of the others."""
-    some = np.arange(len(doubtful)) % (len(doubtful) // TOLD + 1) == 0
+    few = TOLD_WITH_CONTACTS if account_of_contacts.tells(family.scene()) else TOLD
+    some = np.arange(len(doubtful)) % (len(doubtful) // few + 1) == 0
     tips = np.full((len(doubtful), 2), np.nan)
     (lanes,) = np.nonzero(some | (doubtful & (doubtful.cumsum() <= MOST_TOLD)))
     tips[lanes] = family.told(chosen(drawn, lanes), best[lanes])
