@@ -141,20 +141,24 @@ def is_of_task(name: str) -> bool:
 def entries_of(scene: Any, drawn: Iterable[Range], of_task: Iterable[str] = ()) -> dict[Range, list[str]]:
     """The scalar parameters that ranges draw; ValueError if a name is unknown, or two ranges draw one."""
     found: dict[Range, list[str]] = {}
-    owners: dict[str, str] = {}
     for one in drawn:
         try:
             found[one] = names_of(scene, one.name, of_task)
         except ValueError as error:
             more = "" if of_task else ", and the numbers of the task of an environment"
             raise ValueError(f"randomize has an unknown name: {error}{more}") from None
-        for name in found[one]:
-            other = owners.setdefault(name, one.name)
-            if other != one.name:
-                raise ValueError(
-                    f"randomize draws {name} twice, by {other!r} and {one.name!r}; leave one out"
-                )
+    check_named_once("randomize draws", {one.name: names for one, names in found.items()})
     return found
+
+
+def check_named_once(what: str, given: Mapping[str, Iterable[str]]) -> None:
+    """ValueError, which begins with ``what``, if two of the names given mean the same scalar parameter."""
+    owners: dict[str, str] = {}
+    for owner, names in given.items():
+        for name in names:
+            other = owners.setdefault(name, owner)
+            if other != owner:
+                raise ValueError(f"{what} {name} twice, by {other!r} and {owner!r}; leave one out")
 
 
 def ends_of(drawn: Mapping[Range, list[str]], nominal: Mapping[str, float]) -> dict[str, tuple[float, float]]:

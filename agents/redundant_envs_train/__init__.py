@@ -7,13 +7,17 @@ checkout, ``redundant-envs-train`` where the package is installed.
 import shlex
 from pathlib import Path
 
+from redundant_envs import modules
+
 COMMAND = "python -m agents" if Path.cwd() == Path(__file__).parents[2] else "redundant-envs-train"
 """The command with which users run it, the same in all messages: in a checkout nothing need be installed."""
 
 
 def command(*words: object) -> str:
-    """A command of this application to paste into a shell: paths are quoted if necessary."""
-    return f"{COMMAND} {shlex.join(map(str, words))}"
+    """A command of this application to paste into a shell: paths are quoted if necessary, and modules that
+    this command imports are named again."""
+    imports = (word for module in modules.IMPORTED for word in (modules.OPTION, module))
+    return f"{COMMAND} {shlex.join(map(str, (*imports, *words)))}"
 
 
 def train_again(folder: Path) -> str:

@@ -138,12 +138,12 @@ def measures(who: str, outcome: Outcome | None) -> dict[str, float | None]:
 
 
 def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
-    """For each measure, whether the policy is better than the expert at the same goals; None: no difference
-    beyond chance. Times are compared by the medians over the goals that each has held."""
+    """For each measure that both have, whether the policy is better than the expert at the same goals; None:
+    no difference beyond chance. Times are compared by the medians over the goals that each has held."""
     found: dict[str, bool | None] = {}
     for name, (field, statistic, more) in COMPARED.items():
         own, other = getattr(policy, field), getattr(expert, field)
-        if own is None or other is None:
+        if own is None or other is None or np.isnan([statistic(x, axis=0) for x in (own, other)]).any():
             continue
         known = differs(own, other, statistic)
         found[name] = bool((statistic(own, axis=0) > statistic(other, axis=0)) == more) if known else None
@@ -198,7 +198,8 @@ def untold(result: Mapping[str, Any]) -> str:
 def comparison(better: Mapping[str, bool | None]) -> str:
     """Which measures are better or worse than those of computed torque, in a sentence."""
     words = {True: "better in", False: "worse in", None: "no difference beyond chance in"}
-    names = {how: [label for label, key, *_ in MEASURES if better.get(key) is how] for how in words}
+    found = [(label, better[key]) for label, key, *_ in MEASURES if key in better]
+    names = {how: [label for label, known in found if known is how] for how in words}
     parts = [f"{words[how]} {', '.join(labels)}" for how, labels in names.items() if labels]
     return f"Against computed torque on the same goals (95 %): {'; '.join(parts)}."
 

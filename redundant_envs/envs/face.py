@@ -29,6 +29,8 @@ from redundant_envs.tasks.base import is_confined
 from redundant_envs.values import whole_number
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
+SHARED = ("on_bad_action", "render_mode", "metadata")
+"""Attributes of all environments together that ``set_attr`` sets."""
 """Properties of :class:`Face` that lanes have each for itself."""
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, LEAST_SIZE, MOST_SIZE = 480, 32, 4096
@@ -148,14 +150,17 @@ class Face:
     ) -> None:
         """Take arguments, or refuse them before a core is made."""
         _check_bad_action(on_bad_action)
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            modes = " or ".join(map(repr, self.metadata["render_modes"]))
-            raise ValueError(f"render_mode is {render_mode!r}; choose None or {modes}")
+        self._check_render_mode(render_mode)
         for name, given in (("render_width", render_width), ("render_height", render_height)):
             if not LEAST_SIZE <= whole_number(name, given) <= MOST_SIZE:
                 raise ValueError(f"{name} is {given} pixels; give {LEAST_SIZE} to {MOST_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
+
+    def _check_render_mode(self, render_mode: Any) -> None:
+        modes = (None, *type(self).metadata["render_modes"])
+        if render_mode not in modes:
+            raise ValueError(f"render_mode is {render_mode!r}; choose {' or '.join(map(repr, modes))}")
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
@@ -348,10 +353,10 @@ class VectorFace(Face):
         if self._is_number(name) and name not in self.__dict__:
             self.core.let_number_wait(name, value, lanes)
             return
-        if name in LANE_VALUES or name not in self.__dict__:
+        if name not in SHARED:
             raise ValueError(
                 f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
-                f"'parameters', or name one of these: {', '.join(self.parameters)}"
+                f"'parameters', or name one of these: {', '.join((*self.parameters, *SHARED))}"
             )
         if len(lanes) != self.core.num_envs:
             raise ValueError(
@@ -360,6 +365,8 @@ class VectorFace(Face):
             )
         if name == "on_bad_action":
             _check_bad_action(value)
+        if name == "render_mode":
+            self._check_render_mode(value)
         setattr(self, name, value)
 
     def set_state(self, state: Mapping[str, Any], index: ArrayLike | None = None) -> None:

@@ -92,6 +92,7 @@ def checked_reset(
     if task.goal_conditioned and isinstance(numbers, Mapping):
         check_of_reward(scene, task, numbers)
     if numbers is not None:
+        parameters.check_given(scene, numbers, task.parameters())
         own = parameters.lane_values(scene, memory, lanes, numbers, True, task)
         found[PARAMETERS] = _part(lanes, own | _fixed(episode, numbers, len(lanes)))
     if options.get("goal") is not None and not episode.goal:

@@ -240,6 +240,7 @@ class BatchSimulator(Copied):
             "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries).
         """
         lanes = self._lanes(index)
+        parameters.check_given(self.scene, values)
         given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
         parameters.check_stops(self.scene, self._memory.read(self.scene.robot.coordinates, lanes), given)
         parameters.write(self.scene, self._memory, lanes, given)

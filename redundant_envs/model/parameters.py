@@ -15,7 +15,7 @@ from redundant_envs.lane.memory import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.scene import Scene
-from redundant_envs.scene_numbers import Table, check_values, names_of
+from redundant_envs.scene_numbers import Table, check_named_once, check_values, names_of
 from redundant_envs.tasks.base import Task, hard_stops
 from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import shown
@@ -85,8 +85,6 @@ def lane_values(
     are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
-    if not isinstance(given, Mapping):
-        raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
     fixed = {p: np.full(len(lanes), v) for p, v in nominal.items()}
     values = fixed if fresh else present(memory, lanes, nominal)
     changed: list[str] = []
@@ -98,6 +96,13 @@ def lane_values(
         changed += names
     check_values(scene, task, values, changed)
     return values
+
+
+def check_given(scene: Scene, given: Any, of_task: Iterable[str] = ()) -> None:
+    """ValueError if parameters that a user gives are no mapping, or if two names mean one number."""
+    if not isinstance(given, Mapping):
+        raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
+    check_named_once("parameters set", {name: names_of(scene, name, of_task) for name in given})
 
 
 def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:

@@ -129,6 +129,9 @@ def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
         "success, effort.",
         "Missed 1 goal.",
     ]
+    none = report.better(ends(np.arange(100) < 0, 0.0), ends(np.arange(100) >= 0, 0.0))
+    assert "time_to_hold" not in none  # there is no median
+    assert "median time to hold" not in report.comparison(none)
 
 
 @pytest.mark.parametrize(

@@ -124,6 +124,7 @@ OPTIONS = [
     ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
     ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
     ({"parameters": 5}, "parameters is 5; give a mapping"),
+    ({"parameters": {"m4": 1, "masses[3]": 2}}, r"parameters set m4 twice, by 'm4' and 'masses\[3\]'"),
     ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
     (number(mass=1), "'mass'.*masses"), (number(m1=-5.0), "masses has the entry -5.0"),
     (number(m5=1), "'m5'.*masses"), (number(**{"lengths[2]": 1}), "'lengths.2.'.*masses"),

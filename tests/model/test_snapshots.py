@@ -244,6 +244,7 @@ REFUSED = [
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (0.0, 0.0)}), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (-1.0, 0.2)}, [1]), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters(3), "parameters is 3; give a mapping"),
+    (lambda b: b.set_parameters({"masses": 1.0, "m1": 2.0}), "set m1 twice, by 'masses' and 'm1'; leave"),
     (lambda b: b.set_parameters({"hold_steps": 3}), "parameter is 'hold_steps'"),
     (lambda b: b.advance(Z((COUNT, 3))), rf"efforts has shape \({COUNT}, 3\)"),
     (lambda b: b.advance(Z((COUNT + 1, 4))), rf"efforts has shape \({COUNT + 1}, 4\)"),

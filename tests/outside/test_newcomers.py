@@ -69,3 +69,9 @@ def test_the_application_knows_it_as_well(capsys):
     words = "train four_r_reach_ppo env_kwargs.scene=no_limits.yaml --out run"
     assert application(["--import", "my_effects", *words.split()]) == 2
     assert "has no EffortLimits" in capsys.readouterr().err  # the effect is known, the next mistake reported
+
+
+def test_commands_to_paste_import_the_modules_of_the_command(monkeypatch):
+    application = pytest.importorskip("redundant_envs_train", reason="the application lies in the checkout")
+    monkeypatch.setattr(modules, "IMPORTED", ["my_effects"])
+    assert application.command("resume", "my run").endswith(" --import my_effects resume 'my run'")
