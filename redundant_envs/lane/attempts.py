@@ -20,6 +20,8 @@ from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import Crossed
 
 BEFORE = "{}_before"
+SHORTER = 0.999
+"""With steps shorter than the shortest one before, each piece of several steps has at least twice as many."""
 OWN = ("error_carried", "shortest_step", "steps_taken")
 
 
@@ -94,7 +96,8 @@ def settle(dynamics: Dynamics, lane: Lane) -> None:
     last = steps >= error_control.most_steps(impacts)
     lane.fault = where(doubtful & last, float(Fault.TOLERANCE_NOT_REACHED), lane.fault)
     lane.again = doubtful & logical_not(last)
-    shorter = 0.5 * minimum(lane.shortest_step, lane.interval / maximum(steps, 1.0))
+    several = lane.shortest_step < math.inf
+    shorter = where(several, SHORTER * lane.shortest_step, 0.5 * lane.interval / maximum(steps, 1.0))
     lane.longest_step = where(lane.again, shorter, lane.longest_step)
     lane.copy(arm.coordinates, to=BEFORE)
     _return_to_start(dynamics, lane)

@@ -109,6 +109,8 @@ class EqualSteps(StepControl):
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
         crossed = self._crossed(lane)
         agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
+        if self.dynamics.attempts > 1:
+            agrees = agrees | ((lane.attempts > 0.0) & error_control.growth_judged_later(crossed))
         most = error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):

@@ -277,7 +277,7 @@ class KnownInterval(EqualSteps):
     def __init__(self, crossed):
         self.crossed = crossed
         arm = SimpleNamespace(coordinates=())
-        self.dynamics = SimpleNamespace(arm=arm, stops=True, instants=(), compares_bounces=False)
+        self.dynamics = SimpleNamespace(arm=arm, stops=True, instants=(), attempts=1, compares_bounces=False)
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
