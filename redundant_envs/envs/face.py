@@ -29,9 +29,9 @@ from redundant_envs.tasks.base import is_confined
 from redundant_envs.values import whole_number
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
+"""Properties of :class:`Face` that lanes have each for itself."""
 SHARED = ("on_bad_action", "render_mode", "metadata")
 """Attributes of all environments together that ``set_attr`` sets."""
-"""Properties of :class:`Face` that lanes have each for itself."""
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, LEAST_SIZE, MOST_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
