@@ -71,5 +71,6 @@ def pytest_collection_finish():
 
 
 def pytest_sessionfinish():
-    """pytest looks for garbage five times at its end; kept simulators are none."""
+    """pytest looks for garbage five times at its end, for what its destruction raises; once is enough."""
+    gc.collect()
     gc.freeze()

@@ -230,7 +230,7 @@ class ContactAccount(Account):
         leaving = [k for k in self.stops if modes[k] and self.side(y, k) and y[self.n + k] * a[k]]
         first = max(min([longest, *(0.25 * abs(y[self.n + k] / a[k]) for k in leaving)]), SHORTEST)
         while True:
-            found = solve_ivp(
+            found = solve_ivp(  # atol is the stricter one where a coordinate is below 1
                 slope, (t, until), y, "DOP853", events=[e for e, _ in events], rtol=max(error, 3e-14),
                 atol=1e-2 * error, first_step=min(first, until - t), max_step=longest,
             )  # fmt: skip

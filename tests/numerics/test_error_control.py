@@ -10,6 +10,7 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.lane import attempts
 from redundant_envs.lane.features import Fault
 from redundant_envs.lane.memory import Lane, Layout
 from redundant_envs.lane.step_control import End, EqualSteps
@@ -258,6 +259,12 @@ def test_random_steps_are_off_by_at_most_their_estimate(name):
 )
 def test_steps_are_the_next_power_of_two_and_no_more_than_there_may_be(least, steps):
     assert steps_allowed(least) == steps
+
+
+def test_a_piece_that_is_crossed_again_has_twice_as_many_steps():
+    for h, k in zip(np.random.default_rng(0).uniform(1e-4, 0.2, 13), range(1, 14), strict=True):
+        longest = attempts.SHORTER * (h / 2.0**k)
+        assert steps_allowed(h * (1.0 / longest)) == 2.0 ** (k + 1)
 
 
 def test_an_error_as_large_as_the_tolerance_allows_for_some_steps_calls_for_no_more():
