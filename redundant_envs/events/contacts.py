@@ -290,8 +290,8 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
         (c.side != 0.0) & c.free & logical_not(rests[k]) & logical_not(c.released) for k, c in each
     )
     left_out = reduce(maximum, [where(rests[k], time_of_bounces(c, unheld[k]), 0.0) for k, c in each])
-    due = [
-        c.free & (minimum(c.upper - c.position, c.position - c.lower) <= abs(c.velocity) * left_out)
+    due = [  # one that stands still at its stop is not
+        c.free & (minimum(c.upper - c.position, c.position - c.lower) < abs(c.velocity) * left_out)
         for c in contacts
     ]
     return Resolved(
@@ -307,5 +307,5 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
         speeds=[where(hits[k], c.speed, 0.0) for k, c in each],
         impacts=sum((where(hit, 1.0, 0.0) for hit in hits), impacts),
         left_out=left_out,
-        others=(left_out > 0.0) & (total(where(d, 1.0, 0.0) for d in due) > 1.0),
+        others=(left_out > 0.0) & any_of(a & b for a, b in itertools.combinations(due, 2)),
     )

@@ -130,6 +130,22 @@ def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
     assert len(seen) >= min(4, 2 * count)
 
 
+@pytest.mark.parametrize(
+    ("gap", "velocity", "matter"),
+    [(0.0, 0.0, False), (0.0, -1e-9, True), (1e-12, 1e-5, True), (1e-3, 1e-5, False)],
+    ids=["still at its stop", "bounces there", "comes to its stop", "too far away"],
+)
+def test_bounces_that_rest_leaves_out_matter_if_another_slider_may_be_at_its_stop_meanwhile(
+    gap, velocity, matter
+):
+    """One that stands still there does not move before the bounces are over."""
+    bouncing, other = contact(-1e-5, acceleration=10.0), contact(velocity, acceleration=10.0)
+    got = resolved([bouncing, other._replace(position=0.3 - gap)], [[2.0, -1.0], [-1.0, 2.0]])
+    assert got.happened[0] == Happening.REST
+    assert got.left_out == pytest.approx(2e-5 / (0.5 * 10.0))
+    assert got.others == matter
+
+
 @pytest.mark.parametrize("known", [False, True], ids=["fresh", "known to rest"])
 @pytest.mark.parametrize(("press", "supported"), [(2.0, True), (0.0, True), (-2.0, False)])
 def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(known, press, supported):
