@@ -113,6 +113,9 @@ def main(parts: list[str]) -> int:
         PAGE.write_text(before + HEAD + listed() + TAIL + rest.partition(TAIL)[2], encoding="utf-8")
         return 0
     chosen = [fault for fault in faults() if not parts or any(part in fault.name for part in parts)]
+    if not chosen:
+        print(f"the name of no fault has {' or '.join(parts)} in it", file=sys.stderr)
+        return 2
     green = outcome([fault.test for fault in chosen], ROOT, mark="") == "green"  # quicker than one by one
     outcomes: dict[Fault, str] = {}
 

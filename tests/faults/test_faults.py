@@ -7,7 +7,7 @@ import pytest
 
 from tests.mutation import __main__ as mutation
 
-from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, body_of, faults, is_long, listed
+from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, body_of, faults, is_long, listed, main
 
 FAULTS = faults()
 
@@ -26,6 +26,13 @@ def test_a_fault_can_be_brought_back_and_has_a_test(fault):
     assert ast.dump(ast.parse(with_fault)) != ast.dump(ast.parse(text))
     path, function = re.match(r"(tests/.*\.py)::(\w+)(\[.*\])?$", fault.test).group(1, 2)
     assert function in {test.name for test in body_of(path) if isinstance(test, ast.FunctionDef)}
+
+
+def test_a_part_of_no_name_is_refused_and_no_test_runs(monkeypatch, capsys):
+    for name in ("outcome", "in_copies"):
+        monkeypatch.setattr(f"tests.faults.__main__.{name}", lambda *given, **more: "green")
+    assert main(["--help"]) == 2
+    assert capsys.readouterr().err == "the name of no fault has --help in it\n"
 
 
 def test_make_test_sees_most_faults_and_the_page_lists_the_others():
