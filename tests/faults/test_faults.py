@@ -30,7 +30,7 @@ def test_a_fault_can_be_brought_back_and_has_a_test(fault):
 
 def test_a_part_of_no_name_is_refused_and_no_test_runs(monkeypatch, capsys):
     for name in ("outcome", "in_copies"):
-        monkeypatch.setattr(f"tests.faults.__main__.{name}", lambda *given, **more: "green")
+        monkeypatch.setitem(main.__globals__, name, lambda *given, **more: "green")
     assert main(["--help"]) == 2
     assert capsys.readouterr().err == "the name of no fault has --help in it\n"
 
