@@ -9,14 +9,14 @@ import json
 import os
 import platform
 import re
+import stat
 import sys
-import tempfile
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
@@ -87,97 +87,160 @@ def _sources() -> list[str]:
     return [p.read_text(encoding="utf-8") for p in files]
 
 
+class Folder(NamedTuple):
+    """A folder that only this user may write to. Its files are opened relative to the descriptor, so that
+    nobody can put another folder in its place."""
+
+    path: Path
+    descriptor: int | None
+    """None on Windows, which has no such calls, and whose cache folder is closed to other users."""
+
+    def at(self, name: str) -> str:
+        """What to call a file by, beside ``dir_fd``."""
+        return str(self.path / name) if self.descriptor is None else name
+
+    def open(self, name: str, flags: int) -> int:
+        """Descriptor of a file of this user; OSError for anything else, such as a link or a pipe."""
+        flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        file = os.open(self.at(name), flags, 0o600, dir_fd=self.descriptor)
+        try:
+            status = os.fstat(file)
+            if not stat.S_ISREG(status.st_mode):
+                raise OSError(f"{self.path / name} is not a file")
+            _check_own(self.path / name, status)
+        except BaseException:
+            os.close(file)
+            raise
+        return file
+
+    def delete(self, name: str) -> None:
+        """Delete a file; another process may have done so."""
+        with contextlib.suppress(OSError):
+            os.unlink(self.at(name), dir_fd=self.descriptor)
+
+
+def _check_own(path: Path, status: os.stat_result) -> None:
+    """OSError for a folder or a file that another user could have put machine code into."""
+    if sys.platform == "win32":
+        return
+    if status.st_uid != os.geteuid():
+        raise OSError(f"{path} belongs to user {status.st_uid}, but this process to user {os.geteuid()}")
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise OSError(f"others may write to {path}; forbid it with chmod go-w")
+
+
+@contextlib.contextmanager
+def opened() -> Iterator[Folder]:
+    """The folder of :func:`cache_folder`, made if it is missing; OSError if it is not this user's alone."""
+    path = cache_folder()
+    if not path.is_absolute():  # or there is no home directory for "~"
+        raise OSError("it is not an absolute path")
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if sys.platform == "win32":
+        yield Folder(path, None)
+        return
+    for place in (path, *path.parents):
+        status = place.lstat()
+        if stat.S_ISLNK(status.st_mode) and status.st_uid not in (0, os.geteuid()):
+            raise OSError(f"{place} is a link of user {status.st_uid}, who can have it lead anywhere")
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        _check_own(path, os.fstat(descriptor))
+        yield Folder(path, descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def cache_folder() -> Path:
+    """Where machine code is kept."""
+    return Path(os.path.expanduser(os.environ.get(CACHE_VARIABLE) or _usual_folder()))
+
+
+def _usual_folder() -> str:
+    """The system's folder for caches, and ours in it. A relative XDG_CACHE_HOME is ignored, as its standard
+    says."""
+    usual = {"win32": os.environ.get("LOCALAPPDATA", ""), "darwin": "~/Library/Caches"}
+    home = usual.get(sys.platform, os.environ.get("XDG_CACHE_HOME", ""))
+    return f"{home if home.startswith('~/') or os.path.isabs(home) else '~/.cache'}/redundant-envs"
+
+
 def _content(name: str, make: Callable[[], bytes]) -> bytes:
     """The content of a file of the folder; made if it is missing."""
-    folder, made = cache_folder(), functools.cache(make)  # called again if it cannot be kept on disk
-    if folder is not None:
-        try:
-            return _content_in(folder / name, made)
-        except OSError as error:  # no file lock, no space left, files of another user
-            _warn_of_memory_only(folder, error)
+    made = functools.cache(make)  # called again if it cannot be kept on disk
+    try:
+        with opened() as folder:
+            return _content_in(folder, name, made)
+    except OSError as error:  # another user's folder, no file lock, no space left
+        _warn_of_memory_only(cache_folder(), error)
     return made()
 
 
-def _content_in(path: Path, made: Callable[[], bytes]) -> bytes:
+def _content_in(folder: Folder, name: str, made: Callable[[], bytes]) -> bytes:
     """The content of a file; made if it is missing or incomplete."""
-    if data := _used(path):  # files appear whole: no need to wait for a process that makes the same
+    if data := _used(folder, name):  # files appear whole: no need to wait for a process that makes the same
         return data
-    with _file_lock(path.with_suffix(".lock")):
-        if data := _used(path):
+    path = folder.path / name
+    with _file_lock(folder, f"{path.stem}.lock"):
+        if data := _used(folder, name):
             return data
         damaged, data = os.path.lexists(path), made()
         if path.is_dir() and not path.is_symlink():
             raise OSError(f"{path} is a folder")
-        _write_whole(path, _checksum(path, data) + data)
-        _prune(path.parent, path.suffix)
+        _write_whole(folder, name, _checksum(name, data) + data)
+        _prune(folder, path.suffix)
     if damaged:
         what, again = ("compiled simulator", "compiled") if path.suffix == SUFFIX else ("record", "made")
         warnings.warn(f"the {what} {path} was damaged or not ours; it is {again} again", stacklevel=2)
     return data
 
 
-def _used(path: Path) -> bytes:
-    """The content of a file, and nothing if its checksum is wrong; this counts as a use of the file.
+def _used(folder: Folder, name: str) -> bytes:
+    """The content of a file, and nothing if it is not this user's or its checksum is wrong; this counts as a
+    use of the file.
 
-    This detects accidents. It cannot protect against anyone who may write to the folder.
+    The checksum detects accidents. Nobody else may write to the folder.
     """
     data = b""
-    if path.is_file():  # reading a pipe would never end
-        with contextlib.suppress(OSError):
-            data = path.read_bytes()
-    if _checksum(path, data[DIGEST:]) != data[:DIGEST]:
+    with contextlib.suppress(OSError), open(folder.open(name, os.O_RDONLY), "rb") as file:
+        data = file.read()
+    if _checksum(name, data[DIGEST:]) != data[:DIGEST]:
         return b""
-    with contextlib.suppress(OSError):  # another process may have deleted it, or it is not ours
-        os.utime(path)
+    with contextlib.suppress(OSError):  # another process may have deleted it
+        os.utime(folder.at(name), dir_fd=folder.descriptor)
     return data[DIGEST:]
 
 
-def _checksum(path: Path, data: bytes) -> bytes:
+def _checksum(name: str, data: bytes) -> bytes:
     """Checksum of the content and its file name: that of another program is as wrong as a damaged one."""
-    return hashlib.sha256(path.stem.encode() + data).digest()
+    return hashlib.sha256(name.partition(".")[0].encode() + data).digest()
 
 
-def _write_whole(path: Path, data: bytes) -> None:
+def _write_whole(folder: Folder, name: str, data: bytes) -> None:
     """Write a file so that it appears whole, or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.parent)
+    part = f"{name}.{os.urandom(8).hex()}"
     try:
-        with os.fdopen(handle, "wb") as file:
+        with open(folder.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "wb") as file:
             file.write(data)
-        os.replace(name, path)
+        at = folder.descriptor
+        os.replace(folder.at(part), folder.at(name), src_dir_fd=at, dst_dir_fd=at)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        folder.delete(part)
         raise
 
 
-def _prune(folder: Path, suffix: str = SUFFIX) -> None:
+def _prune(folder: Folder, suffix: str = SUFFIX) -> None:
     """Delete the least recently used files of a kind beyond the number kept."""
-    own = [p for p in folder.iterdir() if p.suffix == suffix and OWN_FILE.fullmatch(p.name) and p.is_file()]
     used = []
-    for path in own:
-        with contextlib.suppress(OSError):  # another process may have deleted it
-            used.append((path.stat().st_mtime, path))
+    for path in folder.path.iterdir():
+        if path.suffix == suffix and OWN_FILE.fullmatch(path.name) and path.is_file():
+            with contextlib.suppress(OSError):  # another process may have deleted it
+                used.append((path.stat().st_mtime, path))
     for _, path in sorted(used)[:-KEPT_PROGRAMS]:
-        path.unlink(missing_ok=True)
-        path.with_suffix(".lock").unlink(missing_ok=True)
+        folder.delete(path.name)
+        folder.delete(f"{path.stem}.lock")
 
 
-def cache_folder() -> Path | None:
-    """The folder for machine code, or None if nothing may be written."""
-    usual = {"win32": os.environ.get("LOCALAPPDATA") or "~", "darwin": "~/Library/Caches"}
-    home = usual.get(sys.platform, os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    base = Path(os.environ.get(CACHE_VARIABLE) or f"{home}/redundant-envs")
-    try:
-        base = base.expanduser().absolute()
-        base.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=base):
-            pass
-    except (OSError, RuntimeError) as error:  # RuntimeError: there is no home directory for "~"
-        _warn_of_memory_only(base, error)
-        return None
-    return base
-
-
-def _warn_of_memory_only(folder: Path, error: Exception) -> None:
+def _warn_of_memory_only(folder: Path, error: OSError) -> None:
     if str(folder) in _warned:
         return
     _warned.add(str(folder))
@@ -189,9 +252,9 @@ def _warn_of_memory_only(folder: Path, error: Exception) -> None:
 
 
 @contextlib.contextmanager
-def _file_lock(path: Path) -> Iterator[None]:
+def _file_lock(folder: Folder, name: str) -> Iterator[None]:
     """One process at a time for one program."""
-    with open(path, "a+b") as file:
+    with open(folder.open(name, os.O_RDWR | os.O_CREAT), "r+b") as file:
         if sys.platform == "win32":
             import msvcrt
 

@@ -91,6 +91,9 @@ DAMAGES = {
     "a byte of the checksum": lambda p: p.write_bytes(b"?" + p.read_bytes()[1:]),
     "foreign": lambda p: p.write_text("notes of mine"),
     "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
+    "a link to a good file": lambda p: p.symlink_to(p.rename(p.with_name("elsewhere"))),
+    "writable by others": lambda p: p.chmod(0o622),
+    "writable by the group": lambda p: p.chmod(0o620),
     "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
     "a broken link": lambda p: (p.unlink(), p.symlink_to(p.with_name("nowhere"))),
     "a link to a folder": lambda p: (p.unlink(), p.symlink_to(p.parent)),
@@ -114,9 +117,20 @@ def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, mon
     assert not (folder / NAME).is_symlink()
 
 
+def refusing(function, name):
+    """The method, which refuses one file."""
+
+    def refuse(folder, asked, flags):
+        if asked == name:
+            raise PermissionError(13, "not yours")
+        return function(folder, asked, flags)
+
+    return refuse
+
+
 def test_a_file_that_cannot_be_read_is_damage_and_one_that_is_gone_is_none(folder, monkeypatch, capsys):
     with monkeypatch.context() as context:
-        context.setattr(Path, "read_bytes", Mock(side_effect=PermissionError(13, "not yours")))
+        context.setattr(cache.Folder, "open", refusing(cache.Folder.open, NAME))
         (told,) = load(folder, context)
     assert "damaged or not ours" in told
     (folder / NAME).unlink()
@@ -147,10 +161,9 @@ def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkey
     assert compilations(capsys) == 0
 
 
-@pytest.mark.parametrize("broken", ["replace", "fdopen"])
-def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch, capsys, broken):
+def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch, capsys):
     with monkeypatch.context() as context:
-        context.setattr(os, broken, Mock(side_effect=OSError("no room left")))
+        context.setattr(os, "replace", Mock(side_effect=OSError("no room left")))
         (told,) = load(tmp_path, context)
     assert "no room left" in told
     assert f"set {cache.CACHE_VARIABLE}" in told
@@ -227,12 +240,14 @@ def test_only_the_programs_used_last_are_kept_and_nothing_else_is_touched(folder
     gone = {f"{name}.{kind}" for name in names[:2] for kind in ("code", "lock")}
     os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
     assert load(folder, monkeypatch) == []
-    cache._prune(folder)
+    with cache.opened() as own:
+        cache._prune(own)
     assert {p.name for p in folder.iterdir()} == left - gone
 
 
 def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, monkeypatch):
     monkeypatch.setattr(cache, "KEPT_PROGRAMS", 1)
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
     is_file = Path.is_file
 
     def is_file_and_then_gone(path):
@@ -245,7 +260,8 @@ def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, mo
         (folder / f"{letter * 40}.code").write_text("")
         os.utime(folder / f"{letter * 40}.code", (0, 0))
     monkeypatch.setattr(Path, "is_file", is_file_and_then_gone)
-    cache._prune(folder)
+    with cache.opened() as own:
+        cache._prune(own)
     assert [p.name for p in folder.glob("*.code")] == [NAME]
 
 
@@ -266,21 +282,93 @@ def homeless(monkeypatch):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems use other folders")
-def test_where_the_folder_is(homeless, tmp_path, monkeypatch):
-    with pytest.warns(UserWarning, match=f"kept in memory only: ~.*set {cache.CACHE_VARIABLE}"):
-        assert cache.cache_folder() is None
-    assert cache.cache_folder() is None  # told once
+@pytest.mark.parametrize(
+    ("variables", "expected"),
+    [
+        ({"XDG_CACHE_HOME": "/xdg"}, "/xdg/redundant-envs"),
+        ({"XDG_CACHE_HOME": "", "HOME": "/me"}, "/me/.cache/redundant-envs"),
+        ({"XDG_CACHE_HOME": "here", "HOME": "/me"}, "/me/.cache/redundant-envs"),  # as its standard says
+        ({cache.CACHE_VARIABLE: "~/own", "HOME": "/me", "XDG_CACHE_HOME": "/xdg"}, "/me/own"),
+        ({}, None),
+        ({"HOME": "me"}, None),
+        ({cache.CACHE_VARIABLE: "here", "HOME": "/me"}, None),
+        ({cache.CACHE_VARIABLE: "~nobody_of_this_name/cache"}, None),
+    ],
+    ids=str,
+)
+def test_where_the_folder_is(homeless, tmp_path, monkeypatch, variables, expected):
     monkeypatch.chdir(tmp_path)
-    for variable, value, expected in (
-        ("XDG_CACHE_HOME", str(tmp_path / "xdg"), "xdg/redundant-envs"),
-        ("XDG_CACHE_HOME", "", None),
-        ("HOME", str(tmp_path), ".cache/redundant-envs"),
-        (cache.CACHE_VARIABLE, "~/own", "own"),
-        (cache.CACHE_VARIABLE, "here", "here"),
-    ):
+    for variable, value in variables.items():
         monkeypatch.setenv(variable, value)
-        assert cache.cache_folder() == (tmp_path / expected if expected else None)
-    assert (tmp_path / "own").stat().st_mode & 0o77 == 0
-    monkeypatch.setenv(cache.CACHE_VARIABLE, "~nobody_of_this_name/cache")
-    with pytest.warns(UserWarning, match="kept in memory only"):
-        assert cache.cache_folder() is None
+    if expected:
+        assert str(cache.cache_folder()) == expected
+        return
+    with pytest.warns(UserWarning, match=f"not an absolute path.*set {cache.CACHE_VARIABLE}"):
+        cache.facts("a" * 40, dict)
+    cache.facts("a" * 40, dict)  # told once
+    assert not list(tmp_path.iterdir())
+
+
+# ---- whose the folder is ---------------------------------------------------------------------------
+
+owners = pytest.mark.skipif(sys.platform == "win32", reason="owners and modes are those of Unix")
+
+
+def refused(folder, monkeypatch, capsys):
+    """Nothing is taken from the folder or put there; returns the one message."""
+    names = sorted(folder.rglob("*"))
+    (told,) = load(folder, monkeypatch)
+    assert "kept in memory only" in told
+    assert compilations(capsys) == 1
+    assert sorted(folder.rglob("*")) == names
+    return told
+
+
+@owners
+@pytest.mark.parametrize("mode", [0o777, 0o720, 0o1777, 0o702])
+def test_a_folder_that_others_may_write_to_is_not_taken(folder, monkeypatch, capsys, mode):
+    folder.chmod(mode)
+    assert "chmod go-w" in refused(folder, monkeypatch, capsys)
+    assert cache.facts("f" * 40, lambda: {"planted": False}) == {"planted": False}
+    folder.chmod(0o755)
+    assert load(folder, monkeypatch) == []
+    assert compilations(capsys) == 0
+
+
+@owners
+def test_another_users_folder_is_not_taken(folder, monkeypatch, capsys):
+    """Made first under a name where anybody may write, or that of a HOME which root has kept."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1 + folder.stat().st_uid)
+    assert f"belongs to user {folder.stat().st_uid}" in refused(folder, monkeypatch, capsys)
+
+
+@owners
+def test_another_users_file_is_replaced_and_another_users_link_is_not_followed(folder, monkeypatch, capsys):
+    own, fstat, lstat = os.geteuid(), os.fstat, Path.lstat
+
+    def planted(status):
+        return os.stat_result((*status[:4], own + 1, *status[5:10]))
+
+    with monkeypatch.context() as context:
+        file = (folder / NAME).stat().st_ino
+        context.setattr(os, "fstat", lambda fd: planted(s) if (s := fstat(fd)).st_ino == file else s)
+        (told,) = load(folder, context)
+    assert "not ours; it is compiled again" in told
+    assert compilations(capsys) == 1
+    link = folder.with_name("link")
+    link.symlink_to(folder)
+    assert load(link, monkeypatch) == []
+    monkeypatch.setattr(Path, "lstat", lambda p: planted(lstat(p)) if p == link else lstat(p))
+    assert "link of user" in refused(link, monkeypatch, capsys)
+    (folder / "redundant-envs").mkdir()
+    assert "link of user" in refused(link / "redundant-envs", monkeypatch, capsys)
+
+
+@owners
+def test_what_is_made_is_closed_to_others(tmp_path, monkeypatch):
+    before = os.umask(0)
+    try:
+        load(tmp_path / "new", monkeypatch)
+    finally:
+        os.umask(before)
+    assert all(p.stat().st_mode & 0o77 == 0 for p in (tmp_path / "new", *(tmp_path / "new").iterdir()))
