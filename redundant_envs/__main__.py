@@ -1,4 +1,5 @@
-"""Command line: python -m redundant_envs simulate | verify | study | scene | export | wasm | page | list."""
+"""Command line: python -m redundant_envs simulate | verify | study | scene | export | wasm | page | list |
+cache."""
 
 from __future__ import annotations
 
@@ -144,6 +145,10 @@ def parser() -> argparse.ArgumentParser:
 
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
     p.set_defaults(handler=list_names)
+
+    p = commands.add_parser("cache", help="where the compiled simulators are kept, and how large they are")
+    p.add_argument("--clear", action="store_true", help="delete them; they are compiled again when needed")
+    p.set_defaults(handler=show_cache)
     return top
 
 
@@ -217,6 +222,13 @@ def list_names(options: argparse.Namespace) -> None:
 
         groups["studies"] = list(STUDIES)
     print("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
+
+
+def show_cache(options: argparse.Namespace) -> None:
+    """Print the size of the folder of compiled simulators, or empty it."""
+    from redundant_envs.backends import cache
+
+    print(cache.usage(options.clear))
 
 
 def show_scene(options: argparse.Namespace) -> None:

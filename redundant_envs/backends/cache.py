@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import hashlib
 import json
@@ -22,12 +23,22 @@ from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.listing import lines
 
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
 CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
-KEPT_PROGRAMS = 1000
-"""Number of files of each kind that the folder keeps; the least recently used ones are deleted."""
+KEPT_BYTES = 1 << 29
+"""Most bytes that the folder keeps; a simulator has some 200 kB. The least recently used files go first."""
+ABANDONED = 3600.0
+"""Age in s of an unfinished file that no process can be writing any more."""
+SILENT_WAIT, LONGEST_WAIT = 3.0, 180.0
+"""Waiting for a process that compiles the same: s until it is told, and until this one does not wait any
+longer. Usual scenes take a second, the largest a minute."""
 SUFFIX, FACTS = ".code", ".facts"
-OWN_FILE = re.compile(r"[0-9a-f]{40}\.(code|facts|lock)")
-"""Names of files that this module makes; it deletes no others."""
+OWN_FILE = re.compile(r"([0-9a-f]{40})\.(code|facts|lock)(\.[0-9a-f]{16})?")
+"""Names of files that this module makes; it deletes no others. Unfinished ones have the third part."""
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
 
@@ -47,16 +58,16 @@ def kernels(
     Its key is computed before compilation, which changes its graphs.
     """
 
-    def compiled() -> bytes:
-        start, told = time.perf_counter(), f"redundant-envs: compiling {what} (once on this machine) ..."
-        print(told, file=sys.stderr, end="", flush=True)
+    def compiled(kept: bool) -> bytes:
+        start, how_long = time.perf_counter(), "once on this machine" if kept else "for this process alone"
+        print(f"redundant-envs: compiling {what} ({how_long}) ...", file=sys.stderr, end="", flush=True)
         code = llvm.object_code(program())
         print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
         return code
 
     with _lock:
         if key not in _kept:
-            _kept[key] = llvm.load(_content(f"{key}{SUFFIX}", compiled), names)
+            _kept[key] = llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
         return _kept[key]
 
 
@@ -64,7 +75,8 @@ def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Facts of plain JSON data under a name of 40 hexadecimal digits; "" keeps nothing."""
     if not name:
         return found()
-    return json.loads(_content(f"{name}{FACTS}", lambda: json.dumps(found()).encode()))  # type: ignore[no-any-return]
+    data = _content(f"{name}{FACTS}", "a record", lambda kept: json.dumps(found()).encode())
+    return json.loads(data)  # type: ignore[no-any-return]
 
 
 def identity(program: Program) -> str:
@@ -164,33 +176,39 @@ def _usual_folder() -> str:
     return f"{home if home.startswith('~/') or os.path.isabs(home) else '~/.cache'}/redundant-envs"
 
 
-def _content(name: str, make: Callable[[], bytes]) -> bytes:
-    """The content of a file of the folder; made if it is missing."""
-    made = functools.cache(make)  # called again if it cannot be kept on disk
+def _content(name: str, what: str, make: Callable[[bool], bytes]) -> bytes:
+    """The content of a file of the folder; if it is missing it is made by ``make``, which takes whether it
+    will be kept."""
+    made: list[bytes] = []
+
+    def once(kept: bool) -> bytes:
+        made.extend([] if made else [make(kept)])
+        return made[0]
+
     try:
         with opened() as folder:
-            return _content_in(folder, name, made)
+            return _content_in(folder, name, what, once)
     except OSError as error:  # another user's folder, no file lock, no space left
         _warn_of_memory_only(cache_folder(), error)
-    return made()
+    return once(False)
 
 
-def _content_in(folder: Folder, name: str, made: Callable[[], bytes]) -> bytes:
+def _content_in(folder: Folder, name: str, what: str, made: Callable[[bool], bytes]) -> bytes:
     """The content of a file; made if it is missing or incomplete."""
     if data := _used(folder, name):  # files appear whole: no need to wait for a process that makes the same
         return data
     path = folder.path / name
-    with _file_lock(folder, f"{path.stem}.lock"):
+    with _file_lock(folder, f"{path.stem}.lock", what):
         if data := _used(folder, name):
             return data
-        damaged, data = os.path.lexists(path), made()
+        damaged, data = os.path.lexists(path), made(True)
         if path.is_dir() and not path.is_symlink():
             raise OSError(f"{path} is a folder")
         _write_whole(folder, name, _checksum(name, data) + data)
-        _prune(folder, path.suffix)
+        _prune(folder)
     if damaged:
-        what, again = ("compiled simulator", "compiled") if path.suffix == SUFFIX else ("record", "made")
-        warnings.warn(f"the {what} {path} was damaged or not ours; it is {again} again", stacklevel=2)
+        kind, again = ("compiled simulator", "compiled") if path.suffix == SUFFIX else ("record", "made")
+        warnings.warn(f"the {kind} {path} was damaged or not ours; it is {again} again", stacklevel=2)
     return data
 
 
@@ -228,16 +246,45 @@ def _write_whole(folder: Folder, name: str, data: bytes) -> None:
         raise
 
 
-def _prune(folder: Folder, suffix: str = SUFFIX) -> None:
-    """Delete the least recently used files of a kind beyond the number kept."""
-    used = []
-    for path in folder.path.iterdir():
-        if path.suffix == suffix and OWN_FILE.fullmatch(path.name) and path.is_file():
+def _files(folder: Folder) -> list[tuple[float, int, str]]:
+    """Last use, size and name of the files that this module made, the newest first."""
+    found = []
+    with os.scandir(folder.path if folder.descriptor is None else folder.descriptor) as entries:
+        for entry in entries:
             with contextlib.suppress(OSError):  # another process may have deleted it
-                used.append((path.stat().st_mtime, path))
-    for _, path in sorted(used)[:-KEPT_PROGRAMS]:
-        folder.delete(path.name)
-        folder.delete(f"{path.stem}.lock")
+                if OWN_FILE.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                    status = entry.stat(follow_symlinks=False)
+                    found.append((status.st_mtime, status.st_size, entry.name))
+    return sorted(found, reverse=True)
+
+
+def _prune(folder: Folder) -> None:
+    """Delete what a killed process left unfinished, and the least recently used files beyond those kept."""
+    files, filled = _files(folder), 0
+    for used, size, name in files:
+        program, kind, unfinished = OWN_FILE.fullmatch(name).groups()  # type: ignore[union-attr]
+        if unfinished:
+            if used < time.time() - ABANDONED:
+                folder.delete(name)
+        elif kind != "lock":
+            fits = filled == 0 or filled + size <= KEPT_BYTES
+            filled += size
+            if not fits:
+                folder.delete(name)
+                folder.delete(f"{program}.lock")
+
+
+def usage(clear: bool = False) -> str:
+    """What the folder of compiled code holds, and, if it is cleared, held; OSError if it is not used."""
+    with opened() as folder:
+        files = _files(folder)
+        if clear:
+            for _, _, name in files:
+                folder.delete(name)
+    size = sum(size for _, size, _ in files)
+    kept = sum(not name.endswith(".lock") for _, _, name in files)
+    most = f"at most {KEPT_BYTES / 1e6:.0f} MB are kept"
+    return f"{folder.path}: {kept} files, {size / 1e6:.1f} MB{' deleted' if clear else f'; {most}'}"
 
 
 def _warn_of_memory_only(folder: Path, error: OSError) -> None:
@@ -252,19 +299,38 @@ def _warn_of_memory_only(folder: Path, error: OSError) -> None:
 
 
 @contextlib.contextmanager
-def _file_lock(folder: Folder, name: str) -> Iterator[None]:
-    """One process at a time for one program."""
+def _file_lock(folder: Folder, name: str, what: str) -> Iterator[None]:
+    """One process at a time for one program; OSError if another one takes too long."""
     with open(folder.open(name, os.O_RDWR | os.O_CREAT), "r+b") as file:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX)
+        start, told = time.monotonic(), False
+        while not _locked(file.fileno()):
+            waited = time.monotonic() - start
+            if waited > LONGEST_WAIT:
+                raise OSError(f"another process has held {folder.path / name} for {waited:.0f} s")
+            if waited > SILENT_WAIT and not told:
+                told = True
+                print(
+                    f"redundant-envs: waiting for another process that makes {what} (it has locked "
+                    f"{folder.path / name}), for at most {LONGEST_WAIT:.0f} s ...",
+                    file=sys.stderr,
+                )
+            time.sleep(min(0.1, 0.001 + waited / 10))
         try:
             yield
         finally:
             if sys.platform != "win32":  # a process forked in the meantime has the file open, too
                 fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def _locked(descriptor: int) -> bool:
+    """Lock a file, if no other process has; OSError if the file system has no locks."""
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in (errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLOCK):
+            return False
+        raise
+    return True

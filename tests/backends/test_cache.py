@@ -4,14 +4,16 @@ import hashlib
 import os
 import shutil
 import sys
+import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from unittest.mock import Mock
+from unittest.mock import MagicMock, Mock
 
 import numpy as np
 import pytest
 
+from redundant_envs.__main__ import main
 from redundant_envs.backends import cache
 from redundant_envs.tracing.flow import Kernel, Program
 
@@ -151,7 +153,47 @@ def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, place, 
     assert (folder / place / "mine").read_text() == "?"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="flock is that of Unix")
+unix = pytest.mark.skipif(sys.platform == "win32", reason="locks, owners and modes are those of Unix")
+
+
+@pytest.fixture
+def held(folder):
+    """The lock of the program is held elsewhere, and the program is not there."""
+    import fcntl
+
+    (folder / NAME).unlink()
+    with (folder / LOCK).open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield file
+
+
+@unix
+def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(folder, held, monkeypatch, capsys):
+    monkeypatch.setattr(cache, "SILENT_WAIT", 0.01)
+    monkeypatch.setattr(cache, "LONGEST_WAIT", 0.05)
+    (told,) = load(folder, monkeypatch)
+    assert f"another process has held {folder / LOCK} for 0 s" in told
+    err = capsys.readouterr().err
+    assert err.count("waiting for another process that makes a test (it has locked") == 1
+    assert "compiling a test (for this process alone)" in err
+
+
+@unix
+def test_a_lock_that_is_released_is_taken(folder, held, monkeypatch, capsys):
+    monkeypatch.setattr(time, "sleep", lambda _: held.close())
+    assert load(folder, monkeypatch) == []
+    assert "compiling a test (once on this machine)" in capsys.readouterr().err
+
+
+@unix
+def test_ctrl_c_ends_the_wait_for_a_lock(folder, held, monkeypatch, capsys):
+    monkeypatch.setattr(time, "sleep", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        load(folder, monkeypatch)
+    assert compilations(capsys) == 0
+
+
+@unix
 def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkeypatch, capsys):
     import fcntl
 
@@ -214,55 +256,71 @@ def test_facts_without_a_folder_or_a_name_are_found_each_time(tmp_path, monkeypa
     assert cache.facts("", lambda: {"a": 1}) == {"a": 1}
 
 
-def test_facts_do_not_push_programs_out(folder, monkeypatch):
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 2)
-    for letter in "abc":
-        cache.facts(letter * 40, dict)
-        os.utime(folder / f"{letter * 40}{cache.FACTS}", (ord(letter), ord(letter)))
-    assert sorted(p.name[0] for p in folder.glob(f"*{cache.FACTS}")) == ["b", "c"]
-    assert (folder / NAME).exists()
+# ---- how much is kept ------------------------------------------------------------------------------
 
 
-# ---- how many are kept -----------------------------------------------------------------------------
-
-
-def test_only_the_programs_used_last_are_kept_and_nothing_else_is_touched(folder, monkeypatch):
-    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 3)
-    names = [c * 40 for c in "abcd"]
-    others = ["notes.code", "x" * 40 + ".code", "a" * 39 + ".code", "0" * 40 + ".txt", "0" * 40]
+def test_the_files_used_last_are_kept_and_nothing_else_is_touched(folder, monkeypatch):
+    monkeypatch.setattr(cache, "KEPT_BYTES", (folder / NAME).stat().st_size + 300)
+    names = [f"{c * 40}.{kind}" for c, kind in zip("abcd", ("code", "facts", "facts", "code"), strict=True)]
+    others = ["notes.code", "x" * 40 + ".code", "a" * 39 + ".code", "0" * 40 + ".txt", "0" * 40, "tmp_a3b4"]
     for i, name in enumerate([*names, *others]):
-        for path in (folder / (name if name in others else f"{name}.code"), folder / f"{name}.lock"):
-            path.write_text("")
+        for path in (folder / name, (folder / name).with_suffix(".lock")):
+            path.write_bytes(bytes(150) if path.name in names else b"")
             os.utime(path, (i, i))
     (folder / f"{'e' * 40}.code").mkdir()  # named like a program, but not one
     left = {p.name for p in folder.iterdir()}
-    gone = {f"{name}.{kind}" for name in names[:2] for kind in ("code", "lock")}
+    gone = {f for name in names[:2] for f in (name, f"{name[:40]}.lock")}
     os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
     assert load(folder, monkeypatch) == []
     with cache.opened() as own:
         cache._prune(own)
-    assert {p.name for p in folder.iterdir()} == left - gone
+        assert {p.name for p in folder.iterdir()} == left - gone
+        monkeypatch.setattr(cache, "KEPT_BYTES", 1)  # the one that was just made is kept
+        cache._prune(own)
+    assert (folder / NAME).exists()
+    assert not (folder / names[3]).exists()
 
 
-def test_programs_that_another_process_deletes_meanwhile_are_no_error(folder, monkeypatch):
-    monkeypatch.setattr(cache, "KEPT_PROGRAMS", 1)
+def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder, monkeypatch):
+    old, young = (folder / f"{NAME}.{letter * 16}" for letter in "ab")
+    for path in (old, young):
+        path.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    os.utime(folder / NAME, (0, 0))
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    is_file = Path.is_file
+    cache.facts("f" * 40, dict)
+    assert not old.exists()
+    assert young.exists()
+    assert (folder / NAME).exists()
 
-    def is_file_and_then_gone(path):
-        found = is_file(path)
-        if path.name.startswith("a" * 40):
-            path.unlink(missing_ok=True)
-        return found
 
-    for letter in "ab":
-        (folder / f"{letter * 40}.code").write_text("")
-        os.utime(folder / f"{letter * 40}.code", (0, 0))
-    monkeypatch.setattr(Path, "is_file", is_file_and_then_gone)
+def test_files_that_another_process_deletes_meanwhile_are_no_error(folder, monkeypatch):
+    class Entry(Mock):
+        def stat(self, follow_symlinks):
+            raise FileNotFoundError
+
+    entries = MagicMock()
+    entries.__enter__.return_value = [Entry(**{"is_file.return_value": True})]
+    entries.__enter__.return_value[0].name = NAME
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+    monkeypatch.setattr(os, "scandir", lambda _: entries)
     with cache.opened() as own:
         cache._prune(own)
-    assert [p.name for p in folder.glob("*.code")] == [NAME]
+        own.delete("gone")
+
+
+def test_a_command_shows_and_clears_the_folder(folder, monkeypatch, capsys):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+    (folder / "notes").write_text("mine")
+    (folder / f"{NAME}.{'a' * 16}").write_text("half")
+    assert main(["cache"]) == 0
+    assert capsys.readouterr().out == f"{folder}: 2 files, 0.0 MB; at most 537 MB are kept\n"
+    assert main(["cache", "--clear"]) == 0
+    assert "2 files, 0.0 MB deleted" in capsys.readouterr().out
+    assert [p.name for p in folder.iterdir()] == ["notes"]
+    folder.chmod(0o777)
+    assert main(["cache", "--clear"]) == 2
+    assert "chmod go-w" in capsys.readouterr().err
 
 
 # ---- where the folder is ---------------------------------------------------------------------------
@@ -311,20 +369,18 @@ def test_where_the_folder_is(homeless, tmp_path, monkeypatch, variables, expecte
 
 # ---- whose the folder is ---------------------------------------------------------------------------
 
-owners = pytest.mark.skipif(sys.platform == "win32", reason="owners and modes are those of Unix")
-
 
 def refused(folder, monkeypatch, capsys):
     """Nothing is taken from the folder or put there; returns the one message."""
     names = sorted(folder.rglob("*"))
     (told,) = load(folder, monkeypatch)
     assert "kept in memory only" in told
-    assert compilations(capsys) == 1
+    assert capsys.readouterr().err.count("compiling a test (for this process alone)") == 1
     assert sorted(folder.rglob("*")) == names
     return told
 
 
-@owners
+@unix
 @pytest.mark.parametrize("mode", [0o777, 0o720, 0o1777, 0o702])
 def test_a_folder_that_others_may_write_to_is_not_taken(folder, monkeypatch, capsys, mode):
     folder.chmod(mode)
@@ -335,14 +391,14 @@ def test_a_folder_that_others_may_write_to_is_not_taken(folder, monkeypatch, cap
     assert compilations(capsys) == 0
 
 
-@owners
+@unix
 def test_another_users_folder_is_not_taken(folder, monkeypatch, capsys):
     """Made first under a name where anybody may write, or that of a HOME which root has kept."""
     monkeypatch.setattr(os, "geteuid", lambda: 1 + folder.stat().st_uid)
     assert f"belongs to user {folder.stat().st_uid}" in refused(folder, monkeypatch, capsys)
 
 
-@owners
+@unix
 def test_another_users_file_is_replaced_and_another_users_link_is_not_followed(folder, monkeypatch, capsys):
     own, fstat, lstat = os.geteuid(), os.fstat, Path.lstat
 
@@ -364,7 +420,7 @@ def test_another_users_file_is_replaced_and_another_users_link_is_not_followed(f
     assert "link of user" in refused(link / "redundant-envs", monkeypatch, capsys)
 
 
-@owners
+@unix
 def test_what_is_made_is_closed_to_others(tmp_path, monkeypatch):
     before = os.umask(0)
     try:
