@@ -7,8 +7,10 @@ import dataclasses
 import inspect
 import reprlib
 import warnings
-from collections.abc import Mapping
-from numbers import Integral
+from collections.abc import Mapping, Set, ValuesView
+from enum import Enum
+from numbers import Integral, Real
+from pathlib import PurePath
 from typing import Any, TypeVar
 
 Thing = TypeVar("Thing")
@@ -99,6 +101,27 @@ def check_declared(where: str, thing: Any, base: type) -> None:
                     f"{where}: {cls.__name__} has {name} = {shown(value)} without a type, so Python takes "
                     f"it for no default; write {name}: {type(value).__name__} = {shown(value)}"
                 )
+
+
+def plain_data(value: Any) -> Any:
+    """Data of users as JSON can hold them: without numbers and arrays of NumPy, paths and enumerations."""
+    if isinstance(value, Mapping):
+        return {plain_data(k): plain_data(v) for k, v in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(plain_data, value))
+    if isinstance(value, list | Set | ValuesView):
+        return [*map(plain_data, value)]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, str | PurePath):
+        return str(value)
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value)
+    return plain_data(value.tolist()) if hasattr(value, "tolist") else value
 
 
 def plain(kind: str, thing: Any) -> dict[str, Any]:

@@ -4,6 +4,7 @@ by name with units, pictures."""
 from __future__ import annotations
 
 import copy
+import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
@@ -26,7 +27,7 @@ from redundant_envs.scene_numbers import names_of
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
-from redundant_envs.values import whole_number
+from redundant_envs.values import plain_data, whole_number
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
@@ -206,6 +207,9 @@ class Face:
     def __setattr__(self, name: str, value: Any) -> None:
         if name in LANE_VALUES:
             raise AttributeError(f"{name} cannot be set: {COPIES}")
+        if name == "spec" and value is not None:  # as it was given, a file could not hold it
+            steps = plain_data(value.max_episode_steps)
+            value = dataclasses.replace(value, kwargs=plain_data(value.kwargs), max_episode_steps=steps)
         if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
             object.__setattr__(self, name, value)
         else:

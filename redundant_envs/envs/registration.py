@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -164,6 +163,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
     """
     from redundant_envs import robots
     from redundant_envs.scene import load_scene
+    from redundant_envs.values import plain_data
 
     if not (isinstance(arm, type) and issubclass(arm, robots.Arm)):
         raise ValueError(f"arm is {arm!r}; give a class derived from redundant_envs.Arm")
@@ -186,7 +186,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         robots.REGISTRY.clear()
         robots.REGISTRY.update(before)
         raise
-    SCENES[arm.kind] = str(scene) if isinstance(scene, Path) else copy.deepcopy(scene)
+    SCENES[arm.kind] = plain_data(scene)
     register()
 
 

@@ -21,6 +21,7 @@ from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
+from redundant_envs.scene import Scene
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
 
@@ -181,7 +182,9 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
     steps = arguments.pop("max_episode_steps", spec.max_episode_steps)
-    spec = dataclasses.replace(spec, kwargs={**arguments}, max_episode_steps=steps)
+    scene = arguments["scene"]
+    of_spec = {**arguments, "scene": scene.facts() if isinstance(scene, Scene) else scene}
+    spec = dataclasses.replace(spec, kwargs=of_spec, max_episode_steps=steps)
     own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))

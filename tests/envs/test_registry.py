@@ -17,6 +17,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
 from redundant_envs.envs.registration import full_id
+from redundant_envs.files import config_folder
 
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 
@@ -48,6 +49,47 @@ def test_specs_are_json_and_make_the_same_environment(env_id):
     assert EnvSpec.from_json(specs[0].to_json()).make().unwrapped.core.scene.tolerance == 1e-12
     assert gym.spec(env_id).max_episode_steps == 100  # the registered one is as it was
     assert "accuracy" not in gym.spec(env_id).kwargs
+
+
+FREE = rde.load_scene("four_r_reach").to_dict()
+AS_USERS_WRITE = {
+    "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},
+    "arrays in a scene": {
+        "scene": FREE
+        | {"robot": {k: np.array(v) if k != "type" else v for k, v in FREE["robot"].items()}}
+        | {"randomize": {np.str_("gravity.g"): {"uniform": np.array([9.0, 10.0])}}, "substeps": np.int64(1)}
+    },
+    "numbers of NumPy": {
+        "task": {"goal_tolerance": np.float32(0.5), "hold_steps": np.int64(3)},
+        "accuracy": np.float64(1e-5), "render_width": np.int16(64),
+    },
+    "names": {"observe_parameters": {"gravity.g": 0}.keys(), "info_keys": ["distance"]},
+    "an array of names": {"observe_parameters": np.array(["gravity.g", "masses"])},
+    "what vectors take": {"max_episode_steps": np.int64(7)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["single", AutoresetMode.SAME_STEP, "sb3"])
+@pytest.mark.parametrize("given", AS_USERS_WRITE.values(), ids=AS_USERS_WRITE)
+def test_specs_hold_plain_data_of_what_users_give(kind, given):
+    if kind == "single" and "max_episode_steps" in given:
+        pytest.skip("the limit of a single environment is Gymnasium's wrapper")
+    env = made(kind, FOUR_R, 2, **given)
+    if isinstance(kind, AutoresetMode):
+        again = gym.make_vec(EnvSpec.from_json(env.spec.to_json()))
+        assert again.metadata["autoreset_mode"] is kind
+        assert again.spec.to_json() == env.spec.to_json()
+    else:
+        env = env.unwrapped if kind == "single" else env
+        again = EnvSpec.from_json(env.spec.to_json()).make().unwrapped
+    for of_core in ("scene", "task", "variation"):
+        assert getattr(again.core, of_core) == getattr(env.core, of_core)
+
+
+def test_sb3_takes_a_scene_and_its_spec_has_the_data():
+    scene = rde.load_scene("four_r_reach")
+    spec = rde.make_sb3(FOUR_R, 2, scene=scene).spec
+    assert EnvSpec.from_json(spec.to_json()).make().unwrapped.scene == scene
 
 
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPReach-v0"])

@@ -551,7 +551,9 @@ def test_ids_that_clash_and_scenes_that_make_no_environment(said, register, argu
 
 
 def test_a_task_whose_ids_clash_is_refused_and_the_next_one_is_registered():
-    rde.register_arm(four_r("FourRNew"), {**GOAL, "robot": {**GOAL["robot"], "type": "FourRNew"}})
+    robot = {**GOAL["robot"], "type": "FourRNew", "masses": np.array(GOAL["robot"]["masses"])}
+    rde.register_arm(four_r("FourRNew"), {**GOAL, "robot": robot})
+    assert '"masses": [' in gym.spec("redundant_envs/FourRNewReach-v0").to_json()
     before = dict(IDS), dict(rde.tasks.REGISTRY)
     clashing, free = (type(name, (rde.ReachTask,), {"name": name}) for name in ("NewReach", "NextReach"))
     said = "FourRNewReach-v0 is the id of the arm FourRNew with the task Reach"
