@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from redundant_envs import __version__
+from redundant_envs.disk import add_force, check_kept
 from redundant_envs.extras import MissingPackage
 from redundant_envs.modules import OPTION, take_imports
 
@@ -53,6 +54,8 @@ def verify(options: argparse.Namespace) -> int:
         if given:
             raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
         return report.compare_bits(options.bits == "all")
+    files = [file for file in (options.json, options.markdown) if file is not None]
+    check_kept(files, options.force, map(Path, options.subject))
     return report.run(
         options.subject, options.states, options.mode or "standard", options.json, options.markdown
     )
@@ -82,6 +85,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
     p.add_argument("--clip", type=Path, metavar="FILE", help="draw one --scene, too: .gif or .mp4")
     p.set_defaults(handler=simulate)
+    add_force(p)
 
     p = commands.add_parser("verify", help="check correctness: values found beside those promised")
     p.add_argument(
@@ -99,6 +103,7 @@ def parser() -> argparse.ArgumentParser:
         help="instead, check that recorded motions have the same bits on this machine",
     )  # fmt: skip
     p.set_defaults(handler=verify)
+    add_force(p)
 
     p = commands.add_parser("study", help="measure the library; in the source tree only")
     try:
@@ -117,6 +122,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
     p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
+    add_force(p)
 
     p = commands.add_parser(
         "export", help="write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
@@ -129,11 +135,13 @@ def parser() -> argparse.ArgumentParser:
         help="leave out what the format cannot express, or write the nearest equivalent, and say so",
     )  # fmt: skip
     p.set_defaults(handler=export)
+    add_force(p)
 
     p = commands.add_parser("wasm", help="write the Reach environment of a scene for JavaScript")
     p.add_argument("scene", metavar="NAME_OR_PATH")
     p.add_argument("--out", type=Path, default=Path("runs/wasm"), metavar="FOLDER")
     p.set_defaults(handler=write_wasm)
+    add_force(p)
 
     p = commands.add_parser("page", help="write a page in which the arms move, to be opened as a file")
     p.add_argument("--out", type=Path, default=Path("runs/page"), metavar="FOLDER")
@@ -142,6 +150,7 @@ def parser() -> argparse.ArgumentParser:
         help="with policies as agents export writes them; default: those of the source tree",
     )  # fmt: skip
     p.set_defaults(handler=write_page)
+    add_force(p)
 
     p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
     p.set_defaults(handler=list_names)
@@ -155,6 +164,7 @@ def parser() -> argparse.ArgumentParser:
 def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
+    from redundant_envs.envs.animation import FIGURES, animate, save_figures
     from redundant_envs.figures import check_clip
     from redundant_envs.model import trajectory as energy
 
@@ -170,6 +180,9 @@ def simulate(options: argparse.Namespace) -> None:
     starts = [energy.default_start(*named) if options.q is None else options.q for named in scenes]
     for (_, scene), q in zip(scenes, starts, strict=True):
         energy.check_start(scene, options.seconds, q, options.qd)
+    endings = (".csv", *(f"_{kind}.png" for kind in FIGURES))
+    files = [options.out / f"{name}{ending}" for name in names for ending in endings]
+    check_kept([*files, *filter(None, [options.clip])], options.force)
     for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
         print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
         run = energy.energy_run(scene, options.seconds, q, options.qd)
@@ -180,10 +193,7 @@ def simulate(options: argparse.Namespace) -> None:
             f"{run.total[0]:.6g} J at the start and {run.total[-1]:.6g} J at the end, relative drift "
             f"{run.drift:.1e}"
         )
-        # After the numbers, so that these are written even if matplotlib is missing.
-        from redundant_envs.envs.animation import animate, save_figures
-
-        try:
+        try:  # after the numbers, so that these are written even if matplotlib is missing
             pictures = save_figures(run, name, options.out)
             if options.clip is not None:
                 animate(run).save(options.clip)
@@ -260,6 +270,7 @@ def show_scene(options: argparse.Namespace) -> None:
     elif options.drawing is not None:
         from redundant_envs.envs.schematic import save_schematic
 
+        check_kept([options.drawing], options.force, [Path(options.scene)])
         print(save_schematic(options.drawing, [scene.robot.kind]))
     else:
         import yaml
@@ -272,6 +283,7 @@ def export(options: argparse.Namespace) -> None:
     from redundant_envs import load_scene
     from redundant_envs.exports import files
 
+    check_kept([options.out], options.force, [Path(options.scene)])
     notes = files.write(
         load_scene(options.scene), options.format, options.out, options.approximate, Path(options.scene).stem
     )
@@ -285,8 +297,9 @@ def write_wasm(options: argparse.Namespace) -> None:
     from redundant_envs import ReachTask, load_scene
     from redundant_envs.web import module
 
-    scene = load_scene(options.scene)
-    for path in module.write(scene, ReachTask(), Path(options.scene).stem, options.out):
+    scene, name = load_scene(options.scene), Path(options.scene).stem
+    check_kept(module.files(name, options.out), options.force, [Path(options.scene)])
+    for path in module.write(scene, ReachTask(), name, options.out):
         print(f"{path} ({path.stat().st_size} bytes)")
 
 
@@ -294,6 +307,7 @@ def write_page(options: argparse.Namespace) -> None:
     """Write a page with the arms of the Reach environments."""
     from redundant_envs.web import page
 
+    check_kept(page.files(options.out), options.force)
     written, learners = page.write(options.out, options.policies)
     for path in written:
         print(f"{path} ({path.stat().st_size} bytes)")

@@ -1,16 +1,19 @@
-"""Files that are complete or absent, and one clear message if a disk is full."""
+"""Files that are complete or absent and replace nothing unasked, folders without links, and one clear message
+if a disk is full."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
+import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}  # no space left, or the quota of the user is
+MOST_SHOWN = 5  # most names in a message
 LEAST = 1 << 14  # bytes; a disk with less left is full for what a library failed to write
 
 
@@ -66,18 +69,26 @@ def telling(function: Callable[..., Any], path: Path) -> Callable[..., Any]:
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """The path of a new file beside ``path``, whose place it takes at the end; the folder is made. If it
-    cannot be written, it is deleted, and the file that was there is unchanged. A link keeps its name, and a
-    device is written itself."""
-    path = path.resolve() if path.is_symlink() else path
+    cannot be written, it is deleted, and the file that was there is unchanged.
+
+    Its name cannot be guessed, so no link waits there. A device is written itself; any other link at ``path``
+    is refused: what it names may be anything.
+    """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if path.exists() and not path.is_file():
         with told(path):
             yield path
         return
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    if path.is_symlink():
+        raise FileExistsError(
+            f"{path} is a link to {path.readlink()}; delete the link, or give the file itself"
+        )
+    part = path.with_name(f".{path.stem}.{secrets.token_hex(8)}{path.suffix}")
     with told(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+        # O_EXCL follows no link, and fails where anything has this name
+        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         try:
             yield part
             os.replace(part, path)
@@ -96,3 +107,75 @@ def write_text(path: Path, text: str) -> None:
     """Write a text as UTF-8, like :func:`write_bytes`."""
     with replacing(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) -> None:
+    """Refuse to write files that a command has ``read``, or that are in a folder of these, folders, and files
+    that exist, unless ``force`` replaces these; a device may be written."""
+    there = [
+        path
+        for path in written
+        if path.is_file() or path.is_dir() or (path.is_symlink() and not path.exists())
+    ]
+    for path in there:
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder; give a file to be written")
+        if path.exists() and any(path.resolve().is_relative_to(other.resolve()) for other in read):
+            raise ValueError(f"{path} would be replaced, and is what the command reads; choose another place")
+    if there and not force:
+        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
+        verb, them = ("exist", "them") if more else ("exists", "it")
+        raise ValueError(f"{there[0]}{more} {verb}; choose another place, or replace {them} with --force")
+
+
+def add_force(parser: Any) -> None:
+    """Give a command of argparse the option that :func:`check_kept` names."""
+    parser.add_argument("--force", action="store_true", help="replace files that exist")
+
+
+def check_plain(folder: Path) -> None:
+    """Refuse a folder that holds links, pipes or devices, at any depth: a file of such a name is written, or
+    read, elsewhere or without end. The folder itself may be a link of the user."""
+    found, waiting = [], [folder] if folder.is_dir() else []
+    for place in waiting:
+        with os.scandir(place) as entries:
+            for entry in sorted(entries, key=lambda entry: entry.name):
+                path = Path(entry.path)
+                if entry.is_symlink() or getattr(entry, "is_junction", bool)():
+                    found.append(f"{path.relative_to(folder)} (a link)")
+                elif entry.is_dir(follow_symlinks=False):
+                    waiting.append(path)
+                elif not entry.is_file(follow_symlinks=False):
+                    found.append(f"{path.relative_to(folder)} (a pipe or device)")
+    if found:
+        shown = ", ".join(found[:MOST_SHOWN])
+        more = f" and {len(found) - MOST_SHOWN} more" if len(found) > MOST_SHOWN else ""
+        raise ValueError(
+            f"{folder} holds {shown}{more}; files of these names would be read or written elsewhere: delete "
+            "them, or put copies in their place"
+        )
+
+
+@contextlib.contextmanager
+def alone(folder: Path, what: str) -> Iterator[None]:
+    """Refuse a folder in which another process does the same, such as "trains", if the system has such locks.
+
+    The folder itself is locked, so nothing is left in it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # some network file systems lock no folders
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ValueError(
+                    f"another process {what} in {folder}; wait for its end, or choose another folder"
+                ) from None
+        yield
+    finally:
+        os.close(handle)

@@ -1,6 +1,9 @@
 """Files are complete or absent; a full disk is one message that names the file and the disk."""
 
 import errno
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,7 @@ import pytest
 
 from redundant_envs import __main__ as library
 from redundant_envs import disk
-from redundant_envs.disk import DiskFull, replacing, write_text
+from redundant_envs.disk import DiskFull, alone, replacing, write_text
 from redundant_envs.exports import files
 from redundant_envs.figures import new_figure, save_figure, write_clip
 from redundant_envs.scene import load_scene
@@ -54,12 +57,18 @@ def test_a_file_that_cannot_be_finished_is_not_there_and_the_old_one_is(name, tm
     assert [path.name for path in tmp_path.glob("*.*")] == [name]
 
 
-def test_links_and_devices_stay_what_they_are(tmp_path):
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no links without rights")
+def test_nothing_is_written_through_a_link_and_a_device_stays_one(tmp_path):
     write_text(tmp_path / "file", "old")
-    (tmp_path / "link").symlink_to(tmp_path / "file")
-    write_text(tmp_path / "link", "new")
-    assert (tmp_path / "link").is_symlink()
-    assert (tmp_path / "file").read_text() == "new"
+    names = ["link", "broken", ".new.part", ".new.part.txt", "new.txt.part"]
+    for name in names:
+        (tmp_path / name).symlink_to(tmp_path / ("nowhere" if name == "broken" else "file"))
+    for name in names[:2]:
+        with pytest.raises(FileExistsError, match=f"{name} is a link to .*; delete the link"):
+            write_text(tmp_path / name, "new")
+    write_text(tmp_path / "new.txt", "new")  # the names of its parts cannot be guessed
+    assert (tmp_path / "file").read_text() == "old"
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "new.txt", *names}
     write_text(Path("/dev/null"), "text")
     assert not Path("/dev/null").is_file()
     with pytest.raises(IsADirectoryError):
@@ -84,6 +93,18 @@ def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_p
     with pytest.raises(DiskFull, match=r"a\.mp4"):
         fail()
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")
+def test_one_process_at_a_time_works_in_a_folder(tmp_path):
+    code = "import sys, redundant_envs.disk as d\nwith d.alone(sys.argv[1], 'trains'): pass"
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    with alone(tmp_path, "trains"):
+        found = subprocess.run(command, capture_output=True, text=True)
+        assert f"ValueError: another process trains in {tmp_path}; wait for its end" in found.stderr
+    with alone(tmp_path, "trains"):
+        assert not [*tmp_path.iterdir()]
+    assert subprocess.run(command).returncode == 0
 
 
 def test_a_command_tells_a_full_disk_in_one_line(tmp_path, full, capsys):

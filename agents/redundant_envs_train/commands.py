@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
+from redundant_envs.disk import check_kept
 from redundant_envs.extras import needs
 from redundant_envs.files import config_folder
 from redundant_envs.values import check_between, shown
@@ -14,7 +15,7 @@ from . import COMMAND, command, run_folder
 from .config import Config, complete, load, page_of_keys
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.runs import read_groups, read_run, write_runs
+from .evidence.runs import read_groups, read_places, read_run, write_runs
 from .presets import is_override, presets
 from .start import with_start
 from .training.pool import Stopped, count_of, seeds_of
@@ -38,8 +39,9 @@ Runs = Annotated[
     list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.csv/*_sac/*")
 ]
 Out = Annotated[Path | None, Option(help="folder to write to")]
+Force = Annotated[bool, Option("--force", help="replace files that exist")]
 Overwrite = Annotated[
-    bool, Option("--overwrite", help="write into the run folder, or replace files in --out")
+    bool, Option("--force", "--overwrite", help="write into the run folder, or replace files in --out")
 ]
 Trust = Annotated[
     bool,
@@ -231,36 +233,34 @@ def resume(folder: Folder) -> None:
 
 
 @app.command()
-def evaluate(
-    folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, trust: Trust = False
-) -> None:
+def evaluate(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trust: Trust = False) -> None:
     """Evaluate the policy of a run folder, or an exported one, in the scene that it was trained in.
 
     Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
-    there; with --overwrite they replace those of the run folder.
+    there; with --force they replace those of the run folder.
     """
     run_folder.own_config(folder)
     if out is not None:
-        run_folder.check_unwritten(out, run_folder.EVALUATED, overwrite)
+        run_folder.check_unwritten(out, run_folder.EVALUATED, force)
     run_folder.tell_differences([folder])
     from .report import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
     print(summary(found.result))
-    if out is not None or overwrite:
+    if out is not None or force:
         write_evaluation(found, out or folder)
-        print(f"written: {(out or folder) / run_folder.EVALUATED[0]}")
+        print("written:", *((out or folder) / name for name in run_folder.EVALUATED), sep="\n  ")
 
 
 @app.command()
-def report(folder: PolicyFolder, out: Out = None, overwrite: Overwrite = False, trust: Trust = False) -> None:
+def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trust: Trust = False) -> None:
     """Draw plots, clips and report.md of a run folder, or of an exported policy.
 
     A run without a report, such as one that was stopped, gets it in its folder. If files would be
-    replaced, and for an exported policy, --out FOLDER or --overwrite is needed.
+    replaced, and for an exported policy, --out FOLDER or --force is needed.
     """
     run_folder.own_config(folder)
-    run_folder.check_target(folder, out, overwrite)
+    run_folder.check_target(folder, out, force)
     run_folder.check_drawing()
     run_folder.tell_differences([folder])
     from .report import report
@@ -274,6 +274,7 @@ def table(
     out: Annotated[
         Path | None, Option(help="write a table of runs, .csv: all numbers and settings of each run")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Print evaluated runs as a Markdown table, seeds of equal settings in one row.
 
@@ -284,6 +285,7 @@ def table(
         if out.suffix.lower() != ".csv":
             raise ValueError(f"out is {out}; end its name in .csv")
         run_folder.check_out(out.parent)
+        check_kept([out], force, read_places(runs))
     text = tables.table(runs)
     run_folder.tell_differences(runs)
     print(text)
@@ -297,12 +299,14 @@ def curves(
     out: Annotated[Path, Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
         "runs/curves.png"
     ),
+    force: Force = False,
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
     run_folder.check_out(out.parent)
-    curve_pictures.curves(runs, out)
+    check_kept([out, out.with_suffix(".csv")], force, read_places(runs))
+    numbers = curve_pictures.curves(runs, out)
     run_folder.tell_differences(runs)
-    print(out)
+    print(out, numbers, sep="\n")
 
 
 @app.command()
@@ -317,8 +321,11 @@ def play(
     episodes: int = 3,
     seed: int = 0,
     trust: Trust = False,
+    force: Force = False,
 ) -> None:
     """Watch a run folder's policy, or an id without one."""
+    if clip is not None:
+        check_kept([clip], force, [Path(target)])
     from .play import play
 
     play(target, actions, clip, episodes, seed, trust)
@@ -378,6 +385,7 @@ def study_stops(
     lanes: int = 4096,
     out: Annotated[Path, Option(help="CSV file")] = Path("runs/studies/stops.csv"),
     trust: Trust = False,
+    force: Force = False,
 ) -> None:
     """Cost of hard stops on the states of an RPRP policy."""
     try:
@@ -391,6 +399,7 @@ def study_stops(
         raise ValueError(f"lanes is {lanes}; give at least 8")
     if config.env != stops.ENVIRONMENT:
         raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
+    check_kept([out], force, [folder])
     run_folder.tell_differences([folder])
     from .policies import load_policy
 

@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.disk import write_text
+from redundant_envs.disk import check_plain, write_text
 from redundant_envs.envs.registration import ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip
@@ -57,13 +57,14 @@ MOST_SHOWN = 3  # most differences in a message
 
 
 def read_config(folder: Path) -> Config:
-    """The configuration of a run folder."""
+    """The configuration of a run folder, which holds no links."""
     path = folder / "config.yaml"
     if not path.is_file():
         there = "is a file" if folder.is_file() else "is there" if folder.is_dir() else "does not exist"
         raise ValueError(
             f"{path} is missing ({folder} {there}); give a run folder, as '{COMMAND} train' writes it"
         )
+    check_plain(folder)
     return load(path)
 
 
@@ -74,7 +75,7 @@ def is_exported(folder: Path) -> bool:
 
 def evaluate_anew(folder: Path) -> str:
     """The command that writes the evaluation of a run."""
-    return command("evaluate", folder, "--overwrite")
+    return command("evaluate", folder, "--force")
 
 
 def read_evaluation(folder: Path) -> dict[str, Any]:
@@ -288,15 +289,22 @@ def find_checkpoint(folder: Path) -> Path | None:
     return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
 
 
-def check_resumable(folder: Path) -> Path:
-    """The checkpoint of a run folder; ValueError without one, with what can be done instead."""
-    if (place := find_checkpoint(folder)) is not None:
+def begins_again(folder: Path) -> bool:
+    """Whether a run was stopped or killed before its first checkpoint: nothing is lost if it begins again."""
+    ended = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
+    return not ended and not find_checkpoint(folder) and read_config(folder).checkpoint_seconds > 0.0
+
+
+def check_resumable(folder: Path) -> Path | None:
+    """The checkpoint of a run folder, or None if the run begins again; ValueError if it cannot go on, with
+    what can be done instead."""
+    if (place := find_checkpoint(folder)) is not None or begins_again(folder):
         return place
     again, go_on = train_again(folder), f"{train_again(folder)} {shlex.quote(f'start_from={folder}')}"
     if not (folder / "training.json").is_file():
-        reason, fix = "was killed before its first one, or made without:", f"make a new run: {again}"
+        reason, fix = "was killed, was made without checkpoints, and", f"make a new run: {again}"
     elif read_facts(folder)["stopped"]:
-        reason, fix = "was made without:", f"go on from its policy with: {go_on}"
+        reason, fix = "was made without checkpoints and", f"go on from its policy with: {go_on}"
     elif (folder / "report.md").is_file():
         reason = "is finished and"
         fix = f"watch it with: {command('play', folder)}, or go on from its policy with: {go_on}"
@@ -305,13 +313,14 @@ def check_resumable(folder: Path) -> Path:
     raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
 
 
-def check_unwritten(folder: Path, files: Sequence[str], overwrite: bool) -> None:
+def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
     """Refuse a folder for results that holds files of their names, unless they may be overwritten."""
     check_out(folder)
+    check_plain(folder)
     there = [name for name in files if (folder / name).exists()]
-    if there and not overwrite:
+    if there and not force:
         raise ValueError(
-            f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --overwrite"
+            f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --force"
         )
 
 
@@ -323,10 +332,10 @@ def check_drawing() -> None:
     check_clip(Path("clip.gif"))
 
 
-def check_target(folder: Path, out: Path | None, overwrite: bool) -> None:
-    """Refuse to replace files by a report, or to write into an exported policy, without ``overwrite``."""
+def check_target(folder: Path, out: Path | None, force: bool) -> None:
+    """Refuse to replace files by a report, or to write into an exported policy, without ``force``."""
     if out is not None:
-        check_unwritten(out, (*REPORTED, *EVALUATED), overwrite)
-    elif not overwrite and (is_exported(folder) or (folder / "report.md").exists()):
+        check_unwritten(out, (*REPORTED, *EVALUATED), force)
+    elif not force and (is_exported(folder) or (folder / "report.md").exists()):
         reason = "is an exported policy" if is_exported(folder) else "has a report"
-        raise ValueError(f"{folder} {reason}; give --out FOLDER, or --overwrite to write into it")
+        raise ValueError(f"{folder} {reason}; give --out FOLDER, or --force to write into it")

@@ -184,7 +184,10 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
     panels[-1].set_xlabel("time [s]")
 
 
+FIGURES = {"energies": energies_figure, "total": total_figure}
+"""Pictures of a motion, by what is between its name and the ending of the file."""
+
+
 def save_figures(motion: Trajectory, name: str, folder: Path) -> list[Path]:
     """Write both figures of a motion as PNG; returns their paths."""
-    figures = {"energies": energies_figure(motion, name), "total": total_figure(motion, name)}
-    return [save_figure(figure, folder / f"{name}_{kind}.png") for kind, figure in figures.items()]
+    return [save_figure(draw(motion, name), folder / f"{name}_{kind}.png") for kind, draw in FIGURES.items()]

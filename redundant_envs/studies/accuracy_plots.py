@@ -226,14 +226,18 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str =
             text.set_fontweight("bold")
 
 
+PICTURES = ("accuracy_work_precision", "accuracy_energy")
+
+
+def files(folder: Path) -> list[Path]:
+    """The pictures of a folder: PNG files, then SVG files."""
+    return [folder / f"{name}.{kind}" for kind in ("png", "svg") for name in PICTURES]
+
+
 def save_figures(results: Sequence[Drawn], study: Study, folder: Path) -> list[Path]:
     """Write both figures as SVG and PNG; returns the PNG files, then the SVG files."""
-    pictures = {
-        "accuracy_work_precision": work_precision_figure(results, study.control_dt),
-        "accuracy_energy": energy_figure(results, study.control_dt, study.long_runs.states),
-    }
-    return [
-        save_figure(figure, folder / f"{name}.{kind}")
-        for kind in ("png", "svg")
-        for name, figure in pictures.items()
-    ]
+    figures = (
+        work_precision_figure(results, study.control_dt),
+        energy_figure(results, study.control_dt, study.long_runs.states),
+    )
+    return [save_figure(figure, path) for path, figure in zip(files(folder), figures * 2, strict=True)]

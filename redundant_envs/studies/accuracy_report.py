@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from redundant_envs.disk import write_text
 from redundant_envs.extras import INSTALL, needs
-from redundant_envs.studies import accuracy
+from redundant_envs.studies import accuracy, accuracy_plots
 from redundant_envs.studies.accuracy import Answer, PanelResult, Row
 from redundant_envs.studies.accuracy_config import PEERS, Study
 from redundant_envs.studies.accuracy_long import PATH_SECONDS, error_names
@@ -177,20 +178,25 @@ def page_text(study: Study, results: Sequence[PanelResult], command: str, figure
     return "\n".join(lines)
 
 
+def files(folder: Path) -> list[Path]:
+    """The page, the tables and the figures in a folder."""
+    return [
+        *(folder / name for name in ("accuracy.md", *accuracy_plots.TABLES)),
+        *accuracy_plots.files(folder),
+    ]
+
+
 def write(study: Study, command: str, folder: Path) -> list[Path]:
     """Run a study and write the page, both tables as CSV, and the figures; returns their paths."""
     with needs("plot"):  # checked before the study runs for minutes
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401
     results = accuracy.run(study)
-    from redundant_envs.studies import accuracy_plots
-
-    tables = [folder / name for name in accuracy_plots.TABLES]
+    page, *tables = files(folder)[: 1 + len(accuracy_plots.TABLES)]
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
-    page = folder / "accuracy.md"
-    page.write_text(page_text(study, results, command, []), encoding="utf-8")
+    write_text(page, page_text(study, results, command, []))
     figures = accuracy_plots.save_figures(accuracy_plots.drawn(results), study, folder)
     shown = [path for path in figures if path.suffix == ".png"]
-    page.write_text(page_text(study, results, command, shown), encoding="utf-8")
+    write_text(page, page_text(study, results, command, shown))
     return [page, *tables, *figures]

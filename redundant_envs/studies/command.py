@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.disk import add_force, check_kept, check_plain
 from redundant_envs.files import config_folder
 from redundant_envs.tables import table, write_rows
 
@@ -63,12 +64,14 @@ def add_studies(parser: argparse.ArgumentParser) -> None:
         help="instead, draw the figures again from the tables of an earlier run, into its folder",
     )  # fmt: skip
     p.set_defaults(handler=accuracy)
+    add_force(p)
 
 
 def _add_study_out(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--out", type=Path, default=Path("runs/studies"), metavar="FOLDER", help="folder, or a .csv file"
     )
+    add_force(p)
 
 
 def throughput(options: argparse.Namespace) -> None:
@@ -76,15 +79,16 @@ def throughput(options: argparse.Namespace) -> None:
     from redundant_envs.studies import throughput as study
 
     config = study.load_config(options.config or config_folder("studies") / "throughput.yaml")
-    _report(study.run(config), study.COLUMNS, "dgemm_gflops", options.out, "throughput")
+    path = _target(options, "throughput")
+    _report(study.run(config), study.COLUMNS, "dgemm_gflops", path)
 
 
 def environments(options: argparse.Namespace) -> None:
     """Time the environments."""
     from redundant_envs.studies import environments as study
 
-    rows = study.run(options.lanes, options.rounds)
-    _report(rows, study.COLUMNS, "env", options.out, "environments")
+    path = _target(options, "environments")
+    _report(study.run(options.lanes, options.rounds), study.COLUMNS, "env", path)
 
 
 def effects(options: argparse.Namespace) -> None:
@@ -92,11 +96,11 @@ def effects(options: argparse.Namespace) -> None:
     from redundant_envs.studies import effects as study
 
     config = study.load_study(options.config or config_folder("studies") / "effects.yaml")
+    path = _target(options, "effects", "effects.png", "effects.svg")
     rows = study.run(config, options.name)
-    _report(rows, study.COLUMNS, "at", options.out, "effects")
+    _report(rows, study.COLUMNS, "at", path)
     print(study.verdict(rows))
-    folder = options.out.parent if options.out.suffix == ".csv" else options.out
-    print("\n".join(str(path) for path in study.save_pictures(rows, folder)))
+    print("\n".join(str(picture) for picture in study.save_pictures(rows, path.parent)))
 
 
 def stops(options: argparse.Namespace) -> None:
@@ -105,8 +109,9 @@ def stops(options: argparse.Namespace) -> None:
 
     if options.lanes < 8:
         raise ValueError(f"lanes is {options.lanes}; give at least 8")
+    path = _target(options, "stops")
     rows = study.run({"random actions": study.random_policy(0)}, options.lanes)
-    _report(rows, study.COLUMNS, "states", options.out, "stops")
+    _report(rows, study.COLUMNS, "states", path)
 
 
 def intervals(options: argparse.Namespace) -> None:
@@ -116,8 +121,9 @@ def intervals(options: argparse.Namespace) -> None:
     for name, least in (("intervals", 1), ("seed", 0), ("processes", 1)):
         if getattr(options, name) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
+    path = _target(options, options.study)
     rows = study.run(options.study, options.intervals, options.seed, options.processes, options.tolerances)
-    _report(rows, study.COLUMNS, "family", options.out, options.study)
+    _report(rows, study.COLUMNS, "family", path)
 
 
 def estimates(options: argparse.Namespace) -> None:
@@ -127,7 +133,8 @@ def estimates(options: argparse.Namespace) -> None:
     for name, least in (("steps", 1), ("seed", 0)):
         if getattr(options, name) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
-    _report(study.run(options.steps, options.seed), study.COLUMNS, "estimate", options.out, "estimates")
+    path = _target(options, "estimates")
+    _report(study.run(options.steps, options.seed), study.COLUMNS, "estimate", path)
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -141,17 +148,25 @@ def accuracy(options: argparse.Namespace) -> None:
     if options.redraw:
         from redundant_envs.studies import accuracy_plots
 
+        check_plain(options.redraw)
         drawn = accuracy_plots.read(study, options.redraw)
         print("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
         return
+    check_kept(accuracy_report.files(options.out), options.force)
     page, *others = accuracy_report.write(study, command, options.out)
     print(page.read_text(encoding="utf-8"))
     print("\n".join(str(path) for path in (page, *others)))
 
 
-def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, out: Path, name: str) -> None:
+def _target(options: argparse.Namespace, name: str, *pictures: str) -> Path:
+    """The CSV file of a study, which exists only if --force replaces it, as pictures beside it do."""
+    path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{name}.csv"
+    check_kept([path, *(path.with_name(picture) for picture in pictures)], options.force)
+    return path
+
+
+def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, path: Path) -> None:
     """Write a study's rows as CSV and print them; values common to all rows are printed once, on one line."""
-    path = out if out.suffix == ".csv" else out / f"{name}.csv"
     write_rows(rows, columns, path)
     start = columns.index(first)
     if rows:

@@ -148,6 +148,11 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def files(name: str, folder: Path) -> list[Path]:
+    """The host, NAME.wasm and NAME.json in a folder."""
+    return [folder / file for file in (HOST.name, f"{name}.wasm", f"{name}.json")]
+
+
 def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
     """Write NAME.wasm, NAME.json and their host; the paths.
 
@@ -158,7 +163,7 @@ def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
     """
     check(scene, task)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / file for file in (HOST.name, f"{name}.wasm", f"{name}.json")]
+    paths = files(name, folder)
     write_bytes(paths[0], HOST.read_bytes())  # a folder that cannot be written is refused at once
     made = environment_module(scene, task)
     write_bytes(paths[1], made.code)

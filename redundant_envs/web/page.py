@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.disk import write_text
+from redundant_envs.disk import check_plain, write_text
 from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import SCENES, id_of
@@ -71,6 +71,11 @@ class Slider(NamedTuple):
     body: bool = False  # of the arm, not of an effect
 
 
+def files(folder: Path) -> list[Path]:
+    """The files of the page in a folder; the last one has its data."""
+    return [folder / name for name in (*(source.name for source in SOURCES), DATA)]
+
+
 def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[str]]:
     """Write the page; the paths of its files, and names of the policies in it.
 
@@ -82,20 +87,21 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
     OSError
         If a folder cannot be read or written.
     ValueError
-        If a policy does not fit its environment.
+        If a policy does not fit its environment, or the folder of policies holds links.
     """
     if policies is None and POLICIES.is_dir():
         policies = POLICIES
     elif policies is not None and not policies.is_dir():
         raise ValueError(f"policies is {policies}, which is no folder; give one with policies")
+    if policies is not None:
+        check_plain(policies)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / source.name for source in SOURCES]
+    *paths, data = files(folder)
     for path, source in zip(paths, SOURCES, strict=True):
         write_text(path, _flat(source.read_text(encoding="utf-8")))
     # 4 bytes in 5 characters, in place of 3 in 4.
     content, learners = _content(policies)
     packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
-    data = folder / DATA
     write_text(data, f'"use strict";\nconst DATA = "{packed}";\n')
     return [*paths, data], learners
 

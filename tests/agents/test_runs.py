@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import os
 import queue
 import re
 import shutil
@@ -22,7 +23,8 @@ from short_trainings import SMALL, TINY, assert_same_policy
 
 import redundant_envs as rde
 from redundant_envs import __main__ as library
-from redundant_envs.studies import stops
+from redundant_envs.disk import write_text
+from redundant_envs.studies import environments, intervals, stops, throughput
 from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
@@ -40,9 +42,11 @@ from redundant_envs_train.training.watch import Watch
 
 @pytest.fixture(autouse=True)
 def no_drawing(monkeypatch):
-    """Pictures, which take most of the time of a report, are empty; those of ``home`` are not."""
+    """Pictures, which take most of the time of a report, are none; those of ``home`` are not."""
     for module in (report, curves):
-        monkeypatch.setattr(module, "save_figure", lambda figure, path, **options: path.touch())
+        monkeypatch.setattr(
+            module, "save_figure", lambda figure, path, **options: write_text(path, "picture")
+        )
 
 
 def data(folder, name="evaluation.json"):
@@ -57,7 +61,7 @@ def readers(folder, out):
         "play": ["play", folder, "--clip", out / "a.gif", "--episodes", 1],
         "export": ["export", folder, "--out", out / "policies"], "table": ["table", folder],
         "table out": ["table", folder, "--out", out / "a.csv"],
-        "curves": ["curves", folder, "--out", out / "a.png"],
+        "curves": ["curves", folder, "--out", out / "curves.png"],
         "stops": ["study", "stops", folder, "--lanes", 8, "--out", out / "stops.csv"],
     }  # fmt: skip
 
@@ -311,16 +315,102 @@ def test_reading_changes_nothing_in_an_exported_policy(tmp_path, monkeypatch, ca
 def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
     before = kept(run)
     for words in (["report", run], ["evaluate", run, "--out", run], ["report", run, "--out", run]):
-        refused(words, "--overwrite")
+        refused(words, "--force")
     assert kept(run) == before
     for command in ("evaluate", "report"):
-        call(command, run, "--overwrite")
+        call(command, run, "--force")
     after = kept(run)
     changed = {path.name for path in after if after[path][1] != before[path][1] and path.is_file()}
     assert {"evaluation.json", "episodes.csv", "report.md", "clip.gif"} <= changed
     assert not changed & {"policy.zip", "config.yaml", "scene.yaml", "training.json", "selection.csv"}
     for name in ("evaluation.json", "episodes.csv"):
         assert after[run / name][0] == before[run / name][0]  # to the same numbers
+
+
+STUDIES = {"throughput": throughput, "environments": environments, "impacts": intervals}
+
+
+def others(folder, out):
+    """Commands that write files into ``out`` which a user may have made, beside those of :func:`readers`."""
+    of_library = {
+        "simulate": ["simulate", "--scene", "four_r_free", "--seconds", 0.1, "--out", out / "simulate"],
+        "verify": ["verify", "--quick", "four_r_reach", "--json", out / "a.json", "--markdown", out / "a.md"],
+        "drawing": ["scene", "four_r_reach", "--drawing", out / "arm.svg"],
+        "wasm": ["wasm", "four_r_reach", "--out", out / "wasm"], "page": ["page", "--out", out / "page"],
+        **{form: ["export", "four_r_free", "--format", form, "--out", out / form] for form in ("urdf", "c")},
+        **{name: ["study", name, "--out", out / "studies"] for name in STUDIES},
+    }  # fmt: skip
+    own = {name: words for name, words in readers(folder, out).items() if words[-1] != folder}
+    del own["export"], own["stops"]  # of registered environments
+    found = {name: (library.main, words) for name, words in of_library.items()}
+    return found | {name: (main, words) for name, words in own.items()}
+
+
+def written(folder):
+    return {path for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.quick("simulate", "drawing", "urdf", "curves", "table out")
+@pytest.mark.parametrize("name", others(Path(), Path()))
+def test_a_command_replaces_no_file_of_the_user_unless_forced(name, run, tmp_path, capsys, monkeypatch):
+    program, words = others(run, tmp_path / "out")[name]
+    words = [*map(str, words)]
+    if name in STUDIES:
+        monkeypatch.setattr(STUDIES[name], "run", lambda *_: [])  # what it measures
+    before = kept(run)
+    assert program(words) == 0
+    files = written(tmp_path / "out")
+    assert files, name
+    for path in files:
+        for other in files:
+            other.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("precious")
+        capsys.readouterr()
+        assert program(words) == 2, path
+        error = capsys.readouterr().err
+        assert path.name in error or "plots" in error
+        assert "--force" in error
+        assert written(tmp_path / "out") == {path}
+        assert path.read_text() == "precious"
+    assert kept(run) == before
+    assert program([*words, "--force"]) == 0
+    assert written(tmp_path / "out") == files
+    assert all(path.read_bytes() != b"precious" for path in files)
+
+
+LINKS = (
+    "clip.gif", "episodes.csv", "evaluation.json", "plots", "plots/final_distance.png", "report.md",
+    "policy.zip", "progress_2.csv", "tensorboard", "checkpoint", "notes/deep/any", "study.journal",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no links without rights")
+@pytest.mark.parametrize("name", LINKS)
+def test_a_folder_with_links_is_refused_with_their_names(name, run, tmp_path, refused):
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    link = run / name
+    shutil.rmtree(link) if link.is_dir() else link.unlink(missing_ok=True)
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(victim if name != "report.md" else tmp_path / "nowhere")
+    commands = readers(run, tmp_path / "out").values() if name in LINKS[::4] else [["report", run, "--force"]]
+    tune = ["tune", "rprp_reach_ppo", "--trials", 1, "--out", run]
+    seeds = ["train", "rprp_reach_ppo", "--seeds", "0", "--out", run.parent]
+    for words in (*commands, ["resume", run], tune, seeds):
+        refused(words, f"{name} (a link)")
+    other = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", "other"))
+    refused(["evaluate", other, "--out", run, "--force"], f"{name} (a link)")
+    assert victim.read_text() == "precious"
+    assert not (tmp_path / "nowhere").exists()
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+def test_a_folder_with_a_pipe_is_refused_in_place_of_an_endless_wait(run, refused):
+    (run / "training.json").unlink()
+    os.mkfifo(run / "training.json")
+    refused(["report", run, "--force"], "training.json (a pipe or device)")
 
 
 # ---- a training that is stopped ------------------------------------------------------------------
@@ -389,9 +479,12 @@ def test_a_training_that_is_stopped_before_its_first_point_leaves_a_run(
     assert "![learning_curve]" not in (folder / "report.md").read_text()
 
 
-def test_a_second_request_interrupts_at_once(interrupts):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_second_request_interrupts_at_once(name, interrupts):
+    if not hasattr(signal, name):
+        pytest.skip(f"this system has no {name}")
     with stop_request() as stop:
-        interrupts()
+        signal.raise_signal(getattr(signal, name))
         assert stop.is_set()
         with pytest.raises(KeyboardInterrupt):
             interrupts()
@@ -447,7 +540,7 @@ def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, valu
 
 def test_the_table_takes_runs_whose_training_is_unknown(run, call):
     (run / "training.json").unlink()
-    call("evaluate", run, "--overwrite")
+    call("evaluate", run, "--force")
     assert "| - | - | - |" in call("table", run)[0]  # steps, seconds, steps per second
 
 
@@ -463,7 +556,7 @@ def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_p
 def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, refused):
     folder = write_run(tmp_path / "my run")
     (folder / "evaluation.json").unlink()
-    refused(["table", folder], f"python -m agents evaluate '{folder}' --overwrite")
+    refused(["table", folder], f"python -m agents evaluate '{folder}' --force")
 
 
 # ---- several runs --------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import pytest
 from run_folders import REFUSALS, csv_rows, says
 from short_trainings import TINY
 
+from redundant_envs.disk import alone
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import SELECTION_SEED
@@ -259,7 +260,7 @@ def test_a_folder_that_is_no_study_is_refused(tmp_path):
     journal = folder / studies.JOURNAL
     text, count = re.subn(r'"values":\s*\[[\d.]+\]', '"values":[NaN]', journal.read_text())
     assert count == 1
-    with studies._alone(folder), says("another process tunes"):
+    with alone(folder, "tunes"), says("another process tunes"):
         tune(CONFIG, folder, 2, GAMMA)
     for place, content, word in (
         (tmp_path / "file", "", "is a file"), (tmp_path, "", "holds other files and no study"),

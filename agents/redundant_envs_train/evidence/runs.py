@@ -199,7 +199,7 @@ def read_runs(places: Iterable[str | Path]) -> list[Run]:
     """
     runs: list[Run] = []
     for place in map(Path, places):
-        table = next((p for p in (place, *place.parents) if p.suffix == ".csv" and p.is_file()), None)
+        table = _table_of(place)
         if table is None:
             runs.append(read_run(place))
         else:
@@ -207,6 +207,16 @@ def read_runs(places: Iterable[str | Path]) -> list[Run]:
     if not runs:
         raise ValueError("folders is empty; give at least one run folder")
     return runs
+
+
+def read_places(places: Iterable[str | Path]) -> list[Path]:
+    """The run folders, and the tables of runs, that :func:`read_runs` reads."""
+    return [_table_of(place) or place for place in map(Path, places)]
+
+
+def _table_of(place: Path) -> Path | None:
+    """The table of runs that a place names, as in runs.csv/name."""
+    return next((p for p in (place, *place.parents) if p.suffix == ".csv" and p.is_file()), None)
 
 
 def read_groups(places: Iterable[str | Path]) -> list[Group]:

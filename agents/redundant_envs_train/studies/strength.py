@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.computed_torque import lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
+from redundant_envs.disk import check_plain
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.figures import bare, new_figure, save_figure
@@ -260,6 +261,7 @@ def run_study(
     factors = factors or FACTORS
     given = learner_rows(runs)
     check_out(out)
+    check_plain(out)
     path = out / "strength.csv"
     rows = [row for row in read_rows(path) if not row.seeds] if path.is_file() else []
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {

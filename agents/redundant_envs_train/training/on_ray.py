@@ -18,7 +18,7 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
-from redundant_envs.disk import write_text
+from redundant_envs.disk import check_plain, write_text
 from redundant_envs.extras import needs
 from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
@@ -64,6 +64,7 @@ def train_on_ray(
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     check_out(folder)
+    check_plain(folder)
     count = count_of(processes)
     place = address or os.environ.get("RAY_ADDRESS") or LOCAL
     if place != LOCAL and processes is not None:

@@ -1,14 +1,13 @@
 """A study: trials, kept in a file from which the same command continues."""
 
-import contextlib
 import json
 import math
-import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.disk import alone, check_plain, write_bytes
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.progress import progress_bars
@@ -31,7 +30,7 @@ with needs("tune"):
     from optuna.trial import TrialState
     from rich.progress import Progress
 
-JOURNAL, LOCK = "study.journal", "study.lock"
+JOURNAL = "study.journal"
 STUDY = "tune"  # name of the study in its file
 SETTINGS = "settings"  # attribute of a study: the settings that identify it
 AHEAD = "ahead"
@@ -61,10 +60,11 @@ def tune(
     config = with_start(config)
     space = space_of(config, searches, overrides)
     check_out(folder)
+    check_plain(folder)
     if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
         raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
     folder.mkdir(parents=True, exist_ok=True)
-    with _alone(folder):
+    with alone(folder, "tunes"):
         study = _open(folder, config, space, seed, processes)
         trying = _Trying(study, config, space, folder, trials, seed)
         try:
@@ -81,24 +81,6 @@ def tune(
                 write(study, config, space, folder)
             raise Stopped(f"stopped after {count} of {trials} trials; the same command goes on") from None
         return write(study, config, space, folder)
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Refuse a folder in which another process tunes, if the system supports file locks."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    with (folder / LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(
-                f"out is {folder}, in which another process tunes; wait for its end, or choose another --out"
-            ) from None
-        yield
 
 
 def _open(folder: Path, config: Config, space: Space, seed: int, processes: int) -> optuna.Study:
@@ -140,11 +122,11 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
 
 
 def _cut_half_line(path: Path) -> None:
-    """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it."""
+    """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it. The file is
+    written anew, since a copy of the folder may share it."""
     if path.is_file():
-        whole = path.read_bytes().rfind(b"\n") + 1
-        if whole < path.stat().st_size:
-            os.truncate(path, whole)
+        lines = path.read_bytes()
+        write_bytes(path, lines[: lines.rfind(b"\n") + 1])
 
 
 def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:

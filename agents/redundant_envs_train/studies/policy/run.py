@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
+from redundant_envs.disk import check_plain, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -115,6 +116,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
     """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
+    check_plain(folder)
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
     with progress_bars() as bars:
@@ -247,11 +249,9 @@ def stamp() -> dict[str, str]:
 
 def save_scenes(study: Study, results: Sequence[ArmResult], folder: Path) -> None:
     """The configuration and every scene that was simulated, as YAML."""
-    folder.mkdir(parents=True, exist_ok=True)
     style: dict[str, Any] = {"sort_keys": False, "default_flow_style": None, "width": 1000}
-    (folder / "study.yaml").write_text(yaml.safe_dump(study.to_dict(), **style))
-    (folder / "scenes").mkdir(exist_ok=True)
+    write_text(folder / "study.yaml", yaml.safe_dump(study.to_dict(), **style))
     for result in results:
         for label, evaluation in result.episodes.items():
             path = folder / "scenes" / f"{slug(result.name)}_{slug(label)}.yaml"
-            path.write_text(yaml.safe_dump(evaluation.scene.to_dict(), **style))
+            write_text(path, yaml.safe_dump(evaluation.scene.to_dict(), **style))
