@@ -6,15 +6,14 @@ import json
 import os
 import shutil
 import signal
-import sys
 
 import numpy as np
 import pytest
 import torch
-from run_folders import Evil, change, members, write_members
+from run_folders import Evil, change, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 
-from redundant_envs.disk import DiskFull, told
+from redundant_envs.disk import DiskFull, alone, told
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train import policies
 from redundant_envs_train.run_folder import find_checkpoint
@@ -69,6 +68,47 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
     assert times == sorted(times)
     assert times[-1] > 1000.0
     assert not find_checkpoint(killed)
+
+
+def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
+    tmp_path, monkeypatch, capsys, refused
+):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    train(small_config("ppo"), whole)
+    with monkeypatch.context() as patch:
+        kill_at(1900, patch)
+        with pytest.raises(SystemExit):
+            train(small_config("ppo", checkpoint_seconds=600), killed)
+    (killed / "notes.txt").write_text("of the user")
+    assert not find_checkpoint(killed)
+    with alone(killed, "trains"):
+        refused(["resume", killed], f"another process trains in {killed}; wait for its end")
+    resume(killed)
+    assert f"{killed} was stopped before its first checkpoint; it begins again" in capsys.readouterr().err
+    assert_same_policy(whole, killed)
+    for name, times in (("selection.csv", 1), ("monitor.csv", 2)):
+        assert table(whole, name, times) == table(killed, name, times)
+    assert {path.name for path in killed.iterdir()} == {path.name for path in whole.iterdir()} | {"notes.txt"}
+
+
+def test_a_training_without_checkpoints_is_not_begun_again_in_place_of_what_was_learned(
+    tmp_path, monkeypatch, refused
+):
+    kill_at(1900, monkeypatch)
+    with pytest.raises(SystemExit):
+        train(small_config("ppo", checkpoint_seconds=0), tmp_path / "killed")
+    before = kept(tmp_path)
+    refused(
+        ["resume", tmp_path / "killed"], "was killed, was made without checkpoints, and has no checkpoint"
+    )
+    assert kept(tmp_path) == before
+
+
+def test_a_copy_by_links_of_files_is_not_changed_by_a_resume(killed, tmp_path):
+    copy = shutil.copytree(killed, tmp_path / "copy", copy_function=os.link)
+    tables = [(copy / name).read_bytes() for name in checkpoint.TABLES]
+    resume(killed)
+    assert [(copy / name).read_bytes() for name in checkpoint.TABLES] == tables
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):
@@ -134,16 +174,6 @@ def test_a_checkpoint_with_other_values_is_refused_in_one_line(place, value, wor
     sizes = [(killed / name).stat().st_size for name in checkpoint.TABLES]
     refused(["resume", killed], word)
     assert [(killed / name).stat().st_size for name in checkpoint.TABLES] == sizes
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no links without rights")
-def test_a_table_that_is_a_link_is_not_written_through(killed, tmp_path, refused):
-    victim = tmp_path / "victim"
-    victim.write_text("mine" * 1000)
-    (killed / "monitor.csv").unlink()
-    (killed / "monitor.csv").symlink_to(victim)
-    refused(["resume", killed], "is a link")
-    assert victim.read_text() == "mine" * 1000
 
 
 def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.disk import DiskFull, told
+from redundant_envs.disk import DiskFull, told, write_bytes
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
@@ -102,7 +102,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
 
     ValueError if there is none, it is damaged, or it belongs to another configuration or simulator.
     """
-    place = check_resumable(folder)
+    place = check_resumable(folder) or folder / CHECKPOINT
     try:
         state = _load(place / STATE)
         _check_run(state["run"], run)
@@ -115,8 +115,8 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
             f"{train_again(folder)}"
         ) from error
-    for name, size in sizes.items():
-        os.truncate(folder / name, size)
+    for name, size in sizes.items():  # written anew, since a copy of the folder may share the files
+        write_bytes(folder / name, (folder / name).read_bytes()[:size])
     return progress
 
 
@@ -141,8 +141,6 @@ def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
 
 
 def _checked_size(path: Path, size: Any) -> int:
-    if path.is_symlink():
-        raise ValueError(f"{path.name} is a link")
     if not isinstance(size, int) or not 0 <= size <= path.stat().st_size:
         raise ValueError(f"{path} has {path.stat().st_size} bytes, and had {size}")
     return size

@@ -8,6 +8,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from redundant_envs.disk import check_plain
 from redundant_envs.extras import needs
 
 from .. import run_folder
@@ -27,6 +28,7 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     a run failed, after the others were finished.
     """
     run_folder.check_out(folder)
+    check_plain(folder)
     count = min(count_of(processes), len(configs))
     configs = {name: with_start(config) for name, config in configs.items()}
     for name, config in configs.items():
@@ -129,10 +131,11 @@ def finish(config: Config, folder: Path, progress: Progress) -> None:
 
     if is_finished(folder):
         return
-    if run_folder.find_checkpoint(folder):
+    begun = (folder / "config.yaml").is_file()
+    if begun and (run_folder.find_checkpoint(folder) or run_folder.begins_again(folder)):
         resume(folder, progress)
     elif not (folder / "training.json").is_file() or run_folder.read_facts(folder)["stopped"]:
-        if (folder / "config.yaml").is_file():  # killed before its first checkpoint: only this run
+        if begun:  # made without checkpoints: only this run
             shutil.rmtree(folder)
         train(config, folder, progress)
     report(folder)

@@ -24,7 +24,8 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
+    """Within this context the first SIGINT, SIGTERM or SIGHUP, as of a terminal that is closed, is kept as a
+    request; a second one interrupts at once.
 
     In a thread other than the main one, which receives no signals, the request is never made.
     """
@@ -39,7 +40,8 @@ def stop_request() -> Iterator[threading.Event]:
         request.set()
 
     # a signal that is ignored, as by nohup or in a worker, stays ignored
-    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+    heard = [n for n in known if signal.getsignal(n) is not signal.SIG_IGN]
     before = {number: signal.signal(number, note) for number in heard}
     try:
         yield request

@@ -1,5 +1,7 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
+import shutil
+import sys
 import tempfile
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -7,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from redundant_envs.disk import DiskFull, telling, told, write_text
+from redundant_envs.disk import DiskFull, alone, telling, told, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -46,21 +48,36 @@ def train(
     the folder has the policy so far, and a checkpoint.
     """
     run_folder.check_new(folder)
-    config = with_start(config)
-    return _run(config, folder, progress, resumed=False, on_point=on_point)
+    config, new = with_start(config), not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with alone(folder, "trains"):
+            return _run(config, folder, progress, new=True, on_point=on_point)
+    finally:
+        if new:
+            with suppress(OSError):  # of a folder that is not empty
+                folder.rmdir()
 
 
 def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Continue from the last checkpoint of a run folder, to the same bits as without a break."""
-    return _run(run_folder.read_config(folder), folder, progress, resumed=True)
+    """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
+    stopped before its first one begins again."""
+    config = run_folder.read_config(folder)
+    with alone(folder, "trains"):
+        if again := run_folder.check_resumable(folder) is None:
+            told_again = f"{folder} was stopped before its first checkpoint; it begins again"
+            print(f"note: {told_again}", file=sys.stderr)
+            shutil.rmtree(folder / "tensorboard", ignore_errors=True)
+        return _run(config, folder, progress, new=False, resumed=not again)
 
 
 def _run(
-    config: Config, folder: Path, progress: Progress | None, resumed: bool, on_point: OnPoint | None = None
-) -> dict[str, Any]:
+    config: Config, folder: Path, progress: Progress | None, new: bool, resumed: bool = False,
+    on_point: OnPoint | None = None,
+) -> dict[str, Any]:  # fmt: skip
     check(config)
     torch.set_num_threads(config.torch_threads)
-    given = run_folder.own_config(folder) if resumed else config
+    given = config if new else run_folder.own_config(folder)
     base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
     simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
     keywords = tuple(name for name in KEYWORDS if name in told_by(base.core))
@@ -68,14 +85,13 @@ def _run(
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
         start_from(model, config, base)
-    folder.mkdir(parents=True, exist_ok=True)
     # after the learner, which sets its own seed in the environments: otherwise seeds would share most goals
     base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
     for name in run_folder.RESULTS:  # of the policy at the stop
         (folder / name).unlink(missing_ok=True)
-    if not resumed:
+    if new:
         described = {run_folder.SCENE: base.core.scene.to_dict(), "config.yaml": config.to_dict()}
         for name, data in described.items():
             write_text(folder / name, yaml.safe_dump(data, sort_keys=False))
