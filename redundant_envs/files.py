@@ -9,8 +9,8 @@ from os.path import exists as exists  # False for a text that cannot be a path
 from pathlib import Path
 from typing import Any
 
+from redundant_envs import bounded
 from redundant_envs.backends import cache
-from redundant_envs.values import shown
 
 LARGEST_FILE = 1 << 15
 """Bytes: eight times the longest existing description; the reader takes a fifth of a second for it."""
@@ -24,23 +24,7 @@ def read_yaml(path: Path, what: str) -> Any:
 
 def read_text(path: Path, what: str) -> str:
     """The text of a file, within bounds; see :func:`read_yaml`."""
-    try:
-        if path.is_dir():
-            raise ValueError(f"{what} is {shown(str(path))}, a folder; give a YAML file in it")
-        if exists(path) and not path.is_file():
-            raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
-        with path.open("rb") as file:
-            raw = file.read(LARGEST_FILE + 1)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise ValueError(f"{what} is {shown(str(path))}, which cannot be read: {reason}") from None
-    if len(raw) > LARGEST_FILE:
-        raise ValueError(f"{path} has more than {LARGEST_FILE} bytes; give a shorter file")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ValueError(f"{path}, line {line}: it is not UTF-8 text; save it as UTF-8") from None
+    return bounded.read_text(path, what, LARGEST_FILE)
 
 
 def parse_yaml(text: str, where: str) -> Any:

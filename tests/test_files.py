@@ -50,7 +50,7 @@ BAD = {
     "number": (b"5\n", "scene is 5; give a mapping"),
     "two documents": ((ROBOT + "---\n" + ROBOT).encode(), "line 2: it is not valid YAML"),
     "many values": (f"a: [{'1,' * 5_000}]".encode(), "line 1: it holds more than"),
-    "large": (b"#" * (LARGEST_FILE + 1), "has more than 32768 bytes"),
+    "large": (b"#" * (LARGEST_FILE + 1), "more than the 32768 that are read"),
     "unknown inner key": (ROBOT.encode() + EFFECTS + b"- type: Gravity\n  gee: 1\n", "line 5: effects[1]"),
     "effect number": (ROBOT.encode() + b"effects:\n- type: Gravity\n  g: up\n", "line 4: Gravity.g is 'up'"),
     "wrong mass": (
@@ -130,7 +130,7 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, capsys):
     (tmp_path / "lost.yaml").symlink_to(tmp_path / "nothing")
     for name, words in (
         ("pipe", "a device or a pipe"), ("zero", "a device or a pipe"), ("lost", "no such file"),
-        ("folder", "a folder; give a YAML file"), ("x" * 5000, "no such file"), ("a\0b", "no such file"),
+        ("folder", "a folder; give a file in it"), ("x" * 5000, "no such file"), ("a\0b", "no such file"),
     ):  # fmt: skip
         path = tmp_path / f"{name}.yaml"
         for reader in READERS.values():

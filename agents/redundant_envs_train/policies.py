@@ -10,11 +10,11 @@ import itertools
 import json
 import pickletools
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.bounded import MOST_JSON, MOST_PACKED, opened, read_members
 from redundant_envs.disk import write_bytes
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -34,7 +34,8 @@ with needs("train"):
 SPACES = ("observation_space", "action_space")
 ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
 """Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
-MOST_BYTES = 64 * 2**20  # largest weights that are read: 16 million numbers, far more than an arm needs
+MOST_OBJECTS = 1 << 20
+"""Bytes of a table of tensors, which may become sixty times as many in memory; policies have ten thousand."""
 TENSOR_NAMES = {
     "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
 }  # fmt: skip
@@ -78,8 +79,8 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     """The policy of a run folder with this configuration; its ``predict`` is that of stable-baselines3.
 
     With ``trust`` stable-baselines3 loads the whole learner, and runs any code that the file contains.
-    ValueError if the file is missing or damaged, is larger than ``MOST_BYTES``, holds anything but finite
-    float32 tensors, or does not fit the configuration.
+    ValueError if the file is missing or damaged, is beyond the bounds of ``bounded``, holds anything but
+    finite float32 tensors, or does not fit the configuration.
     """
     path = folder / "policy.zip"
     if not path.is_file():
@@ -108,26 +109,37 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
 
 
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
-    """The tensors of a policy.zip by name, and the bytes they were read from."""
-    data = _member(path, "policy.pth")
-    _check_activation(path, activation)
+    """The tensors of a policy.zip by name, and their bytes."""
+    parts = _members(path, "data", "policy.pth")
+    _check_activation(path, about_of(path, parts.pop("data")), activation)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            # Stored uncompressed, so that they cannot expand to more than was read.
-            if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
-                raise ValueError("its tensors are compressed")
-            (table,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
-            for operation, argument, _ in pickletools.genops(archive.read(table)):
-                refers = operation.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4")
-                if refers or (operation.name == "GLOBAL" and argument not in TENSOR_NAMES):
-                    raise ValueError(f"it refers to {str(argument or operation.name)[:80]!r}")
-        weights = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-        _check_tensors(weights, len(data))
+        tensors = read_members(io.BytesIO(parts.pop("policy.pth")), "it")
+        (table,) = (name for name in tensors if name.endswith("/data.pkl"))
+        check_table(tensors[table], TENSOR_NAMES)
+        size = sum(map(len, tensors.values()))
+        memory = io.BytesIO()  # what was read, and nothing that torch alone would find in the file
+        with zipfile.ZipFile(memory, "w") as archive:
+            for name in list(tensors):
+                archive.writestr(name, tensors.pop(name))
+        memory.seek(0)
+        weights = torch.load(memory, map_location="cpu", weights_only=True)
+        _check_tensors(weights, size)
     except Exception as error:  # bytes of a stranger may raise any error
         raise ValueError(
             f"policy.pth in {path} is not a plain table of float32 tensors: {str(error)[:300]}. {HARMLESS}"
         ) from error
-    return weights, len(data)
+    return weights, size
+
+
+def check_table(table: bytes, names: Collection[str]) -> None:
+    """Refuse a pickled table of tensors that is too large, or refers to other objects than those of
+    ``names``."""
+    if len(table) > MOST_OBJECTS:
+        raise ValueError(f"its data.pkl has {len(table)} bytes, more than the {MOST_OBJECTS} that are read")
+    for operation, argument, _ in pickletools.genops(table):
+        refers = operation.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4")
+        if refers or (operation.name == "GLOBAL" and argument not in names):
+            raise ValueError(f"it refers to {str(argument or operation.name)[:80]!r}")
 
 
 def _check_tensors(weights: Any, size: int) -> None:
@@ -159,18 +171,25 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 
 def read_about(path: Path) -> dict[str, Any]:
     """The plain data of stable-baselines3 about the learner of a policy.zip; nothing is unpickled."""
+    return about_of(path, _members(path, "data")["data"])
+
+
+def about_of(path: Path, data: bytes) -> dict[str, Any]:
+    """The same of the member ``data`` of a policy.zip."""
     try:
-        about = json.loads(_member(path, "data"))
+        if len(data) > MOST_JSON:
+            raise ValueError(f"{len(data)} bytes, more than the {MOST_JSON} that are read")
+        about = json.loads(data)
         if not isinstance(about, dict):
             raise ValueError(f"it holds a {type(about).__name__}")
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
+        raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
     return about
 
 
-def _check_activation(path: Path, activation: str) -> None:
+def _check_activation(path: Path, about: Mapping[str, Any], activation: str) -> None:
     """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
-    wanted, about = ACTIVATIONS[activation].module.__name__, read_about(path)
+    wanted = ACTIVATIONS[activation].module.__name__
     try:
         said = about["policy_kwargs"].get("activation_fn", "")
     except (TypeError, KeyError, AttributeError) as error:
@@ -181,19 +200,10 @@ def _check_activation(path: Path, activation: str) -> None:
         )
 
 
-def _member(path: Path, name: str) -> bytes:
-    """One member of a zip file, if it has at most ``MOST_BYTES``."""
-    try:
-        with zipfile.ZipFile(path) as archive, archive.open(name) as member:
-            data = member.read(MOST_BYTES + 1)
-    except KeyError:
-        raise ValueError(f"{path} has no {name!r}; it is not a policy saved by stable-baselines3") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
-        raise ValueError(f"{path} is damaged ({error}); it is not a complete zip file") from error
-    if len(data) > MOST_BYTES:
-        most = f"more than {MOST_BYTES} bytes"
-        raise ValueError(f"{path} has a {name!r} of {most}; a policy of an arm is smaller")
-    return data
+def _members(path: Path, *names: str) -> dict[str, bytes]:
+    """Members of a policy.zip by name."""
+    with opened(path, "policy", MOST_PACKED) as file:
+        return read_members(file, str(path), names)
 
 
 # ---- a training that begins with the weights of a policy

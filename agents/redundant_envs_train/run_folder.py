@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.bounded import read_json, read_lines
 from redundant_envs.disk import check_plain, write_text
 from redundant_envs.envs.registration import ids
 from redundant_envs.extras import needs
@@ -45,6 +46,7 @@ UNSURE = {
     "expert_touch_success": 1, "passed": MOST, "stopped": MOST, "missed_by_both": MOST,
 }  # fmt: skip
 """The same of numbers that may be unknown, as in folders of older versions."""
+LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
 MOST_CHARACTERS = 200  # most characters of the name of a machine
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
@@ -145,17 +147,26 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # a table without rows
-            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
+        lines = read_lines(path, "table", MOST_EPISODES * LONGEST_ROW)
+        head = next(lines, "")
         if head != ",".join(columns):
             raise ValueError(f"its columns are {shown(head)} instead of {','.join(columns)}")
-        if rows.size and rows.shape[1] != len(columns):
-            raise ValueError(f"{rows.shape[1]} columns instead of {len(columns)}")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # a table without rows
+            rows = np.loadtxt(_of_width(lines, len(columns)), delimiter=",", ndmin=2)
     except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return rows.reshape(-1, len(columns))
+
+
+def _of_width(lines: Iterator[str], width: int) -> Iterator[str]:
+    """The lines of a table with so many columns, of which a run has at most ``MOST_EPISODES``."""
+    for number, line in enumerate(lines):
+        if number >= MOST_EPISODES:
+            raise ValueError(f"more than {MOST_EPISODES} rows")
+        if line and (found := line.count(",") + 1) != width:
+            raise ValueError(f"{found} columns instead of {width}")
+        yield line
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
@@ -174,10 +185,10 @@ def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
 
 def _read_json(path: Path, remedy: str) -> dict[str, Any]:
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path, path.name)
         if not isinstance(data, dict):
             raise ValueError(f"it holds a {type(data).__name__}, not an object")
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return data
 

@@ -3,6 +3,7 @@
 import hashlib
 from pathlib import Path
 
+from redundant_envs.bounded import MOST_PACKED, opened
 from redundant_envs.values import shown
 
 from .config import Config
@@ -33,7 +34,7 @@ def with_start(config: Config) -> Config:
     if config.start_from is None:
         return config
     file = policy_file(config.start_from)
-    with file.open("rb") as data:
+    with opened(file, "start_from", MOST_PACKED) as data:
         digest = hashlib.file_digest(data, "sha256").hexdigest()
     if config.start_from_sha256 not in (None, digest):
         raise ValueError(

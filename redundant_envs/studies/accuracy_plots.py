@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.bounded import read_rows
 from redundant_envs.figures import bare, new_figure, save_figure
 from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
 from redundant_envs.studies.accuracy_config import Panel, Study
@@ -81,8 +81,7 @@ def read(study: Study, folder: Path) -> list[Drawn]:
         path = folder / name
         if not path.is_file():
             raise ValueError(f"{folder} has no {name}; give a folder that the accuracy study wrote")
-        with path.open(newline="", encoding="utf-8") as file:
-            tables.append([_typed(row) for row in csv.DictReader(file)])
+        tables.append([_typed(row) for row in read_rows(path, "table")])
     result = []
     for panel in study.panels:
         rows, long_rows = ([row for row in table if row["panel"] == panel.name] for table in tables)

@@ -11,8 +11,6 @@ import dataclasses
 import gzip
 import itertools
 import struct
-import zipfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
+from redundant_envs.bounded import read_arrays
 from redundant_envs.disk import check_plain, write_text
 from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
 from redundant_envs.envs.core import Core
@@ -255,15 +254,14 @@ def _policies(
 def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], Weights]:
     """Structure and numbers of a ``policy.npz`` with layers from some inputs to some actions."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            found = dict(file)
+        found = read_arrays(path, "policy")
         count = sum(name.startswith("weights_") for name in found)
         layers = [
             tuple(np.asarray(found[f"{part}_{k}"], dtype=np.float64) for part in ("weights", "biases"))
             for k in range(count)
         ]
         about = {"activation": str(found["activation"]), "output": str(found["output"])}
-    except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+    except (ValueError, KeyError) as error:
         raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
     sizes = [inputs, *(len(biases) for _, biases in layers)]
     fitting = all(

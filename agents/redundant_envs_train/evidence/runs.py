@@ -5,7 +5,6 @@ dotted name, such as ``config.sac.gamma``. A cell is JSON, or a plain text where
 if the run has no such entry.
 """
 
-import csv
 import fnmatch
 import json
 import os
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.bounded import read_rows
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.scene import Scene
 from redundant_envs.tables import write_rows
@@ -228,12 +228,11 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
     """The runs of a table whose names have a pattern; "." are all."""
     name, names, runs = "", [], []
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            for row in csv.DictReader(file):
-                names.append(name := str(value_of(row["run"])))
-                if pattern == "." or fnmatch.fnmatchcase(name, pattern):
-                    runs.append(_run(path / name, row))
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, csv.Error) as error:
+        for row in read_rows(path, "table of runs"):
+            names.append(name := str(value_of(row["run"])))
+            if pattern == "." or fnmatch.fnmatchcase(name, pattern):
+                runs.append(_run(path / name, row))
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         reason = str(error).partition(";")[0]
         raise ValueError(
             f"{path} is no table of runs, or its run {name!r} is damaged ({reason}); write it again: "

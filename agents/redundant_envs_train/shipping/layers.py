@@ -15,6 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from redundant_envs.bounded import read_arrays
 from redundant_envs.extras import needs
 
 from ..learners.networks import ACTIVATIONS
@@ -54,15 +55,15 @@ class Layers:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
-        with np.load(path, allow_pickle=False) as file:
-            count = sum(name.startswith("weights_") for name in file.files)
-            return cls(
-                inputs=dict.fromkeys(file["inputs"].tolist(), 0),
-                weights=tuple(file[f"weights_{k}"] for k in range(count)),
-                biases=tuple(file[f"biases_{k}"] for k in range(count)),
-                activation=str(file["activation"]),
-                output=str(file["output"]),
-            )
+        found = read_arrays(path, "policy")
+        count = sum(name.startswith("weights_") for name in found)
+        return cls(
+            inputs=dict.fromkeys(found["inputs"].tolist(), 0),
+            weights=tuple(found[f"weights_{k}"] for k in range(count)),
+            biases=tuple(found[f"biases_{k}"] for k in range(count)),
+            activation=str(found["activation"]),
+            output=str(found["output"]),
+        )
 
     def save(self, path: Path) -> None:
         """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""

@@ -5,7 +5,6 @@ needs no controller (``redundant_envs.control.holding``); computed torque needs 
 policies are merged from their run folders.
 """
 
-import csv
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs import bounded
 from redundant_envs.control.computed_torque import lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
 from redundant_envs.disk import check_plain
@@ -214,17 +214,15 @@ def _factor(run: Run, arm: str) -> float:
 
 def read_rows(path: Path) -> list[Row]:
     """The rows of a CSV file of ``COLUMNS``; ValueError with file and line for others."""
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        if tuple(reader.fieldnames or ()) != COLUMNS:
-            raise ValueError(f"{path} has the columns {shown(reader.fieldnames)}; give {', '.join(COLUMNS)}")
-        rows = []
-        for values in reader:
-            try:
-                cells: dict[str, Any] = {k: value_of(cell) if cell else None for k, cell in values.items()}
-                rows.append(Row(**cells))
-            except (ValueError, TypeError) as error:
-                raise ValueError(f"{path}, line {reader.line_num}: {error}; write the file again") from error
+    rows = []
+    for count, values in enumerate(bounded.read_rows(path, "table"), 2):
+        if tuple(values) != COLUMNS:
+            raise ValueError(f"{path} has the columns {shown(list(values))}; give {', '.join(COLUMNS)}")
+        try:
+            cells: dict[str, Any] = {k: value_of(cell) if cell else None for k, cell in values.items()}
+            rows.append(Row(**cells))
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{path}, line {count}: {error}; write the file again") from error
     return rows
 
 

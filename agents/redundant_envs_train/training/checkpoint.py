@@ -8,19 +8,21 @@ It consists of plain data and tensors, and is read without unpickling anything e
 import os
 import shutil
 import time
-import zipfile
 from collections import deque
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from redundant_envs.bounded import MOST_PACKED, MOST_UNPACKED, opened, read_bytes, read_members, stored_members
 from redundant_envs.disk import DiskFull, told, write_bytes
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
 
 from .. import train_again
 from ..learners.sampling import each
+from ..policies import TENSOR_NAMES as WEIGHTS
+from ..policies import check_table
 from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat
 
 with needs("train"):
@@ -43,6 +45,13 @@ mean return."""
 BUFFER_ARRAYS = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
 )  # fmt: skip
+
+STORAGES = "Bool", "Byte", "Char", "Double", "Half", "Int", "Short"
+TENSOR_NAMES = {
+    *WEIGHTS, *(f"torch {kind}Storage" for kind in STORAGES), "torch.storage UntypedStorage",
+    "torch._utils _rebuild_tensor_v3", *(f"torch uint{bits}" for bits in (16, 32, 64)),
+}  # fmt: skip
+"""Objects to which a checkpoint may refer: tensors of numbers, and nothing that allocates by itself."""
 
 
 def remove(folder: Path) -> None:
@@ -104,7 +113,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     """
     place = check_resumable(folder) or folder / CHECKPOINT
     try:
-        state = _load(place / STATE)
+        state = _load(place / STATE, _room(model, monitor))
         _check_run(state["run"], run)
         sizes = {name: _checked_size(folder / name, state["tables"][name]) for name in TABLES}
         _set_state(state, model, monitor)
@@ -116,17 +125,37 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             f"{train_again(folder)}"
         ) from error
     for name, size in sizes.items():  # written anew, since a copy of the folder may share the files
-        write_bytes(folder / name, (folder / name).read_bytes()[:size])
+        write_bytes(folder / name, read_bytes(folder / name, name, MOST_PACKED)[:size])
     return progress
 
 
-def _load(path: Path) -> dict[str, Any]:
-    """Plain data of a file, which cannot expand to more than its size."""
-    with zipfile.ZipFile(path) as archive:
-        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
-            raise ValueError(f"{path.name} is compressed")
-    data: dict[str, Any] = unplain(torch.load(path, weights_only=True))
+def _load(path: Path, most: int) -> dict[str, Any]:
+    """Plain data of a file, of at most so many bytes, which cannot expand to more than its size."""
+    with opened(path, "checkpoint", most) as file:
+        names = stored_members(file, path.name, most)
+        (table,) = (name for name in names if name.endswith("/data.pkl"))
+        check_table(read_members(file, path.name, [table])[table], TENSOR_NAMES)
+        file.seek(0)
+        plain = torch.load(file, weights_only=True)
+    if (found := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
+        raise ValueError(f"{path.name} claims {found} bytes, more than the {most} that this training has")
+    data: dict[str, Any] = unplain(plain)
     return data
+
+
+def _room(model: Any, monitor: Any) -> int:
+    """Most bytes of a checkpoint of a learner: its networks with their optimisers, and its full buffer."""
+    buffer = getattr(model, "replay_buffer", None)
+    arrays = [getattr(buffer, name, None) for name in BUFFER_ARRAYS]
+    networks = [model.get_parameters(), model.learner_state(), monitor.venv.get_state()]
+    return MOST_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
+
+
+def _bytes(value: Any) -> int:
+    """Bytes of the arrays and tensors in nested data."""
+    if isinstance(value, dict | list | tuple):
+        return sum(map(_bytes, value.values() if isinstance(value, dict) else value))
+    return getattr(value, "nbytes", 0)
 
 
 def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:

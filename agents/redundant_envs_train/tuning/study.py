@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.bounded import read_bytes
 from redundant_envs.disk import alone, check_plain, write_bytes
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -31,6 +32,7 @@ with needs("tune"):
     from rich.progress import Progress
 
 JOURNAL = "study.journal"
+MOST_JOURNAL = 1 << 26  # bytes: those of ``MOST_TRIALS``
 STUDY = "tune"  # name of the study in its file
 SETTINGS = "settings"  # attribute of a study: the settings that identify it
 AHEAD = "ahead"
@@ -124,8 +126,8 @@ def _open(folder: Path, config: Config, space: Space, seed: int, processes: int)
 def _cut_half_line(path: Path) -> None:
     """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it. The file is
     written anew, since a copy of the folder may share it."""
-    if path.is_file():
-        lines = path.read_bytes()
+    if path.exists():
+        lines = read_bytes(path, "journal", MOST_JOURNAL)
         write_bytes(path, lines[: lines.rfind(b"\n") + 1])
 
 
