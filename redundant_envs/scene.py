@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
@@ -82,7 +82,7 @@ class Scene:
     """
 
     robot: Arm
-    effects: tuple[Effect, ...] = ()
+    effects: Sequence[Effect] = ()
     integrator: str = "rk8"
     control_dt: float = 0.02
     substeps: int = 1

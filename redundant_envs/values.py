@@ -7,13 +7,19 @@ import dataclasses
 import inspect
 import reprlib
 import warnings
-from collections.abc import Mapping, Set, ValuesView
+from collections.abc import Mapping, Sequence, Set, ValuesView
 from enum import Enum
 from numbers import Integral, Real
 from pathlib import PurePath
 from typing import Any, TypeVar
 
+from numpy.typing import NDArray
+
 Thing = TypeVar("Thing")
+Numbers = Sequence[float] | NDArray[Any]
+"""Several numbers as users give them; those who take them keep a tuple."""
+Ends = Sequence[float | None] | NDArray[Any]
+"""Numbers of which some may be left out."""
 
 OWN = "redundant_envs", "dataclasses"
 """Modules whose lines a warning does not show: nobody wrote them for a scene."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Armature(Effect):
         joints.
     """
 
-    inertias: float | tuple[float, ...]
+    inertias: float | Numbers
 
     of_joints = ("inertias",)
 

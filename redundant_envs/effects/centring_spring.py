@@ -8,6 +8,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders, not_negative, numbers, travel
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -42,9 +43,9 @@ class CentringSpring(Effect):
         r_min and r_max, m.
     """
 
-    stiffness: tuple[float, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
+    stiffness: Numbers
+    lower: Numbers
+    upper: Numbers
 
     def __post_init__(self) -> None:
         count = None

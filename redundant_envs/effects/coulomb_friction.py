@@ -8,6 +8,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Friction, Hook, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -30,7 +31,7 @@ class CoulombFriction(Effect):
         joints.
     """
 
-    level: float | tuple[float, ...]
+    level: float | Numbers
 
     of_joints = ("level",)
 

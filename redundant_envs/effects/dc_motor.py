@@ -8,6 +8,7 @@ from redundant_envs.algebra import clamp, expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -65,11 +66,11 @@ class DCMotor(Effect):
         Of the supply, V, positive.
     """
 
-    resistance: float | tuple[float, ...]
-    inductance: float | tuple[float, ...]
-    constant: float | tuple[float, ...]
-    gear: float | tuple[float, ...] = 1.0
-    voltage: float | tuple[float, ...] = 24.0
+    resistance: float | Numbers
+    inductance: float | Numbers
+    constant: float | Numbers
+    gear: float | Numbers = 1.0
+    voltage: float | Numbers = 24.0
 
     of_joints = NUMBERS
 

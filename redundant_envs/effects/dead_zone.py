@@ -8,6 +8,7 @@ from redundant_envs.algebra import clamp, physics
 from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -27,7 +28,7 @@ class DeadZone(Effect):
         Not negative; one number serves all joints.
     """
 
-    widths: float | tuple[float, ...]
+    widths: float | Numbers
 
     of_joints = ("widths",)
 

@@ -12,6 +12,7 @@ from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, number, numbers
+from redundant_envs.values import Numbers
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -179,7 +180,7 @@ class Disc(Effect):
         Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
     """
 
-    centre: tuple[float, float]
+    centre: Numbers
     radius: float
     stiffness: float = 2e4
     damping: float = 0.2
@@ -213,7 +214,8 @@ class Disc(Effect):
         return {"centre[0]": "m", "centre[1]": "m", "radius": "m", **contact.units_of_law()}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
-        return (shapes.Circle(self.centre, self.radius),)
+        x, y = self.centre
+        return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]", "radius": ".radius", **contact.OWN}

@@ -9,6 +9,7 @@ from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -41,7 +42,7 @@ class DroppedSamples(Effect):
         Of the loss of a reading of the joint in a control step, 0 to 1.
     """
 
-    probability: float | tuple[float, ...]
+    probability: float | Numbers
 
     of_joints = ("probability",)
 

@@ -8,6 +8,7 @@ from redundant_envs.algebra import clamp, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 WITHIN = 1e-12
 """Share of a limit by which a command may exceed it, and counts as within: the effort of a motor that has the
@@ -41,7 +42,7 @@ class EffortLimits(Effect):
         N m (revolute) or N (prismatic), not negative.
     """
 
-    limits: float | tuple[float, ...]
+    limits: float | Numbers
 
     of_joints = ("limits",)
 

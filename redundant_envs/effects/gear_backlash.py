@@ -8,6 +8,7 @@ from redundant_envs.algebra import maximum, physics, sqrt, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -77,10 +78,10 @@ class GearBacklash(Effect):
         Of the teeth per depth, N m s/rad^2 or N s/m^2, not negative.
     """
 
-    gap: float | tuple[float, ...]
-    stiffness: float | tuple[float, ...]
-    inertia: float | tuple[float, ...]
-    damping: float | tuple[float, ...] = 0.0
+    gap: float | Numbers
+    stiffness: float | Numbers
+    inertia: float | Numbers
+    damping: float | Numbers = 0.0
 
     of_joints = NUMBERS
 

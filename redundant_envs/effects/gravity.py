@@ -9,6 +9,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Field, Hook
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, numbers, strength
+from redundant_envs.values import Numbers
 
 
 @physics(gives="ax ay")
@@ -31,7 +32,7 @@ class Gravity(Effect):
     """
 
     g: float = 9.81
-    down: tuple[float, float] = (0.0, -1.0)
+    down: Numbers = (0.0, -1.0)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "g", strength("Gravity.g", self.g))

@@ -10,6 +10,7 @@ from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, numbers
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -81,8 +82,8 @@ class HalfPlane(Effect):
         Part of the name of its numbers, "half_plane_wall.friction"; several of a scene have different ones.
     """
 
-    point: tuple[float, float]
-    normal: tuple[float, float] = (0.0, 1.0)
+    point: Numbers
+    normal: Numbers = (0.0, 1.0)
     stiffness: float = 2e4
     damping: float = 0.2
     friction: float = 0.0
@@ -119,7 +120,8 @@ class HalfPlane(Effect):
         return own | contact.units_of_law()
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
-        return (shapes.HalfPlane(self.point, self.normal),)
+        (x, y), (nx, ny) = self.point, self.normal
+        return (shapes.HalfPlane((x, y), (nx, ny)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {

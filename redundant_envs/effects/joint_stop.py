@@ -10,7 +10,7 @@ from typing import Any
 from redundant_envs.effects.hooks import Effect, Hook, Impact
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, travel
-from redundant_envs.values import shown
+from redundant_envs.values import Ends, shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}
 """Ends of the travel of a joint without stops."""
@@ -34,8 +34,8 @@ class JointStop(Effect):
         Rate after an impact over rate before, 0 to 1.
     """
 
-    lower: tuple[float | None, ...]
-    upper: tuple[float | None, ...]
+    lower: Ends
+    upper: Ends
     restitution: float = 1.0
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strengths
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -43,13 +44,13 @@ class JointTorque(Effect):
         Time in which its correlation falls to 1/e, s, positive.
     """
 
-    step: float | tuple[float, ...] | None = None
+    step: float | Numbers | None = None
     start: float | None = None
-    amplitude: float | tuple[float, ...] | None = None
+    amplitude: float | Numbers | None = None
     frequency: float | None = None
-    phase: float | tuple[float, ...] | None = None
-    density: float | tuple[float, ...] | None = None
-    deviation: float | tuple[float, ...] | None = None
+    phase: float | Numbers | None = None
+    density: float | Numbers | None = None
+    deviation: float | Numbers | None = None
     time_constant: float | None = None
 
     of_joints = ("step", "amplitude", "phase", "density", "deviation")

@@ -8,6 +8,7 @@ from redundant_envs.algebra import expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -41,7 +42,7 @@ class Lag(Effect):
         T, s, positive; one number serves all joints.
     """
 
-    time_constant: float | tuple[float, ...]
+    time_constant: float | Numbers
 
     of_joints = ("time_constant",)
 

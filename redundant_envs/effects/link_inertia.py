@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class LinkInertia(Effect):
         serves all links.
     """
 
-    inertias: float | tuple[float, ...]
+    inertias: float | Numbers
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inertias", not_negative("LinkInertia.inertias", self.inertias))

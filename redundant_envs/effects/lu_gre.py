@@ -8,6 +8,7 @@ from redundant_envs.algebra import exp, expm1, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook, State, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -77,12 +78,12 @@ class LuGre(Effect):
         v_S, rate at which the friction falls from one to the other, rad/s or m/s, positive.
     """
 
-    stiffness: float | tuple[float, ...]
-    damping: float | tuple[float, ...]
-    viscous: float | tuple[float, ...]
-    coulomb: float | tuple[float, ...]
-    stiction: float | tuple[float, ...]
-    stribeck_speed: float | tuple[float, ...] = 0.01
+    stiffness: float | Numbers
+    damping: float | Numbers
+    viscous: float | Numbers
+    coulomb: float | Numbers
+    stiction: float | Numbers
+    stribeck_speed: float | Numbers = 0.01
 
     of_joints = NUMBERS
 
@@ -121,7 +122,7 @@ class LuGre(Effect):
         return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=spring)
 
 
-def _pairs(low: float | tuple[float, ...], high: float | tuple[float, ...]) -> list[tuple[float, float]]:
+def _pairs(low: float | Numbers, high: float | Numbers) -> list[tuple[float, float]]:
     """Numbers of the joints, side by side; those of different numbers of joints are refused by a scene."""
     rows = [x if isinstance(x, tuple) else (x,) for x in (low, high)]
     most = max(map(len, rows))

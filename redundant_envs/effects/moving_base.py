@@ -11,7 +11,7 @@ from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import numbers, strength
-from redundant_envs.values import shown
+from redundant_envs.values import Numbers, shown
 
 NAME = re.compile(r"\w*")
 
@@ -47,7 +47,7 @@ class MovingBase(Effect):
         Tells several of a scene apart, whose motions add: "second" has "moving_base.second.frequency", ...
     """
 
-    amplitude: tuple[float, float]
+    amplitude: Numbers
     frequency: float
     name: str = ""
 

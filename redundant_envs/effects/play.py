@@ -17,6 +17,7 @@ from redundant_envs.effects.hooks import (
 )
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -38,7 +39,7 @@ class Play(Effect):
         that takes a voltage. Not negative; one number serves all joints.
     """
 
-    gaps: float | tuple[float, ...]
+    gaps: float | Numbers
 
     of_joints = ("gaps",)
 

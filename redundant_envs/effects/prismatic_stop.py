@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from redundant_envs.effects.hooks import Effect, Hook, Impact
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders, number, travel
-from redundant_envs.values import shown
+from redundant_envs.values import Ends, shown
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class PrismaticStop(Effect):
         Speed after an impact over speed before, 0 to 1.
     """
 
-    lower: tuple[float | None, ...]
-    upper: tuple[float | None, ...]
+    lower: Ends
+    upper: Ends
     restitution: float = 1.0
 
     def __post_init__(self) -> None:

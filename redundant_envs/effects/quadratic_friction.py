@@ -8,6 +8,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -31,7 +32,7 @@ class QuadraticFriction(Effect):
         N m s^2/rad^2 (revolute) or N s^2/m^2 (prismatic), not negative; one number serves all joints.
     """
 
-    coefficients: float | tuple[float, ...]
+    coefficients: float | Numbers
 
     of_joints = ("coefficients",)
 

@@ -9,6 +9,7 @@ from redundant_envs.effects.hooks import Effect, Hook, Sensing
 from redundant_envs.effects.readings import check_readings, sensors_of, units_of_readings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strengths
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -28,8 +29,8 @@ class SensorBias(Effect):
         Added to the reading of its rate, rad/s or m/s.
     """
 
-    position: float | tuple[float, ...] | None = None
-    rate: float | tuple[float, ...] | None = None
+    position: float | Numbers | None = None
+    rate: float | Numbers | None = None
 
     of_joints = ("position", "rate")
 

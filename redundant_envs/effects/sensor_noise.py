@@ -9,6 +9,7 @@ from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.readings import Sensor, check_readings, sensors_of, units_of_readings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -37,8 +38,8 @@ class SensorNoise(Effect):
         Standard deviation of the reading of its rate, rad/s or m/s, not negative.
     """
 
-    position: float | tuple[float, ...] | None = None
-    rate: float | tuple[float, ...] | None = None
+    position: float | Numbers | None = None
+    rate: float | Numbers | None = None
 
     of_joints = ("position", "rate")
 

@@ -8,6 +8,7 @@ from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -42,8 +43,8 @@ class SmoothCoulombFriction(Effect):
         e, rad/s or m/s, positive: at this rate the friction is 1/sqrt(2) of its level.
     """
 
-    levels: float | tuple[float, ...]
-    speed: float | tuple[float, ...] = 0.01
+    levels: float | Numbers
+    speed: float | Numbers = 0.01
 
     of_joints = ("levels", "speed")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, numbers, strength
-from redundant_envs.values import shown
+from redundant_envs.values import Numbers, shown
 
 NAME = re.compile(r"\w*")
 
@@ -92,8 +92,8 @@ class Tendon(Effect):
         Tells several tendons of a scene apart: "flexor" has the parameters "tendon.flexor.stiffness", ...
     """
 
-    joints: tuple[str, ...]
-    moment_arms: tuple[float, ...]
+    joints: Sequence[str]
+    moment_arms: Numbers
     stiffness: float
     pretension: float = 0.0
     name: str = ""

@@ -9,7 +9,7 @@ from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, numbers
-from redundant_envs.values import shown, whole_number
+from redundant_envs.values import Numbers, shown, whole_number
 
 
 @physics
@@ -59,7 +59,7 @@ class Tether(Effect):
     """
 
     point: int
-    post: tuple[float, float]
+    post: Numbers
     stiffness: float
     damping: float = 0.0
 
@@ -80,8 +80,9 @@ class Tether(Effect):
         return {"post": "m", "stiffness": "N/m", "damping": "N s/m"}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
-        line = (self.post, pose.points[self.point - 1])
-        return shapes.Circle(self.post, 0.0), shapes.Line(line, taut=self.stiffness > 0.0)
+        x, y = self.post
+        line = ((x, y), pose.points[self.point - 1])
+        return shapes.Circle((x, y), 0.0), shapes.Line(line, taut=self.stiffness > 0.0)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = self.point

@@ -10,6 +10,7 @@ from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.values import Numbers
 
 AXES = "[0]", "[1]"
 
@@ -55,13 +56,13 @@ class TipForce(Effect):
         Time in which its correlation falls to 1/e, s, positive.
     """
 
-    step: tuple[float, float] | None = None
+    step: Numbers | None = None
     start: float | None = None
-    amplitude: tuple[float, float] | None = None
+    amplitude: Numbers | None = None
     frequency: float | None = None
-    phase: float | tuple[float, float] | None = None
-    density: float | tuple[float, float] | None = None
-    deviation: float | tuple[float, float] | None = None
+    phase: float | Numbers | None = None
+    density: float | Numbers | None = None
+    deviation: float | Numbers | None = None
     time_constant: float | None = None
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
+from redundant_envs.values import Numbers
 
 WITHIN = 1e-12
 """Share of the stall effort by which a command may exceed what is left, and counts as within it: otherwise a
@@ -57,8 +58,8 @@ class TorqueSpeed(Effect):
         Rate of the joint at which none is left, rad/s or m/s, positive.
     """
 
-    stall: float | tuple[float, ...]
-    free: float | tuple[float, ...]
+    stall: float | Numbers
+    free: float | Numbers
 
     of_joints = ("stall", "free")
 

@@ -20,7 +20,7 @@ from redundant_envs.notebook import as_html
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots import checks, derived, drawn, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
-from redundant_envs.values import shown
+from redundant_envs.values import Numbers, shown
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -110,8 +110,8 @@ class Arm:
         The arm stretched along +x, drawn in text, with its coordinates, masses and lengths.
     """
 
-    masses: tuple[float, ...]
-    lengths: tuple[float, ...]
+    masses: Numbers
+    lengths: Numbers
 
     units: ClassVar[Mapping[str, str]] = {"masses": "kg", "lengths": "m"}
     _derived: ClassVar[frozenset[str]] = frozenset()  # names of what the class has without having said it
