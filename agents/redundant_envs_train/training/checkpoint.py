@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.bounded import MOST_PACKED, MOST_UNPACKED, opened, read_bytes, read_members, stored_members
+from redundant_envs import bounded
 from redundant_envs.disk import DiskFull, told, write_bytes
 from redundant_envs.extras import needs
 from redundant_envs.values import shown
@@ -125,16 +125,16 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             f"{train_again(folder)}"
         ) from error
     for name, size in sizes.items():  # written anew, since a copy of the folder may share the files
-        write_bytes(folder / name, read_bytes(folder / name, name, MOST_PACKED)[:size])
+        write_bytes(folder / name, bounded.read_bytes(folder / name, name, bounded.MOST_PACKED)[:size])
     return progress
 
 
 def _load(path: Path, most: int) -> dict[str, Any]:
     """Plain data of a file, of at most so many bytes, which cannot expand to more than its size."""
-    with opened(path, "checkpoint", most) as file:
-        names = stored_members(file, path.name, most)
+    with bounded.opened(path, "checkpoint", most) as file:
+        names = bounded.stored_members(file, path.name, most)
         (table,) = (name for name in names if name.endswith("/data.pkl"))
-        check_table(read_members(file, path.name, [table])[table], TENSOR_NAMES)
+        check_table(bounded.read_members(file, path.name, [table])[table], TENSOR_NAMES)
         file.seek(0)
         plain = torch.load(file, weights_only=True)
     if (found := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
@@ -148,7 +148,7 @@ def _room(model: Any, monitor: Any) -> int:
     buffer = getattr(model, "replay_buffer", None)
     arrays = [getattr(buffer, name, None) for name in BUFFER_ARRAYS]
     networks = [model.get_parameters(), model.learner_state(), monitor.venv.get_state()]
-    return MOST_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
+    return bounded.MOST_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
 
 
 def _bytes(value: Any) -> int:
