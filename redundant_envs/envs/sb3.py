@@ -152,13 +152,18 @@ class SB3VecEnv(VectorFace, VecEnv):
         return [self.monitor and wrapper_class is Monitor] * len(list(self._get_indices(indices)))
 
 
-def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: Any) -> SB3VecEnv:
+OF_VECTORS = ("num_envs", "vectorization_mode", "autoreset_mode")
+"""What the spec of a vector holds, and a VecEnv says in its own way."""
+
+
+def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, **kwargs: Any) -> SB3VecEnv:
     """A native stable-baselines3 VecEnv of a registered id.
 
     Parameters
     ----------
-    env_id : str
-        A registered id, with or without the namespace; "module:id" imports the module that registers it.
+    env_id : str or EnvSpec
+        A registered id, with or without the namespace; "module:id" imports the module that registers it. Or
+        the spec of an environment of such an id, whose arguments it then has.
     num_envs : int
     monitor : bool
         Give return, length and time of an episode at its end, ``info["episode"]``, as stable-baselines3's
@@ -168,15 +173,10 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they are read
         at the ends of episodes); and threads, over blocks of 8 environments.
     """
-    module, _, name = env_id.rpartition(":")
-    if module:
-        importlib.import_module(module)
-    full = full_id(name)
-    if full not in ids():
-        raise ValueError(f"env_id is {env_id!r}; valid: {', '.join(ids())}")
     num_envs = whole_number("num_envs", num_envs)
-    spec = gym.spec(full)
-    arguments = {**spec.kwargs, **kwargs}
+    spec = _spec_of(env_id)
+    full = spec.id
+    arguments = {**{k: v for k, v in spec.kwargs.items() if k not in OF_VECTORS}, **kwargs}
     valid = (*ARGUMENTS, *OF_PICTURES, "threads")
     for key in arguments:
         if key not in valid:
@@ -194,3 +194,27 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     env = SB3VecEnv(core, **own, monitor=monitor)
     env.spec = spec
     return env
+
+
+def _spec_of(env_id: Any) -> EnvSpec:
+    """The spec of an id or a spec of ours; ValueError for anything else."""
+    if isinstance(env_id, EnvSpec):
+        if env_id.additional_wrappers:
+            names = ", ".join(wrapper.name for wrapper in env_id.additional_wrappers)
+            raise ValueError(
+                f"env_id is a spec with wrappers, {names}, which a native VecEnv has not; give its id"
+            )
+        full = full_id(env_id.id)
+    elif isinstance(env_id, str):
+        module, _, name = env_id.rpartition(":")
+        if module:
+            importlib.import_module(module)
+        full = full_id(name)
+    else:
+        raise ValueError(
+            f"env_id is {shown(env_id)}; give an id or a spec (for functions that make environments, "
+            "stable-baselines3 has DummyVecEnv and SubprocVecEnv)"
+        )
+    if full not in ids():
+        raise ValueError(f"env_id is {shown(getattr(env_id, 'id', env_id))}; valid: {', '.join(ids())}")
+    return env_id if isinstance(env_id, EnvSpec) else gym.spec(full)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -21,7 +22,7 @@ CALLS = {
 
 
 def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
-    """A C file with one function, ``accelerations``; it needs math.h alone.
+    """A C file with one function, such as ``four_r_reach_accelerations``; it needs math.h alone.
 
     Raises
     ------
@@ -35,7 +36,8 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
         f"commands: of the motors [{', '.join(smooth.command_units())}]; qdd: the second derivatives of q.",
     ]
     comment = "\n   ".join(heading.lines(about, notes)).replace("*/", "* /").replace("/*", "/ *")
-    head = f"void accelerations({', '.join(f'const double {name}[{n}]' for name in INPUTS)}, double qdd[{n}])"
+    given = ", ".join(f"const double {name}[{n}]" for name in INPUTS)
+    head = f"void {identifier(heading.name)}_accelerations({given}, double qdd[{n}])"
     attached = (bound.function for a in smooth.attached for bound in a.functions.values())
     named = {getattr(f, "__name__", "") for f in (*scene.robot.functions, *attached)}
     used = {operation.extra[0] for operation in reached(results) if operation.name == "load"}
@@ -43,6 +45,12 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
     body = "\n".join(f"  {line}" for line in (*unused, *_statements(results, named)))
     text = f"/* {comment} */\n\n#include <math.h>\n\n{head};\n\n{head} {{\n{body}\n}}\n"
     return Document(text, notes)
+
+
+def identifier(name: str) -> str:
+    """A name of C, so that the functions of several scenes fit into one program."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return word if word[:1].isalpha() else f"scene_{word}"
 
 
 def _statements(results: list[Value], named: set[str]) -> Iterator[str]:

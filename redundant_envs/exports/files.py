@@ -26,7 +26,7 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
         Leave out what has no exact counterpart, or write the nearest equivalent; the notes of the document
         name it, and so do comments in text formats.
     name : str
-        Of the scene, in the file.
+        Of the scene, in the file; the function of a C file is called by it, or by the arm without one.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
     if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
     source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
-    heading = Heading(source, __version__, bool(scene.randomize))
+    heading = Heading(source, __version__, bool(scene.randomize), name or scene.robot.kind)
     writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return writer(scene, heading, approximate)
 

@@ -86,6 +86,28 @@ def test_specs_hold_plain_data_of_what_users_give(kind, given):
         assert getattr(again.core, of_core) == getattr(env.core, of_core)
 
 
+def test_sb3_takes_the_spec_of_an_environment():
+    given = {"accuracy": 1e-5, "task": {"goal_tolerance": 0.03}}
+    single = gym.make(FOUR_R, max_episode_steps=7, render_mode="rgb_array", **given)
+    vector = gym.make_vec(FOUR_R, num_envs=3, max_episode_steps=7, **given)
+    for spec in (single.spec, vector.spec, rde.make_sb3(FOUR_R, 2, max_episode_steps=7, **given).spec):
+        env = rde.make_sb3(spec, 2, observe_parameters=["gravity.g"])
+        assert (env.num_envs, env.core.scene.tolerance, env.core.task.goal_tolerance) == (2, 1e-5, 0.03)
+        assert (env.spec.id, env.spec.max_episode_steps) == (FOUR_R, 7)
+        assert env.observation_space.shape[0] == single.observation_space.shape[0] + 1
+    wrapped = gym.wrappers.RescaleAction(gym.make(FOUR_R), np.float32(-2), np.float32(2))
+    with pytest.raises(ValueError, match=r"wrappers, RescaleAction"):
+        rde.make_sb3(wrapped.spec)
+    with pytest.raises(ValueError, match=r"env_id is 'CartPole-v1'; valid"):
+        rde.make_sb3(gym.spec("CartPole-v1"))
+
+
+@pytest.mark.parametrize("what", [lambda: gym.make(FOUR_R), None, 3, rde.ReachTask, b"RPRPReach-v0"])
+def test_sb3_says_what_it_makes_environments_of(what):
+    with pytest.raises(ValueError, match=r"env_id is .*; give an id or a spec"):
+        rde.make_sb3(what)
+
+
 def test_sb3_takes_a_scene_and_its_spec_has_the_data():
     scene = rde.load_scene("four_r_reach")
     spec = rde.make_sb3(FOUR_R, 2, scene=scene).spec

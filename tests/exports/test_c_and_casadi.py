@@ -69,14 +69,11 @@ def called(function, *state):
 @NEEDS_C
 def test_c_has_the_accelerations_of_every_scene_and_compiles_without_a_warning(tmp_path):
     scenes = smooth_catalogue()
-    text = "".join(
-        document(scene, "c").content.replace("accelerations(", f"accelerations_{k}(")
-        for k, scene in enumerate(scenes.values())
-    )
+    text = "".join(document(scene, "c", name=f"{k}.a").content for k, scene in enumerate(scenes.values()))
     library = compiled(tmp_path, text)
     for k, (name, scene) in enumerate(scenes.items()):
         for state in zip(*states(scene.robot, 20), strict=True):
-            found = called(library[f"accelerations_{k}"], *state)
+            found = called(library[f"scene_{k}_a_accelerations"], *state)
             assert difference(found, ours(scene, *state)) < 1e-12, name
 
 
@@ -88,7 +85,8 @@ def test_c_finds_the_accelerations_of_both_arms_in_a_thousand_states(tmp_path):
         library = compiled(folder, document(rde.Scene(arm, (e.Gravity(),)), "c").content)
         q, qd, efforts = states(arm, 1000)
         expected = arm.forward_dynamics(q, qd, efforts @ arm.motor_map.T)
-        found = [called(library.accelerations, *state) for state in zip(q, qd, efforts, strict=True)]
+        function = library[f"{arm.kind}_accelerations"]
+        found = [called(function, *state) for state in zip(q, qd, efforts, strict=True)]
         assert max(map(difference, found, expected)) < 1e-12
 
 
@@ -222,7 +220,7 @@ def test_laws_of_users_with_several_conditions_are_the_same_everywhere(ca, tmp_p
     library = compiled(tmp_path, document(scene, "c").content)
     for state in zip(*states(FOUR_R, 50), strict=True):
         expected = ours(scene, *state)
-        assert difference(called(library.accelerations, *state), expected) < 1e-12
+        assert difference(called(library.FourR_accelerations, *state), expected) < 1e-12
         assert difference(np.array(function(*state)[0]).ravel(), expected) < 1e-12
 
 
@@ -235,10 +233,16 @@ def test_what_serves_a_motor_is_left_out_with_it_and_the_head_has_the_units_of_c
     assert "commands: of the motors [N m, N, N m, N]" in document(rde.Scene(RPRP), "c").content
 
 
+def test_functions_of_several_scenes_have_names_of_their_own():
+    scene = SCENES["4R gravity rk4"]
+    for name, found in {"": "FourR", "four_r_reach": "four_r_reach", "4r-ü.b": "scene_4r___b"}.items():
+        assert f"void {found}_accelerations(const double q[4]" in document(scene, "c", name=name).content
+
+
 @NEEDS_C
 def test_an_arm_on_whose_pose_nothing_depends_compiles_without_a_warning(tmp_path):
     library = compiled(tmp_path, document(rde.Scene(rde.Chain("P", (0.5,))), "c").content)
-    assert called(library.accelerations, [0.1], [0.2], [3.0]) == [6.0]
+    assert called(library.Chain_accelerations, [0.1], [0.2], [3.0]) == [6.0]
 
 
 def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():
