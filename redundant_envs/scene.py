@@ -231,6 +231,12 @@ class Scene:
         """The hooks of the effects, bound to names of quantities."""
         return Attachments.to(self.robot, self.effects, self.controlled)
 
+    def bound_anew(self) -> Scene:
+        """The same scene, whose effects are asked for their hooks again: their functions may be replaced."""
+        made = object.__new__(type(self))
+        made.__dict__.update({f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
+        return made
+
     @property
     def controlled(self) -> bool:
         """Whether error control chooses the steps."""

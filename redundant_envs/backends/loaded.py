@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import functools
 import hashlib
+import itertools
 import marshal
 import os
 import platform
 import re
 import sys
-from collections.abc import Mapping
-from functools import lru_cache, partial
-from types import FunctionType, ModuleType
+from collections.abc import Callable, Mapping
+from enum import Enum, EnumMeta
+from operator import attrgetter, methodcaller
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -18,110 +23,228 @@ import numpy as np
 from redundant_envs.backends import IMPORTED
 
 ROOT = __name__.partition(".")[0]
-PLAIN = (bool, int, float, str, bytes, tuple, type(None))
+NUMBERS = frozenset((bool, int, float, complex, str, bytes, type(None)))
 BACKENDS = f"{ROOT}.backends"
 TABLES = (dict, list, set, frozenset)
+REGISTRIES = ("ARMS", "EFFECTS", "METHODS", "REGISTRY")
+"""Tables that others may add to. What they hold is not told: a scene tells which it names."""
+CACHED = type(functools.cache(len))
+WRAPPERS = (
+    property,
+    classmethod,
+    staticmethod,
+    functools.cached_property,
+    functools.partial,
+    MethodType,
+    CACHED,
+)
+BEHIND = ("fget", "fset", "func", "args", "keywords", "__self__", "__func__", "__wrapped__")
+"""Attributes of wrappers that say what they do."""
+INERT = frozenset((
+    "__future__", "_abc", "_collections", "_contextvars", "collections.abc", "dataclasses", "operator", "re",
+    "typing",
+))  # fmt: skip
+"""Modules of objects that are known by their texts; so are a few of Python's own."""
+DESCRIPTORS = frozenset(["GenericAlias", "UnionType", "ellipsis", "member_descriptor", "wrapper_descriptor"])
 ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
-KNOWN = frozenset((ROOT, "numpy", *sys.stdlib_module_names))
-"""Packages whose functions are known by their names."""
-
-
-class _Replaced(Exception):
-    """A function or an object of others is in the place of one of this package."""
+KNOWN = frozenset((ROOT, "numpy", *sys.stdlib_module_names)) - {"unittest"}
+"""Packages whose functions are known by their names; those of unittest stand for others."""
+_code, _defaults = attrgetter("__code__"), attrgetter("__defaults__", "__kwdefaults__")
 
 
 def scene_key(text: str, maker: str) -> str:
-    """Name of what this package, as it is loaded, traces from a ``text``, under this Python and NumPy.
+    """Name of what this package, as it is loaded, traces from a ``text``; "" if :func:`loaded_code` is."""
+    code = loaded_code(maker)
+    return hashlib.sha256(f"{code}\0{text}".encode()).hexdigest()[:40] if code else ""
+
+
+def loaded_code(maker: str) -> str:
+    """A digest of this package as it is loaded, under this Python and NumPy.
 
     Told are ``maker``, the module that traces, and all those of which it uses functions, classes or objects,
     directly or by others. Files alone would not tell: Python may have loaded old bytecode of them, and a
     process may have replaced a function or a number. The code alone would not tell what decorators note. The
-    name is "" with a file that cannot be read or was changed since the import, and with a function of others
-    in place of one of the package: what it does may follow from anything.
+    digest is "" with a file that cannot be read or was changed since the import, and with a function or an
+    object of others in place of one of the package: what it does may follow from anything.
+
+    It is found again when something was replaced; what the package had noted of functions is forgotten then.
     """
-    about = "\0".join((text, sys.version, platform.machine(), np.__version__))
-    digest, told = hashlib.sha256(about.encode()), list[Any]()
-    waiting, seen = [maker], {ROOT, BACKENDS}
-    try:
-        for name in waiting:
-            if name in seen:
+    loaded = _loaded.get(maker)
+    if loaded is None or loaded.is_changed():
+        loaded = _loaded[maker] = Loaded(maker)
+        loaded.forget()
+    elif not loaded.digest:
+        loaded.forget()
+    return loaded.digest
+
+
+class Loaded:
+    """The loaded code that ``maker`` uses, its ``digest``, and whether it is still what it was."""
+
+    def __init__(self, maker: str) -> None:
+        self._told: list[Any] = []
+        self._modules = [maker]
+        self._seen: dict[int, Any] = {}  # what was told, by its id
+        self._classes: set[type[Any]] = set()
+        self._homes: dict[str, bool] = {}  # modules that are used; whether they are of this package and trace
+        self._names: list[Mapping[str, Any]] = []
+        self._tables: list[Any] = []
+        self._functions: list[FunctionType] = []
+        self._caches: list[Callable[[], None]] = []
+        self._replaced = False
+        about = "\0".join((sys.version, platform.machine(), np.__version__))
+        digest, known = hashlib.sha256(about.encode()), {ROOT, BACKENDS}
+        for module in self._modules:
+            if module in known:
                 continue
-            seen.add(name)
-            names = vars(sys.modules[name])
-            with open(names["__file__"], "rb") as file:
-                times, content = os.fstat(file.fileno()), file.read()
-            if max(times.st_mtime, times.st_ctime) > IMPORTED:
-                return ""
-            digest.update(b"\0%b\0%b" % (name.encode(), content))
-            waiting.append(name.rpartition(".")[0])  # the package that the module is in
-            _tell(told, waiting, name, names)
-    except (OSError, _Replaced):
-        return ""
-    digest.update(marshal.dumps(told, 2))  # version 2 does not depend on counts of references
-    return digest.hexdigest()[:40]
+            known.add(module)
+            names = vars(sys.modules[module])
+            try:
+                with open(names["__file__"], "rb") as file:
+                    times, content = os.fstat(file.fileno()), file.read()
+                self._replaced |= max(times.st_mtime, times.st_ctime) > IMPORTED
+                digest.update(b"\0%b\0%b" % (module.encode(), content))
+            except OSError:
+                self._replaced = True
+            self._modules.append(module.rpartition(".")[0])  # the package that the module is in
+            self._tell_names(module, names)
+        digest.update(marshal.dumps(self._told, 2))  # version 2 does not depend on counts of references
+        self.digest = "" if self._replaced else digest.hexdigest()
+        self._told.clear()
+        self._with_defaults = [f for f in self._functions if f.__defaults__ or f.__kwdefaults__]
+        (*changing, codes, defaults), again = self._present(), methodcaller("copy")
+        self._before = *(list(map(again, some)) for some in changing), codes, defaults
 
+    def is_changed(self) -> bool:
+        """Whether a module, a class, a function or a table of these is not what it was, in some 0.1 ms."""
+        try:
+            return self._present() != self._before
+        except Exception:  # objects of others may not compare
+            return True
 
-def _tell(told: list[Any], used: list[str], module: str, names: Mapping[str, Any], inside: str = "") -> None:
-    """Tell the functions, classes and numbers of a module, or of a class of it, and add to ``used`` those
-    modules of this package of which it uses something."""
-    for name, value in tuple(names.items()):
-        kind = type(value)
-        if kind is ModuleType:
-            if not value.__name__.startswith(f"{module}."):  # what was imported by others, too
-                used += _of_package(value.__name__)
-            continue
-        if name.startswith("__") and kind is not FunctionType:
-            continue
-        if isinstance(value, PLAIN):
-            told += name, kind.__qualname__, _plain(value)
-        elif kind in TABLES:
-            if inside or name.isupper():  # others are caches
-                told += name, sorted(map(_plain, value.items() if kind is dict else value))
-        elif isinstance(value, type):
-            home = value.__module__
-            told += name, home, value.__qualname__
-            if home == module and value.__qualname__ == inside + name:
-                told.append(_plain(value.__mro__))
-                _tell(told, used, module, vars(value), f"{inside}{name}.")
-            else:
-                used += _of_package(home)
-        elif type(function := value if kind is FunctionType else _function(value)) is FunctionType:
-            home = function.__module__
-            told += name, home, function.__qualname__, _plain(value) if kind is partial else None
-            if cells := function.__closure__:
-                told += [_plain(cell.cell_contents) for cell in cells]
-            if home != module:
-                used += (own := _of_package(home))
-            if home == module or not own:  # otherwise its own module tells it
-                told += function.__code__, _plain(function.__defaults__), _plain(function.__kwdefaults__)
+    def _present(self) -> tuple[list[Any], ...]:
+        defaults = list(map(_defaults, self._with_defaults))
+        return self._names, self._tables, list(map(_code, self._functions)), defaults
+
+    def forget(self) -> None:
+        """Clear the caches of the package's functions."""
+        for clear in self._caches:
+            clear()
+
+    # ---- what is told ------------------------------------------------------------------------------------
+
+    def _tell_names(self, module: str, names: Mapping[str, Any], inside: type[Any] | None = None) -> None:
+        """Tell what a module, or a class in it, has by names."""
+        self._names.append(names)
+        for name, value in tuple(names.items()):
+            kind = type(value)
+            if kind is not FunctionType and name.startswith("_" if isinstance(inside, EnumMeta) else "__"):
+                continue  # maps of the members of an enumeration grow
+            if kind is ModuleType and value.__name__.startswith(f"{module}."):
+                continue  # a submodule, which others may have imported
+            if isinstance(value, TABLES):
+                if name in REGISTRIES or not (inside or name.isupper()):
+                    continue  # others are caches
+                self._tables.append(value)
+            self._told.append(name)
+            self._tell(value)
+
+    def _tell(self, value: Any) -> None:
+        """Tell a value, and what it is made of."""
+        kind, told = type(value), self._told
+        if kind in NUMBERS:
+            told += kind.__name__, repr(value)
+        elif id(value) in self._seen:
+            told.append(getattr(value, "__qualname__", kind.__name__))
         else:
-            used += _of_package(kind.__module__)
-            told += name, kind.__qualname__, getattr(value, "__module__", None)
-            told.append(getattr(value, "__qualname__", None))
+            self._seen[id(value)] = value
+            told.append(kind.__qualname__)
+            if kind is FunctionType:
+                self._tell_function(value)
+            elif isinstance(value, type):
+                self._tell_class(value)
+            elif isinstance(value, WRAPPERS):
+                if clear := getattr(value, "cache_clear", None):
+                    self._caches.append(clear)
+                for name in BEHIND:
+                    self._tell(getattr(value, name, None))
+            elif isinstance(value, Enum | str | int | float):
+                self._tell_class(kind)
+                told.append(repr(value))
+            elif isinstance(value, tuple | list | dict):
+                told.append(len(value))
+                for one in value if not isinstance(value, dict) else itertools.chain(*value.items()):
+                    self._tell(one)
+            elif kind in TABLES:
+                told.append(sorted(map(_text, value)))
+            elif kind is ModuleType:
+                self._replaced |= sys.modules.get(value.__name__) is not value
+                self._use(value.__name__)
+            elif kind is np.ndarray:
+                told += value.dtype.str, value.shape, value.tobytes()
+            elif _top(kind.__module__) == ROOT:
+                self._tell_class(kind)
+                fields = (
+                    [f.name for f in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else None
+                )
+                for name in sorted(getattr(value, "__dict__", ())) if fields is None else fields:
+                    told.append(name)
+                    self._tell(getattr(value, name, None))
+            elif kind is BuiltinFunctionType or _top(kind.__module__) == "numpy":
+                self._use(getattr(value, "__module__", None) or "builtins")
+                told.append(_text(value))
+            else:
+                self._replaced |= not (kind.__module__ in INERT or kind.__name__ in DESCRIPTORS)
+                told.append(_text(value))
+
+    def _tell_function(self, function: FunctionType) -> None:
+        """Tell a function: its code, its defaults, and what it and its decorators hold."""
+        home, code = function.__globals__.get("__name__", ""), function.__code__
+        self._told += home, function.__qualname__
+        if self._use(home):
+            module = sys.modules[home]
+            inside = code.co_filename == module.__file__ or code.co_filename.startswith(
+                "<"
+            )  # made by dataclass
+            self._replaced |= not inside or function.__globals__ is not vars(module)
+            self._functions.append(function)
+            self._told.append(code)
+        for held in (function.__defaults__, function.__kwdefaults__, vars(function)):
+            if held:
+                self._tell(held)
+        for cell in function.__closure__ or ():
+            with contextlib.suppress(ValueError):  # an empty cell
+                self._tell(cell.cell_contents)
+
+    def _tell_class(self, kind: type[Any]) -> None:
+        home = kind.__module__
+        self._told += home, kind.__qualname__
+        if self._use(home) and kind not in self._classes:
+            self._classes.add(kind)
+            self._told.append([base.__qualname__ for base in kind.__mro__])
+            self._tell_names(home, vars(kind), kind)
+
+    def _use(self, home: str) -> bool:
+        """Note a module that is used, if it is one of this package that traces; whether it is.
+
+        Back ends are left out: they compute what is traced, and trace nothing.
+        """
+        if home not in self._homes:
+            top = _top(home)
+            self._replaced |= top not in KNOWN and not top.startswith("namedtuple_")
+            self._homes[home] = top == ROOT and not home.startswith(BACKENDS)
+            if self._homes[home]:
+                self._modules.append(home)
+        return self._homes[home]
 
 
-@lru_cache
-def _of_package(home: str) -> tuple[str, ...]:
-    """The module of a function or a class if it is one of this package that traces; :class:`_Replaced` if it
-    is one of others.
-
-    Back ends are left out: they compute what is traced, and trace nothing.
-    """
-    top = home.partition(".")[0]
-    if top not in KNOWN and not top.startswith("namedtuple_"):
-        raise _Replaced(home)
-    return (home,) if top == ROOT and not home.startswith(BACKENDS) else ()
+_loaded: dict[str, Loaded] = {}
 
 
-def _function(value: Any) -> Any:
-    """The function behind a method, a property or a cached function."""
-    for attribute in ("fget", "func", "__func__", "__wrapped__"):
-        value = getattr(value, attribute, value)
-    return value
+def _top(module: str) -> str:
+    return module.partition(".")[0]
 
 
-def _plain(value: Any) -> Any:
-    if value is None:
-        return None
+def _text(value: Any) -> str:
     text = repr(value)
     return ADDRESS.sub("", text) if " at 0x" in text else text

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.backends import cache, llvm
-from redundant_envs.backends.loaded import scene_key
+from redundant_envs.backends.loaded import loaded_code, scene_key
 from redundant_envs.batch.advance import advance_kernel, begin_kernel
 from redundant_envs.batch.blocks import Blocks
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
@@ -69,8 +69,11 @@ class Simulator:
         with uncollected():
             program, blocks = self._trace()
             known = self.__dict__.get("identity")  # none yet if this trace is to find it
-            # Otherwise its code would be kept under a wrong name.
-            assert known is None or known == cache.identity(program)
+            if known not in (None, cache.identity(program)):  # its code would be kept under a wrong name
+                raise RuntimeError(
+                    "a function, a class or a number that this simulator follows from was replaced since it "
+                    "was made; make a new simulator or environment"
+                )
             return program, blocks
 
     @property
@@ -113,32 +116,36 @@ FEW = 4
 """Lanes up to which a program computes only these: half a block, a whole vector of many processors."""
 KEPT_SIMULATORS = 64
 """Simulators that are traced once for all their users; the least recently used ones are dropped."""
-_kept: OrderedDict[str, Simulator] = OrderedDict()
+_kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
-def _kept_or_made(make: Callable[[str], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package: other
-    parts may be defined again, and the name is ""."""
+def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: Any) -> Simulator:
+    """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package as it
+    was loaded: other parts may be defined again, and the name is ""."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
-    if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
-        return make("")
-    name = repr((scene, *more, llvm.processor()))  # a text shows the sign of a zero, which equality does not
-    if name not in _kept:
-        _kept[name] = make(name)
-    _kept.move_to_end(name)
+    code = loaded_code(__name__)
+    if not code or not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
+        return make(scene.bound_anew(), "")
+    method = METHODS[scene.integrator]  # one from outside has no fixed meaning
+    # A text shows the sign of a zero, which equality does not.
+    name = repr((scene, *more, llvm.processor()))
+    kept = code, method, name
+    if kept not in _kept:
+        _kept[kept] = make(scene.bound_anew(), f"{name} {method}")
+    _kept.move_to_end(kept)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
-    return _kept[name]
+    return _kept[kept]
 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda name: traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(lambda scene, name: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
     """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
-    return _kept_or_made(lambda name: _environment(scene, task, observed, name), scene, task, observed)
+    return _kept_or_made(lambda scene, name: _environment(scene, task, observed, name), scene, task, observed)
 
 
 def traced_batch(scene: Scene, track_work: bool) -> Simulator:
@@ -161,8 +168,7 @@ def _environment(scene: Scene, task: Task, observed: tuple[str, ...], name: str)
         kernels = [made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]
         return Program(kernels), made.blocks
 
-    method = METHODS[scene.integrator]  # one from outside has no fixed meaning
-    return Simulator(episode.dynamics, trace, episode, name and scene_key(f"{name} {method}", __name__))
+    return Simulator(episode.dynamics, trace, episode, name and scene_key(name, __name__))
 
 
 def address(array: NDArray[Any]) -> int:

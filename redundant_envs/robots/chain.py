@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -73,12 +72,16 @@ class Chain(Arm):
         return Chain, (self.joint_types, self.masses, self.lengths)
 
 
-@functools.cache
 def _class_of(types: str) -> type[Chain]:
     """The class of all chains of such joints; there are at most 2046."""
+    if types in _classes:
+        return _classes[types]
     own = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__, "__doc__": Chain.__doc__}
     own["description"] = f"A planar arm of the joints {types} in a vertical plane"
-    return type(Chain.__name__, (Chain,), own)
+    return _classes.setdefault(types, type(Chain.__name__, (Chain,), own))
+
+
+_classes: dict[str, type[Chain]] = {}
 
 
 Chain.maker = Chain
