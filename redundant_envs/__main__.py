@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from redundant_envs import __version__
 from redundant_envs.disk import add_force, check_kept
 from redundant_envs.extras import MissingPackage
-from redundant_envs.modules import OPTION, take_imports
+from redundant_envs.modules import OPTION, status_of, take_imports
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
@@ -26,22 +26,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
-        missing package; 130 for Ctrl-C.
+        missing package; 130 for Ctrl-C; 141 if the reader of a pipe is gone.
     """
-    try:
-        words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
-        if not words:
-            parser().print_help(sys.stderr)
-            return 2
-        options = parser().parse_args(words)
-        result: int | None = options.handler(options)
-    except (ValueError, MissingPackage, OSError) as error:
-        print(f"redundant_envs: {' '.join(str(error).splitlines())}", file=sys.stderr)
+    return status_of(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)), "redundant_envs")
+
+
+def _run(arguments: list[str]) -> int | None:
+    words = take_imports(arguments)
+    if not words:
+        parser().print_help(sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("redundant_envs: stopped", file=sys.stderr)
-        return 130
-    return result or 0
+    options = parser().parse_args(words)
+    return options.handler(options)  # type: ignore[no-any-return]
 
 
 def verify(options: argparse.Namespace) -> int:

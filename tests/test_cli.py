@@ -19,6 +19,7 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
+from redundant_envs.modules import status_of
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.progress import counted, progress_bars
 from redundant_envs.scene import scene_names
@@ -75,7 +76,8 @@ def test_export_writes_a_file_and_says_what_it_lacks(form, tmp_path, capsys):
     assert main(["export", "four_r_reach", "--format", form, "--out", str(path)]) == 0
     assert "from the scene four_r_reach." in path.read_text(encoding="utf-8")
     assert capsys.readouterr().out == f"{path} ({path.stat().st_size} bytes)\n"
-    assert main(["export", "rprp_reach", "--approximate", "--format", form, "--out", str(path)]) == 0
+    words = ["export", "rprp_reach", "--approximate", "--format", form, "--out", str(path)]
+    assert main([*words, "--force"]) == 0
     assert "  PrismaticStop: " in capsys.readouterr().out
     assert "PrismaticStop: " in path.read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(CHAIN)
@@ -109,7 +111,7 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("export four_r_reach --format sdf --out a", "format is 'sdf'; choose mjcf, urdf, casadi, c"),
         ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are only soft there"),
         ("export four_r_reach --format c --out chain.yaml/inner", "chain.yaml"),
-        ("export four_r_reach --format c --out .", "Is a directory"),
+        ("export four_r_reach --format c --out .", "is a folder"),
         ("export four_r_reach --format c", "--out"),
         ("page --policies nowhere", "nowhere, which is no folder"),
         ("page --out chain.yaml", "chain.yaml"),
@@ -239,3 +241,42 @@ def test_tables_are_aligned_and_keep_bars_and_commas_in_their_columns(tmp_path):
     path = tmp_path / "new" / "rows.csv"
     write_rows([{"name": "a,b", "x": None}], HEAD, path)
     assert path.read_text(encoding="utf-8").splitlines() == ["name,x", '"a,b",']
+
+
+PIPED = [
+    ("redundant_envs", "list"), ("redundant_envs", "--help"), ("redundant_envs", "scene", "rprp_reach"),
+    ("redundant_envs", "verify", "--quick", "rprp_reach"), ("agents", "--help"), ("agents", "schema"),
+]  # fmt: skip
+
+
+@pytest.mark.quick("buffered-list")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signal of a pipe")
+@pytest.mark.parametrize("words", PIPED, ids=lambda words: words[1])
+@pytest.mark.parametrize("buffered", [True, False], ids=["buffered", "unbuffered"])
+def test_a_command_ends_in_silence_where_nobody_reads_on(words, buffered):
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, *([] if buffered else ["-u"]), "-m", *words]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    progress = ("redundant-envs: compiling", "verify ")
+    said = [line for line in done.stderr.splitlines() if not line.startswith(progress)]
+    assert (done.returncode, said) == (141, [])
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
+def test_a_command_says_once_that_its_output_cannot_be_written():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "redundant_envs", "list"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 2
+    assert done.stderr == "redundant_envs: [Errno 28] No space left on device\n"
+
+
+def test_a_pipe_of_other_processes_that_breaks_is_told(capsys):
+    def broken():
+        raise BrokenPipeError(32, "Broken pipe of a worker")
+
+    assert status_of(broken, "error") == 2
+    assert capsys.readouterr().err == "error: [Errno 32] Broken pipe of a worker\n"

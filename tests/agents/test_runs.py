@@ -499,7 +499,7 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
     assert main(["table", "anything"]) == 130
     monkeypatch.setattr(library, "list_names", interrupted)
     assert library.main(["list"]) == 130
-    assert capsys.readouterr().err.splitlines() == ["stopped", "redundant_envs: stopped"]
+    assert capsys.readouterr().err.splitlines() == ["stopped", "stopped"]
 
 
 # ---- incomplete run folders ----------------------------------------------------------------------

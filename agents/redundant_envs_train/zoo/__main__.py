@@ -2,23 +2,22 @@
 
 import sys
 
-from redundant_envs.extras import MissingPackage
+from redundant_envs.modules import status_of
 
 
 def main() -> int:
-    """Train or watch; after a message 2 for a missing package or a mistake in the input."""
-    try:
-        from .experiment import enjoy, train
+    """Train or watch; the exit status is that of the other commands."""
+    return status_of(_run, "error")
 
-        if sys.argv[1:2] == ["enjoy"]:
-            del sys.argv[1]
-            enjoy()
-        else:
-            train()
-    except (MissingPackage, ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+def _run() -> None:
+    from .experiment import enjoy, train
+
+    if sys.argv[1:2] == ["enjoy"]:
+        del sys.argv[1]
+        enjoy()
+    else:
+        train()
 
 
 if __name__ == "__main__":
