@@ -76,12 +76,12 @@ def test_export_writes_a_file_and_says_what_it_lacks(form, tmp_path, capsys):
     assert main(["export", "four_r_reach", "--format", form, "--out", str(path)]) == 0
     assert "from the scene four_r_reach." in path.read_text(encoding="utf-8")
     assert capsys.readouterr().out == f"{path} ({path.stat().st_size} bytes)\n"
-    words = ["export", "rprp_reach", "--approximate", "--format", form, "--out", str(path)]
-    assert main([*words, "--force"]) == 0
+    words = ["--format", form, "--force", "--out", str(path)]
+    assert main(["export", "rprp_reach", "--approximate", *words]) == 0
     assert "  PrismaticStop: " in capsys.readouterr().out
     assert "PrismaticStop: " in path.read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(CHAIN)
-    assert main(["export", str(tmp_path / "mine.yaml"), "--format", form, "--out", str(path)]) == 0
+    assert main(["export", str(tmp_path / "mine.yaml"), *words]) == 0
     assert "from the scene mine." in path.read_text(encoding="utf-8")
 
 
