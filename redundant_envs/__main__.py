@@ -15,6 +15,7 @@ from redundant_envs import __version__
 from redundant_envs.disk import add_force, check_kept
 from redundant_envs.extras import MissingPackage
 from redundant_envs.modules import OPTION, status_of, take_imports
+from redundant_envs.values import say
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
@@ -180,11 +181,11 @@ def simulate(options: argparse.Namespace) -> None:
     files = [options.out / f"{name}{ending}" for name in names for ending in endings]
     check_kept([*files, *filter(None, [options.clip])], options.force)
     for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
-        print(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
+        say(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
         run = energy.energy_run(scene, options.seconds, q, options.qd)
         path = options.out / f"{name}.csv"
         energy.write_csv(run, path)
-        print(
+        say(
             f"{name}: largest kinetic energy {run.kinetic_energy.max():.4g} J, total "
             f"{run.total[0]:.6g} J at the start and {run.total[-1]:.6g} J at the end, relative drift "
             f"{run.drift:.1e}"
@@ -196,7 +197,7 @@ def simulate(options: argparse.Namespace) -> None:
                 pictures.append(options.clip)
         except MissingPackage as error:
             raise MissingPackage(f"{error} ({path} is written)") from error
-        print("\n".join(f"  {p}" for p in (path, *pictures)))
+        say("\n".join(f"  {p}" for p in (path, *pictures)))
 
 
 def no_studies(options: argparse.Namespace) -> None:
@@ -227,14 +228,14 @@ def list_names(options: argparse.Namespace) -> None:
         from redundant_envs.studies.command import STUDIES
 
         groups["studies"] = list(STUDIES)
-    print("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
+    say("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
 
 
 def show_cache(options: argparse.Namespace) -> None:
     """Print the size of the folder of compiled simulators, or empty it."""
     from redundant_envs.backends import cache
 
-    print(cache.usage(options.clear))
+    say(cache.usage(options.clear))
 
 
 def show_scene(options: argparse.Namespace) -> None:
@@ -249,29 +250,29 @@ def show_scene(options: argparse.Namespace) -> None:
     if options.listing:
         from redundant_envs.model.listing import listing
 
-        print(listing(scene), end="")
+        say(listing(scene), end="")
     elif options.bill:
         from redundant_envs.model.listing import bill
         from redundant_envs.tables import table
 
         found = bill(scene)
         head = ("of", *next(iter(found.values()))._fields)
-        print(table(head, ((owner, *counts) for owner, counts in found.items())))
+        say(table(head, ((owner, *counts) for owner, counts in found.items())))
     elif options.cost:
         from redundant_envs.envs import cost
         from redundant_envs.tables import table
 
         rows = cost.costs(cost.parts(scene))
-        print(table(cost.COLUMNS, (row.values() for row in rows)))
+        say(table(cost.COLUMNS, (row.values() for row in rows)))
     elif options.drawing is not None:
         from redundant_envs.envs.schematic import save_schematic
 
         check_kept([options.drawing], options.force, [Path(options.scene)])
-        print(save_schematic(options.drawing, [scene.robot.kind]))
+        say(save_schematic(options.drawing, [scene.robot.kind]))
     else:
         import yaml
 
-        print(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
+        say(yaml.safe_dump(scene.to_dict(), sort_keys=False, default_flow_style=None), end="")
 
 
 def export(options: argparse.Namespace) -> None:
@@ -283,9 +284,9 @@ def export(options: argparse.Namespace) -> None:
     notes = files.write(
         load_scene(options.scene), options.format, options.out, options.approximate, Path(options.scene).stem
     )
-    print(f"{options.out} ({options.out.stat().st_size} bytes)")
+    say(f"{options.out} ({options.out.stat().st_size} bytes)")
     if notes:
-        print("\n".join(["approximate:", *(f"  {note}" for note in notes)]))
+        say("\n".join(["approximate:", *(f"  {note}" for note in notes)]))
 
 
 def write_wasm(options: argparse.Namespace) -> None:
@@ -296,7 +297,7 @@ def write_wasm(options: argparse.Namespace) -> None:
     scene, name = load_scene(options.scene), Path(options.scene).stem
     check_kept(module.files(name, options.out), options.force, [Path(options.scene)])
     for path in module.write(scene, ReachTask(), name, options.out):
-        print(f"{path} ({path.stat().st_size} bytes)")
+        say(f"{path} ({path.stat().st_size} bytes)")
 
 
 def write_page(options: argparse.Namespace) -> None:
@@ -306,8 +307,8 @@ def write_page(options: argparse.Namespace) -> None:
     check_kept(page.files(options.out), options.force)
     written, learners = page.write(options.out, options.policies)
     for path in written:
-        print(f"{path} ({path.stat().st_size} bytes)")
-    print(f"learners: {', '.join(learners) or 'none, because no policies were found'}")
+        say(f"{path} ({path.stat().st_size} bytes)")
+    say(f"learners: {', '.join(learners) or 'none, because no policies were found'}")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.disk import replacing, write_bytes
 from redundant_envs.extras import needs
+from redundant_envs.values import printable
 
 CLIPS = (".gif", ".mp4")  # endings of clips
 
@@ -21,6 +22,11 @@ def new_figure(width: float, height: float, dpi: int = 100) -> Any:
     with needs("plot"):
         from matplotlib.figure import Figure
     return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
+
+
+def literal(text: str) -> str:
+    """A name of a file or a setting as text of a figure, in which a dollar sign begins no formula."""
+    return printable(text).replace("$", r"\$")
 
 
 def bare(panel: Any) -> None:

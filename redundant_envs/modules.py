@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from redundant_envs.extras import MissingPackage
-from redundant_envs.values import shown
+from redundant_envs.values import say, shown
 
 OPTION = "--import"
 IMPORTED: list[str] = []
@@ -44,7 +44,7 @@ def status_of(run: Callable[[], int | None], name: str) -> int:
     except KeyboardInterrupt as stop:
         said, status = str(stop) or "stopped", 130
     with contextlib.suppress(BrokenPipeError):
-        print(said, file=sys.stderr)
+        say(said, file=sys.stderr)
     return status
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.values import printable
+
 MOST_BYTES = 200_000
 """Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
 LONGEST_CELL, LONGEST_TEXT = 100, 2000
@@ -44,7 +46,7 @@ def as_html(thing: Any, *parts: Callable[[], str]) -> str:
 
 def escaped(value: Any, longest: int = LONGEST_CELL) -> str:
     """A value as text in HTML; floats with six digits."""
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    text = f"{value:.6g}" if isinstance(value, float) else printable(value)
     return html.escape(text if len(text) <= longest else f"{text[: longest - 3]}...")
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from redundant_envs.extras import needs
+from redundant_envs.values import printable, say
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -24,12 +25,18 @@ def progress_bars() -> Progress:
     with needs("train"):
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.text import Text
+
+    class Plain(TextColumn):  # names of files are no markup
+        def render(self, task: Any) -> Text:
+            return Text(printable(self.text_format.format(task=task)))
+
     console = Console(stderr=True)
     if not (console.is_terminal or console.is_jupyter):
         return _lines(Progress)
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"),
-        TextColumn("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+        Plain("{task.description}"), BarColumn(), Plain("{task.percentage:3.0f} %"),
+        Plain("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
         console=console, redirect_stdout=sys.stdout.isatty(),
     )  # fmt: skip
 
@@ -47,7 +54,7 @@ def _lines(base: type[Progress]) -> Progress:
             self.last = time.monotonic()
             under_way = [task for task in self.tasks if task.started and not task.finished]
             if under_way:
-                print("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
+                say("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
 
     return Lines(disable=True)
 
@@ -73,6 +80,6 @@ def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], No
     def line(what: str) -> None:
         count = next(counts)
         if count % each == 0:
-            print(f"{name} {count // each}/{total // each}: {what}", file=sys.stderr, flush=True)
+            say(f"{name} {count // each}/{total // each}: {what}", file=sys.stderr, flush=True)
 
     yield line

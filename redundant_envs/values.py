@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence, Set, ValuesView
 from enum import Enum
 from numbers import Integral, Real
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 from numpy.typing import NDArray
 
@@ -52,6 +52,20 @@ def shown(value: Any) -> str:
     except Exception:  # a representation of a user's own may fail in any way
         text = f"<{type(value).__name__}>"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def printable(text: Any) -> str:
+    """A text for a terminal: characters that would command it, turn its order or hide, such as an escape or a
+    bidirectional override, become escapes of Python. Ends of lines and tabs stay."""
+    text = str(text)
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
+
+
+def say(*words: Any, file: TextIO | None = None, **how: Any) -> None:
+    """Print what may come from a file of somebody else: all messages of the commands pass here."""
+    print(*map(printable, words), file=file, **how)
 
 
 def check_bounds(where: str, data: Any) -> None:
@@ -161,7 +175,7 @@ def warn(text: str) -> None:
     frame, level = inspect.currentframe(), 0
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in OWN:
         frame, level = frame.f_back, level + 1
-    warnings.warn(text, stacklevel=level + 1)
+    warnings.warn(printable(text), stacklevel=level + 1)
 
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:

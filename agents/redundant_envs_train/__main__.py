@@ -4,6 +4,7 @@ import sys
 
 from redundant_envs import __version__
 from redundant_envs.modules import status_of, take_imports
+from redundant_envs.values import say
 
 from .presets import is_override, preset_path
 
@@ -15,7 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(words: list[str]) -> int:
     if words == ["--version"]:  # the packages that the commands need are missing
-        print(f"redundant-envs {__version__}")
+        say(f"redundant-envs {__version__}")
         return 0
     words = take_imports(words)
     if words[:1] in (["train"], ["tune"]) and len(words) > 1:

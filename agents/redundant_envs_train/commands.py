@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from redundant_envs.disk import check_kept
 from redundant_envs.extras import needs
 from redundant_envs.files import config_folder
-from redundant_envs.values import check_between, shown
+from redundant_envs.values import check_between, say, shown
 
 from . import COMMAND, command, run_folder
 from .config import Config, complete, load, page_of_keys
@@ -87,7 +87,7 @@ def _usage(error: Any) -> int:
     """Show a usage error; without any words, the help."""
     message, context = error.format_message(), getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":
-        print(message, file=sys.stderr)
+        say(message, file=sys.stderr)
         return 2
     if context is None:
         raise ValueError(f"{message.rstrip('.')}; see {COMMAND} --help")
@@ -143,7 +143,7 @@ def train(
             from .training.many import train_many
 
             train_many(chosen, folder, processes)
-        print(tables.table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
+        say(tables.table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
         return
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
@@ -179,10 +179,10 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
 
     found = evaluate(folder)
     write_evaluation(found, folder)
-    print(summary(found.result))
+    say(summary(found.result))
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in facts["split"].items())
-    print(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
-    print(report(folder))
+    say(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
+    say(report(folder))
 
 
 @app.command()
@@ -216,8 +216,8 @@ def tune(
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
     path = tune(base, folder, trials, search or (), overrides or (), seed, processes)
-    print(path.read_text(encoding="utf-8"))
-    print(f"best: {folder / 'best.yaml'}")
+    say(path.read_text(encoding="utf-8"))
+    say(f"best: {folder / 'best.yaml'}")
 
 
 @app.command()
@@ -246,10 +246,10 @@ def evaluate(folder: PolicyFolder, out: Out = None, force: Overwrite = False, tr
     from .report import evaluate, summary, write_evaluation
 
     found = evaluate(folder, trust)
-    print(summary(found.result))
+    say(summary(found.result))
     if out is not None or force:
         write_evaluation(found, out or folder)
-        print("written:", *((out or folder) / name for name in run_folder.EVALUATED), sep="\n  ")
+        say("written:", *((out or folder) / name for name in run_folder.EVALUATED), sep="\n  ")
 
 
 @app.command()
@@ -265,7 +265,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     run_folder.tell_differences([folder])
     from .report import report
 
-    print(report(folder, out, trust))
+    say(report(folder, out, trust))
 
 
 @app.command()
@@ -288,7 +288,7 @@ def table(
         check_kept([out], force, read_places(runs))
     text = tables.table(runs)
     run_folder.tell_differences(runs)
-    print(text)
+    say(text)
     if out is not None:
         write_runs([run for same in read_groups(runs) for run in same.runs], out)
 
@@ -306,7 +306,7 @@ def curves(
     check_kept([out, out.with_suffix(".csv")], force, read_places(runs))
     numbers = curve_pictures.curves(runs, out)
     run_folder.tell_differences(runs)
-    print(out, numbers, sep="\n")
+    say(out, numbers, sep="\n")
 
 
 @app.command()
@@ -343,7 +343,7 @@ def export(
     from .shipping.export import export_all
 
     for folder in export_all(folders, out):
-        print(folder)
+        say(folder)
 
 
 @app.command()
@@ -367,8 +367,8 @@ def dataset(
     found = dataset.source_of(source, env)
     dataset.check_absent(out)
     dataset.check_minari()
-    print(dataset.write_dataset(found, episodes, seed, out, trust))
-    print(f"written: {out}")
+    say(dataset.write_dataset(found, episodes, seed, out, trust))
+    say(f"written: {out}")
 
 
 @app.command()
@@ -376,7 +376,7 @@ def schema(
     markdown: Annotated[bool, Option("--markdown", help="print it as a page for readers instead")] = False,
 ) -> None:
     """Print the JSON schema of a training configuration, for editors."""
-    print(page_of_keys() if markdown else json.dumps(Config.model_json_schema(), indent=2) + "\n", end="")
+    say(page_of_keys() if markdown else json.dumps(Config.model_json_schema(), indent=2) + "\n", end="")
 
 
 @study.command("stops")
@@ -411,8 +411,8 @@ def study_stops(
     rows = stops.run(policies, lanes)
     write_rows(rows, stops.COLUMNS, out)
     shown = stops.COLUMNS[stops.COLUMNS.index("states") :]
-    print(table(shown, ([row[c] for c in shown] for row in rows)))
-    print(out)
+    say(table(shown, ([row[c] for c in shown] for row in rows)))
+    say(out)
 
 
 @study.command("policy")
@@ -437,8 +437,8 @@ def study_policy(
     except KeyboardInterrupt:
         raise Stopped("stopped; the same command goes on after the last finished training") from None
     path = write_report(what, results, out)
-    print(path.read_text(encoding="utf-8"))
-    print(path)
+    say(path.read_text(encoding="utf-8"))
+    say(path)
 
 
 def factors_of(text: str) -> tuple[float, ...]:
@@ -475,4 +475,4 @@ def study_strength(
     run_folder.check_drawing()
     from .studies.strength import run_study
 
-    print(run_study(times, chosen, episodes, runs or (), processes, out))
+    say(run_study(times, chosen, episodes, runs or (), processes, out))

@@ -13,7 +13,7 @@ from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip, write_clip
 from redundant_envs.files import exists
-from redundant_envs.values import check_between, shown
+from redundant_envs.values import check_between, say, shown
 
 from .rollout import Act, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
@@ -59,12 +59,12 @@ def play(
         (env_id, act), kwargs = _without_policy(target, actions, seed), {}
     if path is not None:
         clip([path], env_id, act, episodes, seed, **kwargs)
-        print(f"clip: {path}")
+        say(f"clip: {path}")
         return
     env = gym.make(env_id, render_mode="human", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     for episode in range(episodes):
-        print(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
+        say(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
     env.close()
 
 

@@ -20,6 +20,8 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import MissingPackage
 from redundant_envs.figures import bare, check_clip, new_figure, save_figure
 from redundant_envs.machine import machine_name
+from redundant_envs.tables import Markdown, escaped
+from redundant_envs.values import say
 
 from . import command, run_folder
 from .config import Config
@@ -273,7 +275,7 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     try:
         check_clip(clips[1])
     except MissingPackage as error:
-        print(f"{clips.pop()} is left out: {error}", file=sys.stderr)
+        say(f"{clips.pop()} is left out: {error}", file=sys.stderr)
     policy = load_policy(folder, config, trust)
     evaluated = folder
     if not all((folder / name).is_file() for name in run_folder.EVALUATED):
@@ -286,7 +288,8 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     noun = "episodes" if result["hold_success"] is None else "goals"
     text = page(
         "report", folder=folder, config=config, result=result, clips=clips, pictures=pictures,
-        summary=summary(result), scene=run_folder.difference(folder),
+        summary=Markdown("\n".join(map(escaped, summary(result).splitlines()))),
+        scene=run_folder.difference(folder),
         again=command("train", folder / "config.yaml"),
         measures=results_table(result, f"{result['episodes']} frozen {noun}", config.label),
     )  # fmt: skip

@@ -23,7 +23,7 @@ from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip
 from redundant_envs.files import exists
 from redundant_envs.scene import Scene, load_scene, scene_at, scene_path
-from redundant_envs.values import shown
+from redundant_envs.values import say, shown
 
 from . import COMMAND, command, train_again
 from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
@@ -265,7 +265,7 @@ def tell_differences(folders: Sequence[Path]) -> None:
     found = [text for folder in folders if folder.is_dir() and (text := difference(folder))]
     more = f" (and so for {len(found) - 1} more of {len(folders)} runs)" if len(found) > 1 else ""
     if found:
-        print(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)
+        say(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)
 
 
 def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:

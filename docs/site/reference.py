@@ -98,7 +98,7 @@ def environments() -> dict[str, str]:
 
 ![{name}: a trained policy reaches for its goal]({name}.gif)
 
-{markdown(("", ""), rows)}
+{markdown(("", ""), rows, formatted=True)}
 
 ![The arm {arm}, with its angles, lengths and masses](../scenes/{arm}.svg)
 
@@ -150,7 +150,7 @@ Environments: {", ".join(f"[{i.partition('/')[2]}](../environments/{i.partition(
 
 The sum of these terms in every step:
 
-{markdown(("term", "value"), rows)}
+{markdown(("term", "value"), rows, formatted=True)}
 
 {kind().reward_note()}
 
@@ -227,7 +227,8 @@ what they cost and how exact they are. A method of your own is a [`Tableau`](api
 `rde.register_integrator` ([how](../extending.md))."""
     ]
     rows = [(f"[`{n}`](#{n})", m.order, m.stages, "yes" if m.error5 else "no") for n, m in METHODS.items()]
-    parts.append(markdown(("name", "order", "evaluations a step", "estimates its error"), rows))
+    head = ("name", "order", "evaluations a step", "estimates its error")
+    parts.append(markdown(head, rows, formatted=True))
     for name, method in METHODS.items():
         numbers = [
             (k + 1, f"{c:.6g}", f"{b:.6g}") for k, (c, b) in enumerate(zip(method.c, method.b, strict=True))
@@ -271,7 +272,7 @@ Operations of one step, stages as often as they are evaluated, and bytes of memo
 """
     made["scenes/index.md"] = f"""# Named scenes
 
-{markdown(("scene", "arm", "effects"), rows)}
+{markdown(("scene", "arm", "effects"), rows, formatted=True)}
 
 [Scenes](../scenes.md) says how to write one, [six of them](../example_scenes.md) show effects at work.
 """

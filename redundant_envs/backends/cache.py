@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.listing import lines
+from redundant_envs.values import say
 
 if sys.platform == "win32":
     import msvcrt
@@ -60,9 +61,9 @@ def kernels(
 
     def compiled(kept: bool) -> bytes:
         start, how_long = time.perf_counter(), "once on this machine" if kept else "for this process alone"
-        print(f"redundant-envs: compiling {what} ({how_long}) ...", file=sys.stderr, end="", flush=True)
+        say(f"redundant-envs: compiling {what} ({how_long}) ...", file=sys.stderr, end="", flush=True)
         code = llvm.object_code(program())
-        print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+        say(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
         return code
 
     with _lock:
@@ -309,7 +310,7 @@ def _file_lock(folder: Folder, name: str, what: str) -> Iterator[None]:
                 raise OSError(f"another process has held {folder.path / name} for {waited:.0f} s")
             if waited > SILENT_WAIT and not told:
                 told = True
-                print(
+                say(
                     f"redundant-envs: waiting for another process that makes {what} (it has locked "
                     f"{folder.path / name}), for at most {LONGEST_WAIT:.0f} s ...",
                     file=sys.stderr,

@@ -104,7 +104,7 @@ def reward_table(scene: Scene, task: Task) -> str:
         formula = (function.__doc__ or "").partition("\n")[0]
         names = [term.removesuffix("_term") for term in gives_of(function)]
         rows += [(name, f"`{formula}`", f"`return_{name}`") for name in names]
-    return markdown(("Term", "Value per step", "Sum over the episode in info"), rows)
+    return markdown(("Term", "Value per step", "Sum over the episode in info"), rows, formatted=True)
 
 
 def info_table(scene: Scene, task: Task) -> str:
@@ -117,7 +117,7 @@ def info_table(scene: Scene, task: Task) -> str:
         (f"`{name}`", meanings.get(name, "A metric of the task."), only_in.get(name, ""))
         for name in dict.fromkeys((*given, *only_in))
     ]
-    return markdown(("Key", "Meaning", "Only in"), rows)
+    return markdown(("Key", "Meaning", "Only in"), rows, formatted=True)
 
 
 def argument_table(kind: type[Any]) -> str:
@@ -125,7 +125,7 @@ def argument_table(kind: type[Any]) -> str:
     given = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind).parameters.items()}
     given["scene"] = "of the id"
     rows = [(f"`{name}`", default, texts()["arguments"][name]) for name, default in given.items()]
-    return markdown(("Parameter", "Default", "Description"), rows)
+    return markdown(("Parameter", "Default", "Description"), rows, formatted=True)
 
 
 def task_table(task: Task) -> str:
@@ -138,7 +138,7 @@ def task_table(task: Task) -> str:
         )
         for field in dataclasses.fields(task)
     ]  # fmt: skip
-    return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows)
+    return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)
 
 
 def _allowed(low: float, high: float) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.bounded import read_rows
-from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.figures import bare, literal, new_figure, save_figure
 from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
 from redundant_envs.studies.accuracy_config import Panel, Study
 
@@ -191,8 +191,10 @@ def _settings(panel: Any, rows: Sequence[Row]) -> None:
 
 
 def _title(panel: Any, result: Drawn) -> None:
-    panel.set_title(result.panel.name, loc="left", fontsize=10.5, fontweight="bold", pad=16)
-    panel.text(0.0, 1.02, result.panel.about, transform=panel.transAxes, fontsize=8.5, color="#555555")
+    panel.set_title(literal(result.panel.name), loc="left", fontsize=10.5, fontweight="bold", pad=16)
+    panel.text(
+        0.0, 1.02, literal(result.panel.about), transform=panel.transAxes, fontsize=8.5, color="#555555"
+    )
 
 
 def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str = "") -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from redundant_envs.disk import add_force, check_kept, check_plain
 from redundant_envs.files import config_folder
 from redundant_envs.tables import table, write_rows
+from redundant_envs.values import say
 
 STUDIES = (
     "throughput", "environments", "effects", "stops", "impacts", "intervals", "estimates", "accuracy",
@@ -99,8 +100,8 @@ def effects(options: argparse.Namespace) -> None:
     path = _target(options, "effects", "effects.png", "effects.svg")
     rows = study.run(config, options.name)
     _report(rows, study.COLUMNS, "at", path)
-    print(study.verdict(rows))
-    print("\n".join(str(picture) for picture in study.save_pictures(rows, path.parent)))
+    say(study.verdict(rows))
+    say("\n".join(str(picture) for picture in study.save_pictures(rows, path.parent)))
 
 
 def stops(options: argparse.Namespace) -> None:
@@ -150,12 +151,12 @@ def accuracy(options: argparse.Namespace) -> None:
 
         check_plain(options.redraw)
         drawn = accuracy_plots.read(study, options.redraw)
-        print("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
+        say("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
         return
     check_kept(accuracy_report.files(options.out), options.force)
     page, *others = accuracy_report.write(study, command, options.out)
-    print(page.read_text(encoding="utf-8"))
-    print("\n".join(str(path) for path in (page, *others)))
+    say(page.read_text(encoding="utf-8"))
+    say("\n".join(str(path) for path in (page, *others)))
 
 
 def _target(options: argparse.Namespace, name: str, *pictures: str) -> Path:
@@ -170,6 +171,6 @@ def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, path
     write_rows(rows, columns, path)
     start = columns.index(first)
     if rows:
-        print(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
-    print(table(columns[start:], ([row[c] for c in columns[start:]] for row in rows)))
-    print(path)
+        say(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
+    say(table(columns[start:], ([row[c] for c in columns[start:]] for row in rows)))
+    say(path)

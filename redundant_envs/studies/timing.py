@@ -10,6 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from redundant_envs.values import say
+
 MATRIX = 1024
 
 
@@ -34,7 +36,7 @@ def one_core() -> Iterator[None]:
             from threadpoolctl import threadpool_limits
         except ImportError:
             if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-                print(
+                say(
                     "threadpoolctl is not installed: set OPENBLAS_NUM_THREADS=1 for the rate of one core",
                     file=sys.stderr,
                 )

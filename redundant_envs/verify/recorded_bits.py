@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.values import say
 from redundant_envs.verify.aimed import AIMED, SCENES, aimed_motion, outcome
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
@@ -154,5 +155,5 @@ if __name__ == "__main__":
     digests = {}
     for name in RECORDED:
         digests[name] = found(name)
-        print(f"{digests[name]}  {name}", flush=True)
+        say(f"{digests[name]}  {name}", flush=True)
     RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")

@@ -16,6 +16,7 @@ from redundant_envs.disk import DiskFull, write_text
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import load_scene, scene_names
+from redundant_envs.values import say
 from redundant_envs.verify import (
     accuracy,
     bits,
@@ -161,9 +162,9 @@ def markdown(reports: Iterable[tuple[str, Report]]) -> str:
     parts = ["# What verify found", "", ", ".join(f"{k} {v}" for k, v in versions().items() if v), ""]
     for title, report in reports:
         shown, left = _split(report.outcomes)
-        parts += [f"## {title}", "", tables.markdown(COLUMNS, map(cells, shown))]
-        parts += ["", *(f"* Not applicable, {reason}: {names}" for reason, names in left)]
-        parts += [*(f"* {note}" for note in notes(report.outcomes)), ""]
+        parts += [f"## {tables.escaped(title)}", "", tables.markdown(COLUMNS, map(cells, shown))]
+        parts += ["", *(f"* Not applicable, {tables.escaped(reason)}: {names}" for reason, names in left)]
+        parts += [*(f"* {tables.escaped(note)}" for note in notes(report.outcomes)), ""]
     return "\n".join(parts)
 
 
@@ -204,10 +205,10 @@ def run(
             checks, title = (OF_THE_MACHINE, MACHINE) if subject is machine else (None, about(subject))
             found = verify(subject, states, chosen, done, checks)
             reports.append((title, found))
-            print(f"{title}\n{text_table(found.outcomes)}")
+            say(f"{title}\n{text_table(found.outcomes)}")
             for note in notes(found.outcomes):
-                print(f"  {title.partition(': ')[0]}: {note}")
-            print(flush=True)
+                say(f"  {title.partition(': ')[0]}: {note}")
+            say(flush=True)
     for file, text in files:
         try:
             write_text(file, text(reports))
@@ -217,9 +218,9 @@ def run(
             raise ValueError(f"{file} cannot be written: {error}") from None
     missed = sum(len(r.misses) for _, r in reports)
     kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
-    print(f"{kept} promises kept, {missed} missed")
+    say(f"{kept} promises kept, {missed} missed")
     if missed:
-        print(f"redundant_envs: verify found {missed} broken promise{'s'[: missed > 1]}", file=sys.stderr)
+        say(f"redundant_envs: verify found {missed} broken promise{'s'[: missed > 1]}", file=sys.stderr)
     return int(missed > 0)
 
 
@@ -229,7 +230,7 @@ def compare_bits(everything: bool) -> int:
     with counted("recorded bits", len(names)) as done:
         other = recorded_bits.differing(names, done)
     for name in other:
-        print(f"{name}: other bits")
+        say(f"{name}: other bits")
     same = len(names) - len(other)
-    print(f"{same} of {len(names)} recorded motions have the same bits on this machine")
+    say(f"{same} of {len(names)} recorded motions have the same bits on this machine")
     return int(bool(other))

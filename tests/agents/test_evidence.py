@@ -247,7 +247,7 @@ def test_a_rate_below_one_is_never_shown_as_100_percent_and_early_ends_show_in_t
 def test_the_table_tells_goals_machines_versions_and_dates(tmp_path):
     dates = ["2026-03-04", "2026-03-09T10:00:00"]
     text = table(seeds(tmp_path, machine=["Abacus", "Z|1"], date=dates))
-    end = "Goals of each seed: 1000. Machine: Abacus; Z|1. torch: 2.13.0. stable-baselines3: 2.9.2. "
+    end = "Goals of each seed: 1000. Machine: Abacus; Z\\|1. torch: 2.13.0. stable-baselines3: 2.9.2. "
     assert text.endswith(end + "Evaluated from 2026-03-04 to 2026-03-09.")
     assert r"Abacus; Z\|1 |" in text
 

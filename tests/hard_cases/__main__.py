@@ -90,7 +90,7 @@ def section(case, found):
         sign = "≤" if figure.relation == "at most" else "≥"
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
-    lines += ["", markdown(["", "promised", *found], rows), ""]
+    lines += ["", markdown(["", "promised", *found], rows, formatted=True), ""]
     if case.number == "18":
         lines += [subnormal_time(), ""]
     if case.number in PICTURES:
@@ -107,7 +107,7 @@ def summary(cases, results):
         kept = f"{sum(f.kept for f in own)} of {len(own)}"
         names = ", ".join(variant.name for variant in case.variants)
         rows.append([case.number, case.title, kept, names, test])
-    return markdown(head, rows)
+    return markdown(head, rows, formatted=True)
 
 
 def text(cases, results, machine, date):

@@ -130,7 +130,8 @@ def page_of_keys() -> str:
         default = "" if field.is_required() else f"`{written(field.default)}`"
         cells = (f"`{name}`", default, f"{allowed} {extra.get('unit', '')}".strip(), field.description)
         rows.setdefault(name.rpartition(".")[0], []).append(cells)
-    tables = {algo: markdown(("key", "default", "allowed", "meaning"), cells) for algo, cells in rows.items()}
+    head = ("key", "default", "allowed", "meaning")
+    tables = {algo: markdown(head, cells, formatted=True) for algo, cells in rows.items()}
     text = KEYS + tables.pop("")
     return text + "".join(f"\n\n## Settings of {algo}\n\n{table}" for algo, table in tables.items()) + "\n"
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.extras import needs
-from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.figures import bare, literal, new_figure, save_figure
 from redundant_envs.tables import write_rows
 
 from ..run_folder import SELECTION
@@ -158,7 +158,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
                 _draw_group(dict(zip(names, row, strict=True)), same, axis, *looks[same.learner])
             for panel, name in zip(row, names, strict=True):
                 _finish(panel, name, axis, shown)
-        part.suptitle(title, fontweight="bold")
+        part.suptitle(literal(title), fontweight="bold")
         handles, labels = panels[0, 0].get_legend_handles_labels()
         named = [*dict(zip(labels, handles, strict=True)).values(), *explained]
         columns = 6 if max(map(len, labels)) < LONG else 2
@@ -188,7 +188,7 @@ def _draw_group(row: Mapping[str, Any], same: Group, axis: str, color: str, styl
         )
         panel.plot(
             scale * curve.x, curve.middle[:, k], style, color=color, linewidth=2.2,
-            label=f"{same.learner} ({seeds})",
+            label=literal(f"{same.learner} ({seeds})"),
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from redundant_envs.tables import markdown
+from redundant_envs.tables import escaped, markdown
 
 from ..statistics import CHANCE, LEAST_RUNS, interquartile_mean, run_interval, sign_test
 from .runs import Group, read_groups
@@ -50,7 +50,7 @@ def table(places: Iterable[str | Path]) -> str:
     results, comparison = map(_results, groups), map(_comparison, groups)
     tables = (markdown(RESULTS, results), markdown(COMPARISON, comparison))
     untold = filter(None, map(_untold, groups))
-    return "\n\n".join([*tables, EXPLANATION, *untold, _origin(groups)])
+    return "\n\n".join([*tables, EXPLANATION, *map(escaped, untold), escaped(_origin(groups))])
 
 
 def brief_table(places: Iterable[str | Path]) -> str:

@@ -1,12 +1,11 @@
 """Pages for readers: Markdown templates of Jinja2, one file each."""
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from redundant_envs.extras import needs
-from redundant_envs.tables import markdown
+from redundant_envs.tables import Markdown, code, escaped, markdown
 
 with needs("train"):
     import jinja2
@@ -20,12 +19,9 @@ MEASURES = (
 """Lines of a table of results: name, key, factor, digits, unit."""
 
 
-def plain(text: str) -> str:
-    """A text of a run folder without characters that have a meaning in Markdown or HTML."""
-    return re.sub(r"[^\w .,;:()@+/-]", "?", text)[:200]
-
-
-def results_table(evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> str:
+def results_table(
+    evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)
+) -> Markdown:
     """The first ``count`` results of a policy beside those of computed torque, if the task lets it act, as a
     Markdown table, and whose are better beyond chance where the evaluation has compared them."""
     rows, better = [], evaluation.get("better")
@@ -44,10 +40,12 @@ def results_table(evaluation: Mapping[str, Any], goals: str, policy: str, count:
 
 
 def page(name: str, **facts: Any) -> str:
-    """The text of the template ``name``.md with these facts; a fact that is missing is an error."""
+    """The text of the template ``name``.md with these facts; a fact that is missing is an error. A text among
+    them is escaped, unless it is :class:`Markdown`; the filter ``code`` shows it as code."""
     templates = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent), undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True, trim_blocks=True,
+        finalize=lambda fact: escaped(fact) if isinstance(fact, str) else fact,
     )  # fmt: skip
-    templates.filters["plain"] = plain
+    templates.filters["code"] = code
     return templates.get_template(f"{name}.md").render(facts)

@@ -16,13 +16,14 @@ from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.scene import scene_names
+from redundant_envs.tables import Markdown, code
 from redundant_envs.tasks import ReachTask
 from redundant_envs.values import shown
 
 from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
-from ..pages import MEASURES, page, plain, results_table
+from ..pages import MEASURES, page, results_table
 from ..policies import load_policy
 from ..report import PACKAGES
 from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
@@ -177,6 +178,7 @@ def card(
     ``scene`` is the name of the scene, or its file in the folder of the policy; empty for that of the
     environment.
     """
+    parts = [f"{code(name)} ({width} numbers)" for name, width in layers.inputs.items()]
     learner, settings, updates = ALGORITHM_CLASSES[config.algo].__name__, config.settings, None
     if isinstance(settings, OffPolicySettings):
         learned = max(evaluation["env_steps"] - settings.learning_starts, 0) / config.num_envs
@@ -187,10 +189,11 @@ def card(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
         reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
-        updates=updates, origin=ORIGIN[config.algo], most_steps=MAX_EPISODE_STEPS,
-        parts=[f"`{name}` ({width} numbers)" for name, width in layers.inputs.items()],
+        updates=updates, origin=Markdown(ORIGIN[config.algo]), most_steps=MAX_EPISODE_STEPS,
+        several=len(layers.inputs) > 1,
+        parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
-        versions=[f"{name} {plain(version)}" for name, version in found if name in ("python", *PACKAGES)],
+        versions=", ".join(f"{name} {version}" for name, version in found if name in ("python", *PACKAGES)),
         results=results_table(evaluation, "", "this policy", count_of(evaluation)),
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.progress import progress_bars
+from redundant_envs.values import say
 
 from .. import command, run_folder
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings
@@ -66,7 +67,7 @@ def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     with alone(folder, "trains"):
         if again := run_folder.check_resumable(folder) is None:
             told_again = f"{folder} was stopped before its first checkpoint; it begins again"
-            print(f"note: {told_again}", file=sys.stderr)
+            say(f"note: {told_again}", file=sys.stderr)
             shutil.rmtree(folder / "tensorboard", ignore_errors=True)
         return _run(config, folder, progress, new=False, resumed=not again)
 

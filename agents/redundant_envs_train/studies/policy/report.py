@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.disk import replacing, write_text
-from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.figures import bare, literal, new_figure, save_figure
 from redundant_envs.tables import write_rows
 
 from ... import COMMAND
@@ -75,10 +75,10 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     panels = drawn.subplots(1, 2, sharey=True)
     holds = [hold_difference(row, study) for row in rows]
     returns = [return_difference(row, study, reference) for row in rows]
-    _draw(panels[0], f"hold success minus {study.reference}, points", holds)
-    _draw(panels[1], f"mean return minus {study.reference}", returns)
+    _draw(panels[0], f"hold success minus {literal(study.reference)}, points", holds)
+    _draw(panels[1], f"mean return minus {literal(study.reference)}", returns)
     names = [f"{row['physics']}\n{percent(row['hold_success'])} held" for row in rows]
-    panels[0].set_yticks(range(len(rows)), names)
+    panels[0].set_yticks(range(len(rows)), map(literal, names))
     panels[0].set_ylim(len(rows) - 0.5, -0.7)
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -91,13 +91,13 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     ]
     handles.append(Patch(color="0.92", label="margin"))
     drawn.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    drawn.suptitle(
+    title = (
         f"{result.name}: one policy, {reference['episodes']} paired episodes, 95 % bootstrap intervals\n"
         f"{study.reference}: {percent(reference['hold_success'])} held, mean return "
         f"{reference['mean_return']:.2f}\n"
-        f"{about['machine']}, {about['date']}, commit {about['commit'] or 'unknown'}",
-        fontsize=9, x=0.01, ha="left",
-    )  # fmt: skip
+        f"{about['machine']}, {about['date']}, commit {about['commit'] or 'unknown'}"
+    )
+    drawn.suptitle(literal(title), fontsize=9, x=0.01, ha="left")
     return drawn
 
 
