@@ -1,6 +1,7 @@
 """A training that is killed at any moment continues to the same bits."""
 
 import contextlib
+import csv
 import errno
 import json
 import os
@@ -12,6 +13,7 @@ import pytest
 import torch
 from run_folders import Evil, change, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from redundant_envs.disk import DiskFull, alone, told
 from redundant_envs.envs.sb3 import make_sb3
@@ -68,6 +70,24 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
     assert times == sorted(times)
     assert times[-1] > 1000.0
     assert not find_checkpoint(killed)
+
+
+def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_path, monkeypatch):
+    """The last one comes between the last checkpoint and the kill, at 1856 steps, and is measured again."""
+    case = small_config("ppo", checkpoint_seconds=1e-9, curve_every=370, telemetry=["tensorboard", "csv"])
+    with monkeypatch.context() as patch:
+        kill_at(1900, patch)
+        with pytest.raises(SystemExit):
+            train(case, tmp_path)
+    measured = table(tmp_path, "selection.csv", 1)
+    resume(tmp_path)
+    rows = table(tmp_path, "selection.csv", 1)
+    assert [row[0] for row in measured[1:]] == ["384", "752", "1120", "1488", "1856"]
+    log = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    points = [[str(p.step), f"{p.value:.4f}"] for p in log.Scalars("curve/return")]
+    assert points == [[row[0], row[-1]] for row in rows[1:]]
+    (later,) = csv.DictReader((tmp_path / "progress_2.csv").read_text().splitlines()[:2])
+    assert later["time/total_timesteps"] == "1856"
 
 
 def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(

@@ -13,6 +13,7 @@ from ..config import Config
 
 with needs("train"):
     from stable_baselines3.common.logger import CSVOutputFormat, KVWriter, Logger, TensorBoardOutputFormat
+    from torch.utils.tensorboard import SummaryWriter
 
 CLIENTS = ("wandb", "mlflow")
 """Kinds of logs whose packages the extra "train" does not include; the extra of their name does."""
@@ -32,6 +33,14 @@ class _Client(KVWriter):
         self.end()
 
 
+class _TensorBoard(TensorBoardOutputFormat):
+    """Points of a resumed training take the places of those that were written after its checkpoint."""
+
+    def __init__(self, folder: Path, steps: int) -> None:
+        self.writer = SummaryWriter(str(folder), purge_step=steps + 1 if steps else None)
+        self._is_closed = False
+
+
 def check(config: Config) -> dict[str, Any]:
     """The packages of the clients by name; a missing one is refused before a training begins."""
     found: dict[str, Any] = {}
@@ -42,12 +51,13 @@ def check(config: Config) -> dict[str, Any]:
     return found
 
 
-def logger(folder: Path, config: Config) -> Logger:
-    """The logger for stable-baselines3; a client's own environment variables set its destination."""
+def logger(folder: Path, config: Config, steps: int) -> Logger:
+    """The logger for stable-baselines3 of a training that goes on after ``steps`` control steps; a client's
+    own environment variables set its destination."""
     clients, writers = check(config), list[KVWriter]()
     for name in config.telemetry:
         if name == "tensorboard":
-            writers.append(TensorBoardOutputFormat(str(folder / "tensorboard")))
+            writers.append(_TensorBoard(folder / "tensorboard", steps))
         elif name == "csv":  # a resumed training begins another table
             parts = (folder / f"progress{f'_{n}' if n > 1 else ''}.csv" for n in itertools.count(1))
             writers.append(CSVOutputFormat(str(next(part for part in parts if not part.exists()))))

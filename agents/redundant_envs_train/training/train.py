@@ -106,7 +106,7 @@ def _run(
         setattr(episodes, name, telling(getattr(episodes, name), table))
     monitor.results_writer = episodes
     with told(folder):
-        telemetry = logger(folder, config)
+        telemetry = logger(folder, config, model.num_timesteps)
     full: DiskFull | None = None
     with stop_request() as stop:
         model.set_logger(telemetry)

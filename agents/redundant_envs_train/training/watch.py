@@ -157,9 +157,12 @@ class Watch(BaseCallback):
         with told(self.table), self.table.open("a", encoding="utf-8") as file:
             row = ",".join(f"{number:.4f}" for number in numbers.values())
             file.write(f"{self.num_timesteps},{seconds:.2f},{row}\n")
-        for name, number in numbers.items():
-            if not math.isnan(number):
-                self.logger.record(f"curve/{name}", number)
+        # Written now: the next line of the log is that of later steps, and may never come.
+        logged = {f"curve/{name}": number for name, number in numbers.items() if not math.isnan(number)}
+        logged["time/total_timesteps"] = self.num_timesteps
+        apart = {**dict.fromkeys(logged, ()), "time/total_timesteps": ("tensorboard",)}  # its own axis
+        for log in self.logger.output_formats:
+            log.write(logged, apart, self.num_timesteps)
         save_policy(self.model, self.folder / "policy.zip")
         self._apart += time.perf_counter() - begun
         self._show()
