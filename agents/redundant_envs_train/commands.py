@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,7 @@ from redundant_envs.files import config_folder
 from redundant_envs.values import check_between, say, shown
 
 from . import COMMAND, command, run_folder
-from .config import Config, complete, load, page_of_keys
+from .config import WITHOUT_EFFECT, Config, check_telemetry, complete, load, page_of_keys
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
 from .evidence.runs import read_groups, read_places, read_run, write_runs
@@ -131,7 +132,7 @@ def train(
         if any(override.startswith("seed=") for override in overrides or ()):
             raise ValueError("seed is given beside --seeds; leave one of them out")
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
-        chosen = {f"seed{k}": with_start(load(config, words)) for k, words in each}
+        chosen = {f"seed{k}": with_start(to_train(config, words)) for k, words in each}
         folder = out or Path("runs") / f"{name_of(config, *chosen.values())}_{stamp}"
         count_of(processes)
         run_folder.check_drawing()
@@ -147,7 +148,7 @@ def train(
         return
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
-    one = with_start(load(config, overrides or ()))
+    one = with_start(to_train(config, overrides or ()))
     folder = out or Path("runs") / f"{name_of(config, one)}_seed{one.seed}_{stamp}"
     run_folder.check_new(folder)
     run_folder.check_drawing()
@@ -158,6 +159,13 @@ def train(
         _finish(folder, facts)
     except KeyboardInterrupt:
         raise Stopped(f"stopped after the training; go on with: {command('report', folder)}") from None
+
+
+def to_train(given: str, overrides: Sequence[str]) -> Config:
+    """The configuration of a training that a command asks for."""
+    config = load(given, overrides)
+    check_telemetry(config, overrides)
+    return config
 
 
 def name_of(given: str, config: Config, *others: Config) -> str:
@@ -209,7 +217,7 @@ def tune(
     """Search the learner's settings that hold most goals, with Optuna."""
     from .tuning.search import check_arguments, space_of
 
-    base = with_start(load(config, overrides or ()))
+    base = with_start(to_train(config, overrides or ()))
     check_arguments(base, trials, seed, processes)
     space_of(base, search or (), overrides or ())
     from .tuning.study import tune
@@ -221,15 +229,21 @@ def tune(
 
 
 @app.command()
-def resume(folder: Folder) -> None:
+def resume(
+    folder: Folder,
+    overrides: Annotated[
+        list[str] | None, Argument(help=f"{' or '.join(WITHOUT_EFFECT)}, such as telemetry=[csv]")
+    ] = None,
+) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
+    run_folder.config_to_resume(folder, overrides or ())
     run_folder.own_config(folder)
     run_folder.check_resumable(folder)
     run_folder.check_drawing()
     run_folder.tell_differences([folder])
     from .training.train import resume
 
-    _finish(folder, resume(folder))
+    _finish(folder, resume(folder, overrides=overrides or ()))
 
 
 @app.command()

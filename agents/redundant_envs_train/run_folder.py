@@ -26,7 +26,15 @@ from redundant_envs.scene import Scene, load_scene, scene_at, scene_path
 from redundant_envs.values import say, shown
 
 from . import COMMAND, command, train_again
-from .config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
+from .config import (
+    ALGORITHMS,
+    MOST_EPISODES,
+    MOST_SEEDS,
+    WITHOUT_EFFECT,
+    Config,
+    check_telemetry,
+    load,
+)  # fmt: skip
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
@@ -58,8 +66,8 @@ SCENE = "scene.yaml"
 MOST_SHOWN = 3  # most differences in a message
 
 
-def read_config(folder: Path) -> Config:
-    """The configuration of a run folder, which holds no links."""
+def read_config(folder: Path, overrides: Sequence[str] = ()) -> Config:
+    """The configuration of a run folder, which holds no links, with overrides of the command."""
     path = folder / "config.yaml"
     if not path.is_file():
         there = "is a file" if folder.is_file() else "is there" if folder.is_dir() else "does not exist"
@@ -67,7 +75,21 @@ def read_config(folder: Path) -> Config:
             f"{path} is missing ({folder} {there}); give a run folder, as '{COMMAND} train' writes it"
         )
     check_plain(folder)
-    return load(path)
+    return load(path, overrides)
+
+
+def config_to_resume(folder: Path, overrides: Sequence[str] = ()) -> Config:
+    """The configuration with which a run goes on; ValueError for overrides that would change its results,
+    and as for :func:`check_telemetry`."""
+    for override in overrides:
+        if override.partition("=")[0] not in WITHOUT_EFFECT:
+            raise ValueError(
+                f"override is {shown(override)}; a run goes on as it began, and only "
+                f"{' and '.join(WITHOUT_EFFECT)} may be set"
+            )
+    config = read_config(folder, overrides)
+    check_telemetry(config, overrides)
+    return config
 
 
 def is_exported(folder: Path) -> bool:

@@ -7,6 +7,8 @@ import json
 import os
 import shutil
 import signal
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -257,3 +259,19 @@ def test_a_training_on_a_disk_that_fills_keeps_its_policy_where_there_is_room(fi
     assert str(error.value).endswith(f"of 2048 steps the policy is kept in {next(kept)}")
     assert all(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     assert json.loads((folder / "training.json").read_text())["stopped"]
+
+
+def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_path, refused, monkeypatch):
+    calls = []
+    names = ("start_run", "log_dict", "log_metrics", "end_run")
+    client = {name: lambda *given, name=name, **more: calls.append(name) for name in names}
+    monkeypatch.setitem(sys.modules, "mlflow", SimpleNamespace(**client))
+    config = change(killed / "config.yaml", telemetry=["csv", "mlflow"]) / "config.yaml"
+    for words in (["resume", killed], ["train", config, "--out", tmp_path / "a"], ["tune", config]):
+        refused(words, "add telemetry=[csv,mlflow], or telemetry=[tensorboard]")
+    refused(["resume", killed, "telemetry=[csv]", "seed=3"], "only checkpoint_seconds and telemetry")
+    with pytest.raises(ValueError, match="has to ask"):
+        resume(killed)
+    assert calls == []
+    resume(killed, overrides=["telemetry=[mlflow]"])
+    assert {"start_run", "end_run"} <= set(calls)

@@ -11,7 +11,7 @@ from redundant_envs.values import shown
 
 from ..presets import is_override, preset_path
 from .fields import checked, limits, model_at, short
-from .run import ALGORITHMS, CHANGES, VERSION, Config
+from .run import ALGORITHMS, CHANGES, CLIENTS, VERSION, Config
 
 KEYS = """# Keys of a training configuration
 
@@ -33,6 +33,18 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
         return merged(None, {"config_version": VERSION}, [str(path), *overrides], config_of)
     file = preset_path(path)
     return merged(file, read(file, "configs/training"), overrides, config_of)
+
+
+def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
+    """ValueError if a file asks for a log that leaves the run folder, and the overrides of the command do
+    not: the file may be another's, and the run goes where the account of this user lets it."""
+    found = [name for name in config.telemetry if name in CLIENTS]
+    if found and not any(override.startswith("telemetry=") for override in overrides):
+        raise ValueError(
+            f"telemetry is {', '.join(config.telemetry)} in a file; {found[0]} sends the run elsewhere, so the "
+            f"command has to ask for it: add telemetry=[{','.join(config.telemetry)}], or "
+            "telemetry=[tensorboard] to go without"
+        )
 
 
 def merged(

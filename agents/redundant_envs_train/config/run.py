@@ -22,6 +22,8 @@ KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""
 MOST_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
 WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no result
+CLIENTS = ("wandb", "mlflow")
+"""Kinds of logs that leave the run folder; each one's package is in the extra of its name."""
 ENV_KWARGS = tuple(name for name in ARGUMENTS if name != "info_keys")  # evaluations read all that info has
 MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
 MOST_DRAWN = 10**7  # most samples that are drawn at once
@@ -69,7 +71,8 @@ class Config(Model):
     evaluation_episodes: Whole = number(1000, 1, MOST_EPISODES, "episodes on the frozen evaluation goals")
     checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
-        ("tensorboard",), "where figures of the training are logged"
+        ("tensorboard",),
+        "where figures of the training are logged; wandb and mlflow only if the command itself names them",
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ENV_KWARGS)}")
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")

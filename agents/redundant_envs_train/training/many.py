@@ -133,7 +133,7 @@ def finish(config: Config, folder: Path, progress: Progress) -> None:
         return
     begun = (folder / "config.yaml").is_file()
     if begun and (run_folder.find_checkpoint(folder) or run_folder.begins_again(folder)):
-        resume(folder, progress)
+        resume(folder, progress, [f"telemetry=[{','.join(config.telemetry)}]"])
     elif not (folder / "training.json").is_file() or run_folder.read_facts(folder)["stopped"]:
         if begun:  # made without checkpoints: only this run
             shutil.rmtree(folder)

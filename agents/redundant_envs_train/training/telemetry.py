@@ -9,14 +9,11 @@ from typing import Any
 from redundant_envs.disk import telling
 from redundant_envs.extras import needs
 
-from ..config import Config
+from ..config import CLIENTS, Config
 
 with needs("train"):
     from stable_baselines3.common.logger import CSVOutputFormat, KVWriter, Logger, TensorBoardOutputFormat
     from torch.utils.tensorboard import SummaryWriter
-
-CLIENTS = ("wandb", "mlflow")
-"""Kinds of logs whose packages the extra "train" does not include; the extra of their name does."""
 
 
 class _Client(KVWriter):

@@ -3,6 +3,7 @@
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
@@ -60,10 +61,10 @@ def train(
                 folder.rmdir()
 
 
-def resume(folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
-    stopped before its first one begins again."""
-    config = run_folder.read_config(folder)
+    stopped before its first one begins again. ``overrides`` are those of ``config_to_resume``."""
+    config = run_folder.config_to_resume(folder, overrides)
     with alone(folder, "trains"):
         if again := run_folder.check_resumable(folder) is None:
             told_again = f"{folder} was stopped before its first checkpoint; it begins again"

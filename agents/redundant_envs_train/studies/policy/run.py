@@ -16,7 +16,7 @@ from redundant_envs.extras import needs
 from redundant_envs.machine import versions
 from redundant_envs.progress import progress_bars
 
-from ...config import Config, load
+from ...config import Config, check_telemetry, load
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
 from ...run_folder import SELECTION, own_config, read_config, read_facts, read_table
@@ -67,6 +67,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     """Read and check everything that an arm needs, before anything long begins."""
     arm, runs = study.arms[name], folder / "runs"
     preset = load(arm.preset)
+    check_telemetry(preset, ())
     run = Path(arm.run) if arm.run else runs / f"{slug(name)}_policy"
     if arm.run:
         taken = read_config(run)
@@ -100,6 +101,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     trainings: list[tuple[str, Config, Path]] = []
     for seed in range(study.train_seeds):
         own = load(arm.preset, [*study.train_overrides, f"seed={seed}"])
+        check_telemetry(own, ())
         cheap = own.model_copy(update={"env_kwargs": kwargs[arm.cheap]})
         for label, config in ((arm.cheap, cheap), ("preset", own)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
