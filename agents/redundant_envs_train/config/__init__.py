@@ -6,8 +6,8 @@ from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Setti
 from .run import ALGORITHMS, CLIENTS, MOST_EPISODES, MOST_SEEDS, WITHOUT_EFFECT, Config
 
 __all__ = [
-    "ALGORITHMS", "CLIENTS", "MOST_EPISODES", "MOST_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings", "Model",
-    "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole",
+    "ALGORITHMS", "CLIENTS", "MOST_EPISODES", "MOST_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings",
+    "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole",
     "check_telemetry", "checked", "complete", "config_of", "load", "merged", "number", "page_of_keys", "read",
     "value",
 ]  # fmt: skip

@@ -41,8 +41,8 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
     found = [name for name in config.telemetry if name in CLIENTS]
     if found and not any(override.startswith("telemetry=") for override in overrides):
         raise ValueError(
-            f"telemetry is {', '.join(config.telemetry)} in a file; {found[0]} sends the run elsewhere, so the "
-            f"command has to ask for it: add telemetry=[{','.join(config.telemetry)}], or "
+            f"telemetry is {', '.join(config.telemetry)} in a file; {found[0]} sends the run elsewhere, so "
+            f"the command has to ask for it: add telemetry=[{','.join(config.telemetry)}], or "
             "telemetry=[tensorboard] to go without"
         )
 
