@@ -1,6 +1,8 @@
 """A run folder's policy as files for others: policy.zip, policy.onnx, policy.npz and a card."""
 
+import os
 import shutil
+import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -88,16 +90,16 @@ def export(run: Path, out: Path) -> Path:
     check_out(out)
     own = own_config(run)
     folder = out / name_of(config)
-    if folder.exists():
+    if os.path.lexists(folder):
         raise ValueError(f"{folder} exists; delete it or choose another --out")
     policy = load_policy(run, own)
     env = make_sb3(own.env, LANES, **own.env_kwargs)
-    part = out / f".{folder.name}.part"
-    shutil.rmtree(part, ignore_errors=True)
     with told(folder):
-        part.mkdir(parents=True)
+        out.mkdir(parents=True, exist_ok=True)
+        place = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
     try:
         with told(folder):
+            (part := place / "whole").mkdir()  # not readable by its owner alone, as ``place`` is
             layers = layers_of(policy, env.observation_space)
             worst = _write(config, evaluation, policy, layers, env, part)
             scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
@@ -105,7 +107,7 @@ def export(run: Path, out: Path) -> Path:
             (part / "README.md").write_text(text, encoding="utf-8")
             part.rename(folder)
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        shutil.rmtree(place, ignore_errors=True)
     return folder
 
 
