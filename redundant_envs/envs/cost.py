@@ -93,11 +93,11 @@ class Motion:
     def of(cls, scene: Scene, limits: Array, lanes: int, seconds: float) -> Motion:
         """A motion of a scene, with fewer lanes if it would take more than some seconds."""
         probe = cls._with(scene, limits, FEWEST_LANES)
-        began = time.perf_counter()
+        began = time.process_time()
         probe.batch.advance(probe.efforts[0])
-        started = time.perf_counter()
+        started = time.process_time()
         probe.batch.advance(probe.efforts[1])
-        each = min(started - began, time.perf_counter() - started) / FEWEST_LANES
+        each = min(started - began, time.process_time() - started) / FEWEST_LANES
         most = int(seconds / (each * (WARM + TIMED)))
         return probe if most <= FEWEST_LANES else cls._with(scene, limits, min(lanes, most))
 
@@ -115,9 +115,9 @@ class Motion:
         """Make the motion once more."""
         self.batch.restore(self.start)
         for k, efforts in enumerate(self.efforts, start=-WARM):
-            start = time.perf_counter()
+            start = time.process_time()
             status = self.batch.advance(efforts)
-            seconds = time.perf_counter() - start
+            seconds = time.process_time() - start
             self.spent += seconds
             if k < 0:
                 continue
@@ -152,9 +152,9 @@ class Readings:
         """Observe once more."""
         for k, core in enumerate(self.cores):
             core.observe()  # brings memory into the caches
-            start = time.perf_counter()
+            start = time.process_time()
             core.observe()
-            self.best[k] = min(self.best[k], time.perf_counter() - start)
+            self.best[k] = min(self.best[k], time.process_time() - start)
 
     @property
     def nanoseconds(self) -> float:

@@ -75,9 +75,9 @@ def _replay(
         env.seed(seed)
         env.reset()
         for k, action in enumerate(actions):
-            start = time.perf_counter()
+            start = time.process_time()
             out = core.step(action, NO_AUTORESET)[1]
-            times[i, k] = time.perf_counter() - start
+            times[i, k] = time.process_time() - start
             codes[k] = core.columns.of(out, "numerics")
     codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # steps after an episode's end
     counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
