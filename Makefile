@@ -4,13 +4,14 @@
 # skips those whose program it does not find.
 # make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
 # network. Notebooks are executed again only if they or the package changed.
+# make claims: measure again the numbers that README and manual state, in a quarter of an hour; which are off?
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: test test-long test-page docs fuzz mutation coverage train check clean
+.PHONY: test test-long test-page docs claims fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
 # PyTorch's own index has it without 6 GB of CUDA; if it cannot be reached, any torch will do.
@@ -50,6 +51,9 @@ test-page: $(VENV)/ready-all
 docs: $(VENV)/ready
 	$(INSTALL) '.[docs]'
 	$(BIN)/python docs/site/make.py --out build/site
+
+claims: $(VENV)/ready-all
+	$(BIN)/python docs/claims.py
 
 coverage: $(VENV)/ready-all
 	$(PYTEST) --cov --cov-report=term

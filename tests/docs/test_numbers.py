@@ -39,20 +39,6 @@ def test_evaluations_of_a_control_step_are_those_that_the_page_measures():
         assert [*stated.groups()] == expected
 
 
-def test_an_rk8_step_costs_as_many_rk4_steps_on_every_page():
-    steps = [r for r in rows("throughput.csv") if not r["tolerance"]]
-    found = {(r["arm"], r["integrator"]): r["ns_per_step_best"] for r in steps}
-    costs = [(found[arm, "rk8"], found[arm, "rk4"]) for arm in ("RPRP", "FourR")]
-    measured = [r for r in rows("accuracy/accuracy.csv") if r["setting"] == "1 x 20 ms"]
-    found = {(r["panel"], r["method"]): r["ns_best"] for r in measured}
-    smooth = {panel for panel, _ in found if "impacts" not in panel}
-    assert len(smooth) == 3
-    costs += [(found[panel, "rk8"], found[panel, "rk4"]) for panel in smooth]
-    ratios = [float(rk8) / float(rk4) for rk8, rk4 in costs]
-    stated = [m for p in MANUAL for m in re.findall(r"rk8 step costs (\S+(?: to \S+)?) rk4 steps", text(p))]
-    assert stated == 2 * [f"{min(ratios):.1f} to {max(ratios):.1f}"]
-
-
 def test_speeds_are_those_of_the_tables():
     stated = re.findall(r"^\| ([^|]+) \| ([^|]+) \|[^|]*\|$", page("speed"), re.M)
     steps, speeds = rows("throughput.csv"), rows("environments.csv")
