@@ -119,7 +119,8 @@ def drawn_effect(rng, kind, arm):
         }
     values = {}
     for field in dataclasses.fields(kind):
-        several = field.name in getattr(kind, "of_joints", ()) or "tuple" in str(field.type)
+        plural = any(word in str(field.type) for word in ("Sequence", "Numbers", "Ends"))
+        several = plural or field.name in getattr(kind, "of_joints", ())
         guess = decades(rng, 1e-3, 1.0, rng.choice([2, n]) if several else 1)
         value = np.ravel(known.get(field.name, guess)).tolist()
         if field.init:
