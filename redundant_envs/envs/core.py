@@ -6,6 +6,7 @@ import copy
 import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import ENDS, TIP, Episode
 from redundant_envs.lane.memory import Layout
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import KEPT, Memory, aligned
+from redundant_envs.model.memory import KEPT, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
@@ -128,7 +129,10 @@ class Core(Copied):
     of the episode follows from that key inside the compiled code.
     """
 
-    made_anew = ("keys", "mask", "_key_address", "_offsets", "_team", "_goal_reward", "_facts", "_single")
+    made_anew = (
+        "keys", "mask", "_key_address", "_offsets", "_team", "_goal_reward", "_rewarding", "_facts",
+        "_single",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -155,6 +159,7 @@ class Core(Copied):
         self.simulator = self._found_simulator(vars(self))
         ranges = start_ranges(self.scene, task)
         self.memory = first_memory(self.episode, self.simulator.layout, ranges, num_envs, max_episode_steps)
+        self._memory = self.memory
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
         self.waiting_options: options.Given = {}
@@ -173,7 +178,7 @@ class Core(Copied):
     def _connect(self) -> None:
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads)
-        self._goal_reward = None
+        self._goal_reward, self._rewarding = None, RLock()
         if self.task.goal_functions:
             entry = simulator.kernels(memory.count)["goal_reward"]
             self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
@@ -323,6 +328,7 @@ class Core(Copied):
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
 
+    @alone
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
         obs, out, *_ = self._run(Operation.OBSERVE)
@@ -332,6 +338,7 @@ class Core(Copied):
         """Options of a reset of some lanes, with those that wait for them and are not given again."""
         return options.checked_reset(self.episode, self.memory, given, lanes, self.waiting_options)
 
+    @alone
     def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
         """Keep options for the next episodes of lanes; without any, forget those that wait."""
         if given:
@@ -340,6 +347,7 @@ class Core(Copied):
         else:
             self.waiting_options = options.without(self.waiting_options, lanes)
 
+    @alone
     def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
         """Keep one number for the next episodes of lanes."""
         waiting = self.waiting_options
@@ -370,8 +378,9 @@ class Core(Copied):
         task = self.task.parameters()
         numbers = aligned(1 + len(task), LANES)
         numbers[:] = np.array([self.reach, *task.values()])[:, None]
-        self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
-        self._goal_reward()
+        with self._rewarding:  # learners ask for rewards of old goals from threads of their own
+            self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
+            self._goal_reward()
         return reward[: len(a)]
 
     def goals(self) -> NDArray[np.float64]:
@@ -380,6 +389,7 @@ class Core(Copied):
             raise AttributeError(f"the task {self.task.name} has no goal")
         return self.memory.read(self.goal_fields)
 
+    @alone
     def get_state(self) -> dict[str, Any]:
         """Everything that determines the continuation: numbers, keys and generators."""
         return {
@@ -389,6 +399,7 @@ class Core(Copied):
             "simulator": self._facts,
         }
 
+    @alone
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a state of :meth:`get_state`; the continuation is the same to the last bit.
 
@@ -402,6 +413,7 @@ class Core(Copied):
         self.generators[:] = copy.deepcopy(state["generators"])
         self.seeds[:] = [-1] * self.num_envs
 
+    @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
         """Continue the episode of one environment's state in some lanes, which keep their generators and the
         limits of their episodes."""

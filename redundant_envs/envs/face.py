@@ -21,6 +21,7 @@ from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TIP
+from redundant_envs.model.memory import alone
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scene import Scene
 from redundant_envs.scene_numbers import names_of
@@ -177,7 +178,7 @@ class Face:
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
-        self.core = core
+        self.core, self._memory = core, core.memory
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
         self._renderer: Any = None
@@ -245,6 +246,7 @@ class Face:
         return self.core.scene
 
     @property
+    @alone
     def parameters(self) -> Parameters:
         """Names, values and units of all numbers, of arm, effects and task."""
         return parameters_of(self.core).of_lane(self._lanes)
@@ -274,6 +276,7 @@ class Face:
         """Snapshot of all environments, generators included; wrappers (TimeLimit) count for themselves."""
         return self.core.get_state()
 
+    @alone
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         self.core.set_state(state)
@@ -309,6 +312,7 @@ class VectorFace(Face):
 
     _ready = False
 
+    @alone
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
         """Options of the next episode of each environment, as ``reset`` takes them.
 
@@ -373,6 +377,7 @@ class VectorFace(Face):
             self._check_render_mode(value)
         setattr(self, name, value)
 
+    @alone
     def set_state(self, state: Mapping[str, Any], index: ArrayLike | None = None) -> None:
         """Return to a snapshot; the continuation is the same to the last bit.
 

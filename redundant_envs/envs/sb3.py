@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import time
 from collections.abc import Mapping, Sequence
+from threading import get_ident
 from typing import Any
 
 import gymnasium as gym
@@ -21,6 +22,7 @@ from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
+from redundant_envs.model.memory import InUse, alone
 from redundant_envs.scene import Scene
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
@@ -48,14 +50,16 @@ class SB3VecEnv(VectorFace, VecEnv):
             raise ValueError(f"monitor is {shown(monitor)}; give True or False")
         self.monitor = monitor
         self._made = time.time()
+        self._asked = 0  # the thread whose actions wait for a step; 0 for none
         self.spec: EnvSpec | None = None
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
 
+    @alone
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up."""
-        seeds, lanes = self._seeds, np.arange(self.num_envs)
+        seeds, lanes, self._asked = self._seeds, np.arange(self.num_envs), 0
         given = self.core.checked({}, lanes)
         self._reset_seeds()
         for lane, seed in enumerate(seeds):
@@ -70,13 +74,17 @@ class SB3VecEnv(VectorFace, VecEnv):
         """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
         return super().seed(checked_seed("seed", seed))
 
+    @alone
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for :meth:`step_wait`."""
-        self._actions = self._checked_actions(actions)
+        if self._asked not in (0, get_ident()):
+            raise InUse
+        self._actions, self._asked = self._checked_actions(actions), get_ident()
 
+    @alone
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments."""
-        core, columns = self.core, self.core.columns
+        core, columns, self._asked = self.core, self.core.columns, 0
         observation, reward, dones, out, last, last_out = self._stepped(self._actions, Autoreset.SAME_STEP)
         infos: list[dict[str, Any]]
         if "is_success" in columns.names:
@@ -119,6 +127,7 @@ class SB3VecEnv(VectorFace, VecEnv):
             )
         super()._set_states(state)
 
+    @alone
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
         if self.render_mode is None:

@@ -16,6 +16,7 @@ from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.variation import Variation
+from redundant_envs.model.memory import alone
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scene_numbers import names_of
 from redundant_envs.values import whole_number
@@ -61,6 +62,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended, self._all = np.zeros(num_envs, dtype=np.bool_), np.ones(num_envs, dtype=np.bool_)
 
+    @alone
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -97,6 +99,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         observation, out = self._observed()
         return observation, self.core.columns.infos(out, mask)
 
+    @alone
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
@@ -156,6 +159,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         value = self._attribute(name)
         return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 
+    @alone
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
@@ -182,6 +186,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         super()._set_states(of_core)
         self._ended = state["ended"].copy()
 
+    @alone
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:

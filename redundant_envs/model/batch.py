@@ -15,7 +15,7 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.features import MOST_LOGGED, Fault
 from redundant_envs.lane.memory import LOG
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import Memory
+from redundant_envs.model.memory import IN_USE, InUse, Memory, alone
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.philox import LOW, philox
@@ -162,6 +162,7 @@ class BatchSimulator(Copied):
             raise ValueError("the work is not tracked; build BatchSimulator with track_work=True")
         return self._memory.read(("work",))[:, 0]
 
+    @alone
     def events(self, start: float = 0.0) -> list[Event]:
         """Events at stops in the last interval, which began at ``start`` [s]; needs ``track_work``.
 
@@ -188,6 +189,7 @@ class BatchSimulator(Copied):
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 
+    @alone
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
         """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
 
@@ -217,6 +219,7 @@ class BatchSimulator(Copied):
         number of control intervals since its motion began. (num_envs, 0) if no effect draws. A copy."""
         return self._memory.read(self.simulator.dynamics.draw_fields)
 
+    @alone
     def set_draws(self, draws: ArrayLike, index: ArrayLike | None = None) -> None:
         """Let the draws of lanes follow from others, (5,) or (lanes, 5), as :attr:`draws` has them.
 
@@ -230,6 +233,7 @@ class BatchSimulator(Copied):
             raise ValueError("draws has entries that are no whole numbers; give those that 'draws' returned")
         self._memory.write(names, given, lanes)
 
+    @alone
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
         """Set physical parameters of lanes.
 
@@ -248,6 +252,7 @@ class BatchSimulator(Copied):
         if any(name.startswith(f"{key}.") for key in stops for name in values):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
+    @alone
     def save(self) -> dict[str, Any]:
         """A snapshot of everything: states, parameters and modes of all lanes.
 
@@ -256,6 +261,7 @@ class BatchSimulator(Copied):
         """
         return {"simulator": self._facts, **self._memory.save()}
 
+    @alone
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
 
@@ -279,6 +285,16 @@ class BatchSimulator(Copied):
         efforts : (num_envs, joints) array, optional
             N m and N at the joints (``Scene.actuation``); zero by default.
         """
+        memory = self._memory
+        if memory.free == IN_USE:
+            raise InUse
+        memory.free = IN_USE  # as alone does, in a fifth of its time
+        try:
+            return self._advanced(efforts)
+        finally:
+            memory.free = memory.version
+
+    def _advanced(self, efforts: ArrayLike | None) -> Status:
         n = self.num_envs
         if efforts is None:
             efforts = np.zeros(self.simulator.dynamics.count)
@@ -292,6 +308,7 @@ class BatchSimulator(Copied):
         same, filled = self._unchanging, self._filled
         return Status(*[same[name] if name in same else filled[name][:n].copy() for name in OUTPUTS])
 
+    @alone
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps.
 
@@ -308,7 +325,7 @@ class BatchSimulator(Copied):
         for name in names:
             memory.column(name)[:] = times[name]
         try:
-            return self.advance(efforts)
+            return self._advanced(efforts)
         finally:
             for name, value in zip(names, usual, strict=True):
                 memory.column(name)[:] = value

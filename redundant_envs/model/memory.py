@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import functools
+from collections.abc import Callable, Sequence
+from threading import get_ident
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,8 @@ from redundant_envs.tracing.flow import LANES
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def aligned(*shape: int) -> Array:
@@ -22,6 +26,52 @@ def aligned(*shape: int) -> Array:
     raw = np.zeros(size + LANES)
     first = (-raw.ctypes.data % 64) // 8
     return raw[first : first + size].reshape(shape)
+
+
+class Used(Protocol):
+    """An object with a memory, or a memory."""
+
+    @property
+    def _memory(self) -> Memory: ...
+
+
+S = TypeVar("S", bound=Used)
+
+
+def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """A method that one thread at a time may be in, of all methods on a memory; :class:`InUse` in another.
+
+    One method may call another one. A thread is not stopped between the look at ``free`` and its change:
+    CPython switches threads at calls and loops only.
+    """
+
+    @functools.wraps(method)
+    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
+        memory, thread = self._memory, get_ident()
+        if memory.free == IN_USE:
+            if memory.user != thread:
+                raise InUse
+            return method(self, *args, **kwargs)
+        memory.free, memory.user = IN_USE, thread
+        try:
+            return method(self, *args, **kwargs)
+        finally:
+            memory.free, memory.user = memory.version, NOBODY
+
+    return guarded
+
+
+IN_USE, NOBODY = -1, 0
+
+
+class InUse(RuntimeError):
+    """A simulator or an environment is used by two threads at the same time."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "another thread uses this simulator or environment, or did when this process was forked; give "
+            "each thread its own, or let one wait for the other with a threading.Lock"
+        )
 
 
 class Memory:
@@ -37,6 +87,10 @@ class Memory:
         """``more`` are parameters beside those of the scene; ``drawn`` if each episode of a lane draws some,
         so that lanes never share theirs."""
         self.dynamics, self.layout, self.count = dynamics, layout, count
+        self.user = get_ident()
+        """The thread that uses these numbers, if it is in a method of :func:`alone`."""
+        self.free = IN_USE
+        """IN_USE, or the version if no thread uses these numbers."""
         self.blocks = -(-count // LANES)
         self.index, self.drawn = np.arange(count), drawn
         self.shared = True
@@ -64,10 +118,16 @@ class Memory:
         self.prepare()
         if drawn:
             self.part()
+        self.free, self.user = self.version, NOBODY
 
+    @property
+    def _memory(self) -> Memory:
+        return self
+
+    @alone
     def __getstate__(self) -> dict[str, Any]:
         arrays = {name: array.copy() for name, array in self.arrays.items()}
-        return {**self.__dict__, "arrays": arrays}
+        return {**self.__dict__, "free": self.version, "user": NOBODY, "arrays": arrays}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -86,6 +146,7 @@ class Memory:
     def __contains__(self, name: str) -> bool:
         return name in self.layout and self.layout.fields[name].lifetime in KEPT
 
+    @alone
     def read(self, names: Sequence[str], index: NDArray[Any] | None = None) -> Array:
         """Numbers of some lanes as a new array (lanes, names)."""
         lanes = self.index if index is None else np.asarray(index)
@@ -98,6 +159,7 @@ class Memory:
                 table[:, k] = column.reshape(-1)[lanes]
         return table
 
+    @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> None:
         """Set numbers of some lanes from an array that broadcasts to (lanes, names)."""
         lanes = self.index if index is None else np.asarray(index)
@@ -125,6 +187,7 @@ class Memory:
             self.shared = False
             self.version += 1
 
+    @alone
     def prepare(self) -> None:
         """Recompute the fields that follow from the parameters alone; to be called after these are set."""
         values = {name: self.column(name) for name in self.dynamics.parameters}
@@ -150,11 +213,13 @@ class Memory:
             if name in self:
                 self.write((name,), 0.0, index)
 
+    @alone
     def save(self) -> dict[str, Array]:
         """Copies of all numbers, in one dimension."""
         states, log, parameters = (self.arrays[str(life)].reshape(-1) for life in KEPT)
         return {"states": np.concatenate([states, log]), "parameters": parameters.copy()}
 
+    @alone
     def restore(self, states: Array, parameters: Array) -> None:
         """Restore numbers of :meth:`save`, of as many lanes."""
         split = self.arrays[str(STATE)].size
@@ -172,7 +237,9 @@ class Memory:
         """A memory of as many lanes that holds other numbers of :meth:`save`, for inspection."""
         other = object.__new__(Memory)
         own = {str(life): np.empty_like(self.arrays[str(life)]) for life in (STATE, LOG)}
-        other.__dict__.update({**self.__dict__, "arrays": {**self.arrays, **own}})
+        other.__dict__.update(
+            {**self.__dict__, "free": self.version, "user": NOBODY, "arrays": {**self.arrays, **own}}
+        )
         other.restore(states, parameters)
         return other
 

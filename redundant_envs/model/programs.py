@@ -28,7 +28,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Layout
-from redundant_envs.model.memory import Memory, aligned
+from redundant_envs.model.memory import Memory, aligned, alone
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene
 from redundant_envs.tasks.base import Task
@@ -307,6 +307,7 @@ class Copied(ABC):
     made_anew: ClassVar[tuple[str, ...]]
     """Attributes that copies do not take over: compiled code, threads, and views of other arrays."""
     simulator: Simulator
+    _memory: Memory
 
     @staticmethod
     @abstractmethod
@@ -317,6 +318,7 @@ class Copied(ABC):
     def _connect(self) -> None:
         """Create the attributes that copies do not take over."""
 
+    @alone
     def __getstate__(self) -> dict[str, Any]:
         left = ("simulator", *self.made_anew)
         kept = {name: value for name, value in self.__dict__.items() if name not in left}
@@ -333,6 +335,7 @@ class Copied(ABC):
             )
         self._take(state, simulator)
 
+    @alone
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         made = memo[id(self)] = object.__new__(type(self))
         made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)

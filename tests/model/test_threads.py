@@ -1,0 +1,138 @@
+"""A simulator or an environment is for one thread at a time: another one is told so, and need not wait."""
+
+import copy
+import dataclasses
+import os
+import pickle
+import threading
+import time
+
+import numpy as np
+import pytest
+from envs.faces import FACES, GOAL_IDS, actions, begin, flat, made
+
+import redundant_envs as rde
+from redundant_envs.model.memory import IN_USE, InUse, alone
+
+SCENE = rde.load_scene("four_r_reach")
+
+
+def told(call):
+    """What another thread is told by a call; None if it comes back."""
+    found = []
+
+    def run():
+        try:
+            call()
+        except Exception as error:
+            found.append(type(error) if isinstance(error, InUse) else error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(20.0)
+    assert not thread.is_alive()
+    return found[0] if found else None
+
+
+@alone
+def within(used, call):
+    """What another thread is told while this one is in a call."""
+    return told(call)
+
+
+def batch():
+    return rde.BatchSimulator(SCENE, 3)
+
+
+OF_BATCH = {
+    "advance": lambda b: b.advance(), "advance_partly": lambda b: b.advance_partly(None, 0.01),
+    "set_state": lambda b: b.set_state(np.zeros(4), np.zeros(4), [1]), "q": lambda b: b.q,
+    "set_parameters": lambda b: b.set_parameters({"gravity.g": 1.0}), "save": lambda b: b.save(),
+    "restore": lambda b: b.restore(batch().save()), "copy": copy.copy, "pickle": pickle.dumps,
+}  # fmt: skip
+OF_ENV = {
+    "step": lambda e: e.step(actions(e, 1)[0]), "reset": begin, "get_state": lambda e: e.get_state(),
+    "set_state": lambda e: e.set_state(STATES[type(e)]), "tip": lambda e: e.tip, "qd": lambda e: e.qd,
+    "parameters": lambda e: e.parameters, "copy": copy.deepcopy, "pickle": pickle.dumps,
+    "set_options": lambda e: e.set_options({"parameters": {"gravity.g": 1.0}}),
+    "render": lambda e: e.get_images() if hasattr(e, "get_images") else e.render(),
+    "a number": lambda e: setattr(e, "start_angle", 0.5),
+}  # fmt: skip
+STATES = {}
+
+
+@pytest.mark.parametrize("name", OF_BATCH)
+def test_a_batch_in_use_refuses_other_threads(name):
+    used, call = batch(), OF_BATCH[name]
+    assert within(used, lambda: call(used)) is InUse
+    assert told(lambda: call(used)) is None
+
+
+@pytest.mark.parametrize("kind", FACES)
+def test_an_environment_in_use_refuses_other_threads_and_goes_on(kind):
+    env, other = (made(kind, GOAL_IDS[0], render_mode="rgb_array") for _ in range(2))
+    before = [flat(begin(e, seed=3)) for e in (env, other)]
+    STATES[type(env)] = env.get_state()
+    for name, call in OF_ENV.items():
+        assert within(env, lambda call=call: call(env)) is InUse, name
+    assert before[0] == before[1]
+    for action in actions(env, 3):
+        assert flat(env.step(action)) == flat(other.step(action))
+    for name, call in OF_ENV.items():
+        assert told(lambda call=call: call(env)) is None, name
+    goals = np.zeros((1, 2))
+    assert within(env, lambda: env.compute_reward(goals, goals, [{}])) is None  # from no numbers of the lanes
+
+
+def test_a_thread_is_refused_while_another_one_is_in_machine_code():
+    long = rde.BatchSimulator(dataclasses.replace(SCENE, tolerance=None, substeps=20_000), 16)
+    thread = threading.Thread(target=long.advance)
+    thread.start()
+    while long._memory.free != IN_USE:
+        time.sleep(0)
+    with pytest.raises(InUse, match=r"another thread uses.*give each thread its own"):
+        long.advance()
+    thread.join()
+    long.advance()
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+@pytest.mark.parametrize("kind", FACES)
+def test_errors_and_interrupts_leave_nothing_in_use(kind, error, monkeypatch):
+    env = made(kind)
+    begin(env)
+
+    def stop(*_):
+        raise error
+
+    inside = env._lane if kind == "single" else env.core._team.parts[0]
+    with monkeypatch.context() as context:
+        context.setattr(inside, "_call" if kind == "single" else "entry", stop)
+        context.setattr(inside, "_operation", env._operation, raising=False) if kind == "single" else None
+        with pytest.raises(error):
+            env.step(actions(env, 1)[0])
+    assert told(lambda: env.step(actions(env, 1)[0])) is None
+
+
+def test_actions_of_one_thread_are_not_those_of_another_ones_step():
+    env = made("sb3")
+    env.reset()
+    env.step_async(np.zeros((3, 4), np.float32))
+    assert told(lambda: env.step_async(np.ones((3, 4), np.float32))) is InUse
+    env.step_wait()
+    assert told(lambda: env.step(np.ones((3, 4), np.float32))) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_process_has_its_own_copy_and_no_hang_of_one_that_was_in_use():
+    used = batch()
+    used._memory.free = IN_USE  # as in the middle of a step of another thread
+    for simulator, expected in ((used, 1), (batch(), 0)):
+        child = os.fork()
+        if not child:
+            try:
+                simulator.advance()
+                os._exit(0)
+            except InUse:
+                os._exit(1)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == expected
