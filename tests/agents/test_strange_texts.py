@@ -14,6 +14,7 @@ from redundant_envs.figures import literal, new_figure, save_figure
 from redundant_envs.progress import progress_bars
 from redundant_envs.tables import Markdown, code, escaped, markdown
 from redundant_envs.values import printable, warn
+from redundant_envs.web import page
 from tests.house import ROOT
 
 STRANGE = "<script>alert(1)</script> [a](javascript:b) ![c](http://d) `rm` | e"
@@ -100,3 +101,19 @@ def test_every_message_passes_the_filter():
             tree = ast.parse(path.read_text(encoding="utf-8"))
             names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
             assert "print" not in names, path
+
+
+def test_a_page_runs_only_its_files_and_reads_an_address_in_linear_time():
+    html, script = (
+        next(p for p in page.SOURCES if p.name == name).read_text() for name in ("index.html", "page.js")
+    )
+    assert set(re.findall(r"<script([^>]*)>", html)) == {
+        f' src="{name}.js"' for name in ("kernel", "data", "page")
+    }
+    assert re.findall(r"\s(on\w+|style)=|javascript:", html) == []
+    assert "innerHTML" not in script
+    assert "style-src 'sha256-" in page.with_digest(html)
+    number = re.search(r'number = "(.*)";', script)[1].replace(r"\\", "\\")
+    assert re.fullmatch(f"{number},{number}", "-.5,1.25")
+    for digits in ("1" * 300_000, "1." + "1" * 300_000):  # a pattern that goes back takes hours
+        assert re.fullmatch(f"{number},{number}", f"{digits},{digits}x") is None

@@ -34,7 +34,8 @@ def opened(chromium, site):
     contexts, told = [], []
 
     def open_page(address="", *, folder=site, ready=READY, init=None, **options):
-        context = chromium.new_context(**options)
+        # Playwright waits by a function of the page, which the page's own policy forbids
+        context = chromium.new_context(**{"bypass_csp": True, **options})
         contexts.append(context)
         context.set_offline(True)
         tab = context.new_page()
@@ -88,6 +89,35 @@ def test_the_page_is_four_small_files(site):
     files = sorted(path.name for path in site.iterdir())
     assert files == ["data.js", "index.html", "kernel.js", "page.js"]
     assert sum(path.stat().st_size for path in site.iterdir()) <= MOST_BYTES
+
+
+def test_only_its_own_files_run(opened):
+    tab = opened(ready=None, bypass_csp=False)
+    while not tab.evaluate(READY):
+        tab.wait_for_timeout(100)
+    assert opened.told == []
+    tab.evaluate("""() => {
+      const script = document.createElement("script");
+      script.textContent = "window.owned = 1";
+      document.body.append(script);
+      const inline = "<img src=x onerror='window.owned = 2'><style>p { color: red }</style>";
+      document.body.insertAdjacentHTML("beforeend", inline);
+    }""")
+    assert tab.evaluate("fetch('http://127.0.0.1/').then(() => 'read', () => 'refused')") == "refused"
+    tab.wait_for_timeout(200)
+    assert tab.evaluate("'owned' in window") is False
+    assert tab.evaluate("getComputedStyle(document.querySelector('p')).color") != "rgb(255, 0, 0)"
+    assert any("inline script" in text for text in opened.told)
+    opened.told.clear()
+
+
+def test_a_long_goal_of_an_address_is_refused_at_once(opened):
+    tab = opened()
+    for digits in ("1" * 300_000, "1." + "1" * 300_000):  # a pattern that goes back takes hours
+        tab.evaluate("(text) => { location.hash = `goal=${text},${text}x`; }", digits)
+        tab.wait_for_function("document.getElementById('trouble').textContent.includes('two numbers')")
+        tab.evaluate("location.hash = 'goal=0.3,0.4'")
+        tab.wait_for_function("document.getElementById('trouble').textContent === ''")
 
 
 @pytest.mark.parametrize("arm", page.ARMS)

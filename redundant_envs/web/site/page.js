@@ -408,7 +408,7 @@ const app = {
     for (const name of given.keys()) {
       if (!["arm", "who", "policy", "accuracy", "goal"].includes(name)) wrong.push(`${name} (no such word)`);
     }
-    const [inner, outer] = this.ownRange, text = given.get("goal"), number = "[-+]?(\\d+\\.?\\d*|\\.\\d+)";
+    const [inner, outer] = this.ownRange, text = given.get("goal"), number = "[-+]?(\\d+(\\.\\d*)?|\\.\\d+)";
     let goal = text !== null && new RegExp(`^${number},${number}$`).test(text) ? text.split(",").map(Number) : null;
     if (goal && (Math.hypot(...goal) < inner || Math.hypot(...goal) > outer)) goal = null;
     if (text !== null && !goal) wrong.push(`goal=${text} (two numbers, ${inner} to ${outer} m from the base)`);
