@@ -213,6 +213,10 @@ def tune(
     processes: Annotated[
         int, Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
     ] = 1,
+    storage: Annotated[
+        str | None,
+        Option(help="share the study with other machines: URL of a database, or file of Optuna's journal"),
+    ] = None,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
     from .tuning.search import check_arguments, space_of
@@ -223,7 +227,7 @@ def tune(
     from .tuning.study import tune
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
-    path = tune(base, folder, trials, search or (), overrides or (), seed, processes)
+    path = tune(base, folder, trials, search or (), overrides or (), seed, processes, storage)
     say(path.read_text(encoding="utf-8"))
     say(f"best: {folder / 'best.yaml'}")
 

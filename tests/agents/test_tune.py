@@ -18,6 +18,7 @@ from redundant_envs_train.training.train import train
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install '.[tune]'")
 
+import optuna
 from optuna.distributions import FloatDistribution, IntDistribution
 
 from redundant_envs_train.tuning import study as studies
@@ -36,6 +37,10 @@ GAMMA = ["ppo.gamma=0.5..0.9"]
 def rows(folder):
     """trials.csv without the seconds, which differ from run to run."""
     return [{k: v for k, v in row.items() if k != "seconds"} for row in csv_rows(folder / "trials.csv")]
+
+
+def interrupted(*given, **more):
+    raise KeyboardInterrupt
 
 
 def curve(folder, trial):
@@ -269,6 +274,42 @@ def test_a_folder_that_is_no_study_is_refused(tmp_path):
         journal.write_text(content or journal.read_text())
         with says(word):
             tune(CONFIG, place, 2, GAMMA)
+
+
+@pytest.mark.usefixtures("by_gamma")
+@pytest.mark.parametrize("storage", ["sqlite:///{}/study.db", "{}/study.journal"])
+def test_machines_share_a_study_in_a_storage(storage, tmp_path):
+    place = storage.format(tmp_path)
+    tune(CONFIG, tmp_path / "a", 2, GAMMA, storage=place)
+    tune(CONFIG, tmp_path / "b", 3, GAMMA, storage=place)
+    assert [sorted(p.name for p in (tmp_path / m).glob("trial?")) for m in "ab"] == [
+        ["trial0", "trial1"], ["trial2"]
+    ]  # fmt: skip
+    found = rows(tmp_path / "b")
+    assert found[:2] == rows(tmp_path / "a")
+    assert [row["trial"] for row in found] == ["0", "1", "2"]
+    assert load(tmp_path / "b" / "best.yaml").ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
+    with says("holds a study with", "--search ppo.gamma"):
+        tune(CONFIG, tmp_path / "c", 4, ["ppo.gamma=0.5..0.8"], storage=place)
+    with says("processes is 2 beside a storage"):
+        tune(CONFIG, tmp_path / "c", 4, GAMMA, processes=2, storage=place)
+
+
+@pytest.mark.usefixtures("by_gamma")
+def test_a_stop_fails_the_own_trial_alone_and_a_storage_that_cannot_be_opened_is_told(tmp_path, monkeypatch):
+    place = f"{tmp_path}/study.journal"
+    tune(CONFIG, tmp_path / "a", 1, GAMMA, storage=place)
+    study = optuna.load_study(
+        study_name="tune", storage=studies.JournalStorage(studies.JournalFileBackend(place))
+    )
+    other = study.ask()
+    other.set_user_attr("order", other.number)
+    monkeypatch.setattr(studies, "train", interrupted)
+    with pytest.raises(Stopped):
+        tune(CONFIG, tmp_path / "b", 2, GAMMA, storage=place)
+    assert [t.state.name for t in study.get_trials(deepcopy=False)] == ["COMPLETE", "RUNNING", "FAIL"]
+    with says("sqlite:////nowhere/study.db"):
+        tune(CONFIG, tmp_path / "b", 2, GAMMA, storage="sqlite:////nowhere/study.db")
 
 
 # ---- several trials at a time ----------------------------------------------------------------------

@@ -3,7 +3,7 @@
 import json
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,19 @@ from ..training import checkpoint, telemetry
 from ..training.pool import Stopped, stop_request
 from ..training.train import simulator_hash, train
 from .search import Space, check_arguments, space_of, with_parameters, words
-from .trials import MESSAGE, Judge, complete, ended, held, order_of, return_of, write
+from .trials import (
+    MESSAGE,
+    STARTUP_TRIALS,
+    WARMUP,
+    Judge,
+    SharedJudge,
+    complete,
+    ended,
+    held,
+    order_of,
+    return_of,
+    write,
+)
 from .workers import Pruned, news, outcome, workers
 
 with needs("tune"):
@@ -42,7 +54,7 @@ LEAST_AHEAD = 3  # so four trials at a time give the results of one at a time
 
 def tune(
     config: Config, folder: Path, trials: int, searches: Sequence[str] = (), overrides: Sequence[str] = (),
-    seed: int = 0, processes: int = 1,
+    seed: int = 0, processes: int = 1, storage: str | None = None,
 ) -> Path:  # fmt: skip
     """Search the settings that hold most goals at the end of a training.
 
@@ -56,28 +68,36 @@ def tune(
     that were stopped or killed. ``processes`` are trials at a time; the results are the same for 1 to 4. The
     page tune.md is returned; beside it are best.yaml and trials.csv. Stopped if the user asked for it: the
     same call continues.
+
+    With a ``storage``, a database's URL or the file of a journal, other processes and machines may search the
+    same study at the same time, each one trial at a time in a ``folder`` of its own, until there are
+    ``trials`` in all; which trial ends first then changes the next ones.
     """
     check_arguments(config, trials, seed, processes)
+    if storage is not None and processes != 1:
+        raise ValueError(
+            f"processes is {processes} beside a storage; give the same command once for each process"
+        )
     telemetry.check(config)
     config = with_start(config)
     space = space_of(config, searches, overrides)
     check_out(folder)
     check_plain(folder)
-    if folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
+    if not storage and folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
         raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"):
-        study = _open(folder, config, space, seed, processes)
-        trying = _Trying(study, config, space, folder, trials, seed)
+        study = _open(folder, config, space, seed, processes, storage)
+        trying = (_Trying if storage is None else _Sharing)(study, config, space, folder, trials, seed)
         try:
-            _fail_running(study, folder)  # left by a process that was killed
+            trying.fail()  # what a process left that was killed
             with progress_bars() as bars:
                 if processes == 1:
                     trying.one_by_one(bars)
                 else:
                     trying.several(bars, processes)
         except KeyboardInterrupt:
-            _fail_running(study, folder)
+            trying.fail()
             count = len(ended(study))
             if complete(study):
                 write(study, config, space, folder)
@@ -85,16 +105,22 @@ def tune(
         return write(study, config, space, folder)
 
 
-def _open(folder: Path, config: Config, space: Space, seed: int, processes: int) -> optuna.Study:
-    """The study of a folder, new or from an earlier call."""
+def _open(
+    folder: Path, config: Config, space: Space, seed: int, processes: int, storage: str | None
+) -> optuna.Study:
+    """The study of a folder or of a storage, new or from an earlier call."""
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     settings = _settings(config, space, seed)
-    path = folder / JOURNAL
-    _cut_half_line(path)
+    path: Any = storage or folder / JOURNAL
+    if storage is None:
+        _cut_half_line(path)
+    sampler = optuna.samplers.TPESampler(seed=None if storage else seed, constant_liar=storage is not None)
+    pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
     try:
+        kept = storage if storage and "://" in storage else JournalStorage(JournalFileBackend(str(path)))
         study = optuna.create_study(
-            storage=JournalStorage(JournalFileBackend(str(path))), study_name=STUDY, direction="maximize",
-            load_if_exists=True,
+            storage=kept, study_name=STUDY, direction="maximize", load_if_exists=True, sampler=sampler,
+            pruner=pruner,
         )  # fmt: skip
         found = study.user_attrs.get(SETTINGS)
         if found is None:
@@ -231,20 +257,27 @@ class _Trying:
                     worker.order = None
         self._show(bars, line)
 
-    def _left(self) -> list[int]:
+    def fail(self) -> None:
+        """Mark trials that were stopped or killed as failed; others replace them."""
+        _fail_running(self.study, self.folder)
+
+    def _left(self) -> Iterable[int]:
         """Positions of the trials that have not ended yet."""
         over = {order_of(trial) for trial in ended(self.study)}
         return [order for order in range(self.trials) if order not in over]
 
     def _begin(self, order: int) -> tuple[Judge, Config, Path] | None:
         """A trial, its configuration and folder; None if its settings are incompatible."""
-        judge = Judge(self.study, self.config, self.space, order, self.ahead, self.seed)
+        judge = self._judge(order)
         try:
             config = with_parameters(self.config, self.space, judge.trial.params)
         except ValueError as error:
             self._end(judge, " ".join(str(error).split())[:300])
             return None
         return judge, config, self.folder / f"trial{judge.trial.number}"
+
+    def _judge(self, order: int) -> Judge:
+        return Judge(self.study, self.config, self.space, order, self.ahead, self.seed)
 
     def _end(self, judge: Judge, how: str | None) -> None:
         """Report the end of a trial, as returned by :func:`~.workers.outcome`, to the study."""
@@ -261,3 +294,24 @@ class _Trying:
         if best:
             note = f"best {_words(held(best[0]), return_of(best[0]))}, trial {best[0].number}"
         bars.update(line, completed=len(ended(self.study)), note=note)
+
+
+class _Sharing(_Trying):
+    """Run trials of a study that other machines share, until it has enough."""
+
+    own: int | None = None
+    """Number of the trial of this process."""
+
+    def fail(self) -> None:
+        """Mark the own trial, if one runs, as failed; those of others go on."""
+        if self.own is not None:
+            self.study.tell(self.own, state=TrialState.FAIL, skip_if_finished=True)
+
+    def _left(self) -> Iterator[int]:
+        while len(ended(self.study)) < self.trials:
+            yield -1  # the study gives it a number
+
+    def _judge(self, order: int) -> Judge:
+        judge = SharedJudge(self.study, self.config, self.space)
+        self.own = judge.order
+        return judge

@@ -189,6 +189,10 @@ class Judge:
         if again or steps >= self.config.total_steps:
             return False
         self.trial.report(known(hold), steps)
+        return self._prunes()
+
+    def _prunes(self) -> bool:
+        """Whether the trials before it were better at its last point."""
         running = create_trial(
             state=TrialState.RUNNING, params=self.trial.params, distributions=self.trial.distributions,
             intermediate_values=self._scores(self.points),
@@ -212,3 +216,19 @@ class Judge:
     def _scores(self, points: Any) -> dict[int, float]:
         episodes = self.config.curve_episodes
         return {int(steps): score(hold, returned, episodes) for steps, hold, returned in points}
+
+
+class SharedJudge(Judge):
+    """One trial of a study that other machines share: Optuna's own sampler and pruner judge it by all trials
+    that have ended by then, so its settings depend on which end first."""
+
+    def __init__(self, study: optuna.Study, config: Config, space: Space) -> None:
+        self.config, self.points = config, []
+        if not study.get_trials(deepcopy=False):
+            study.enqueue_trial(own_parameters(config, space))
+        self.trial = study.ask(space)
+        self.order = self.trial.number
+        self.trial.set_user_attr(ORDER, self.order)
+
+    def _prunes(self) -> bool:
+        return self.trial.should_prune()
