@@ -131,6 +131,16 @@ def test_what_an_error_costs_is_what_the_study_wrote():
     assert [row for row in copied if row not in written] == []
 
 
+def test_what_error_control_costs_where_one_step_is_enough_is_what_the_study_wrote():
+    ours = [r for r in rows("accuracy/accuracy.csv") if r["method"].startswith("rk8")]
+    found = {(r["panel"], r["setting"]): float(r["ns_best"]) for r in ours}
+    smooth = {panel for panel, _ in found if "impacts" not in panel}
+    ratios = [found[panel, "tolerance 0.1 mm"] / found[panel, "1 x 20 ms"] for panel in smooth]
+    assert f"costs {100 * min(ratios) - 100:.0f} to {100 * max(ratios) - 100:.0f} per cent" in page(
+        "accuracy"
+    )
+
+
 def test_the_tables_of_learners_are_made_from_the_tables_of_runs():
     for name, source in (("learners", "runs"), ("learners", "baselines"), ("strength", "weak")):
         made = [line for line in table([RESULTS / f"{source}.csv"]).splitlines() if line.startswith("| ")]
