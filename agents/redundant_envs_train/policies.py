@@ -5,14 +5,17 @@ runs whatever code its author put in. So the policy is built from config.yaml, a
 taken from the file.
 """
 
+import base64
 import io
 import itertools
 import json
 import pickletools
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from redundant_envs.bounded import MOST_JSON, MOST_PACKED, opened, read_members
 from redundant_envs.disk import write_bytes
@@ -28,9 +31,11 @@ from .run_folder import SCENE, own_config
 from .start import policy_file
 
 with needs("train"):
+    import cloudpickle
     import torch
     from stable_baselines3.common.save_util import data_to_json
 
+PICKLED = ":serialized:"  # key of an object of policy.zip in stable-baselines3's JSON
 SPACES = ("observation_space", "action_space")
 ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
 """Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
@@ -65,14 +70,58 @@ def save_policy(model: Any, path: Path) -> None:
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
     kept = {k: own[k] for k in changed}
-    memory = io.BytesIO()
     own.update(changed)
     try:
         with model.averaged():
-            model.save(memory, exclude=("lr_schedule",))
+            data = saved(model, exclude=("lr_schedule",))
     finally:
         own.update(kept)
-    write_bytes(path, memory.getvalue())
+    write_bytes(path, data)
+
+
+def saved(model: Any, exclude: Sequence[str] = ()) -> bytes:
+    """The policy.zip of a learner, for all versions of NumPy that stable-baselines3 runs with."""
+    memory = io.BytesIO()
+    model.save(memory, exclude=exclude)
+    return portable(memory.getvalue(), vars(model))
+
+
+def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
+    """The bytes of a policy.zip whose objects, here by their names, are pickled as NumPy 1 and 2 read them:
+    NumPy pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
+    memory = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w") as new:
+        for entry in old.infolist():
+            content = old.read(entry)
+            if entry.filename == "data":
+                about = json.loads(content)
+                for name, value in about.items():
+                    text = value.get(PICKLED) if isinstance(value, dict) else None
+                    if text is not None and b"numpy" in base64.b64decode(text):
+                        value[PICKLED] = base64.b64encode(_pickled(own[name])).decode()
+                content = json.dumps(about, indent=4).encode()
+            new.writestr(entry, content)
+    return memory.getvalue()
+
+
+class _PublicNames(cloudpickle.Pickler):
+    """A pickler that names nothing of NumPy but ``numpy.array`` and ``numpy.dtype``."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """How an object is made again; numbers become those of Python, and generators None."""
+        if isinstance(obj, np.ndarray):
+            return np.array, (obj.tolist(), obj.dtype.str)
+        if isinstance(obj, np.generic):
+            return type(obj.item()), (obj.item(),)
+        if isinstance(obj, np.random.Generator):
+            return type(None), ()
+        return super().reducer_override(obj)
+
+
+def _pickled(value: Any) -> bytes:
+    memory = io.BytesIO()
+    _PublicNames(memory).dump(value)
+    return memory.getvalue()
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:

@@ -4,8 +4,10 @@ import base64
 import hashlib
 import io
 import json
+import os
 import pickle
 import shutil
+import subprocess
 import sys
 import warnings
 import zipfile
@@ -15,7 +17,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import POLICIES, Evil, change, members, write_members, write_scene
+from run_folders import POLICIES, ROOT, Evil, change, members, write_members, write_scene
 from short_trainings import TINY, assert_same_policy, small_config
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -87,8 +89,56 @@ def test_a_policy_loads_without_this_package_and_acts_the_same_however_it_is_rea
     pickled = [base64.b64decode(v[":serialized:"]) for v in about if ":serialized:" in str(v)]
     assert len(pickled) > 2
     assert not [part for part in (data, *pickled) if b"redundant_envs" in part]
+    assert not [part for part in pickled if b"numpy." in part]  # whose modules NumPy 2 has moved
     # saving leaves the schedule of the learner alone
     assert model.lr_schedule(0.5) == rate.learning_rate * (0.5 if rate.schedule == "linear" else 1.0)
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("*/**/policy.zip")), ids=str)
+def test_shipped_policies_name_no_module_that_only_one_version_of_numpy_has(path):
+    about = json.loads(members(path)["data"]).values()
+    pickled = [base64.b64decode(v[":serialized:"]) for v in about if ":serialized:" in str(v)]
+    assert len(pickled) > 2
+    assert not [part for part in pickled if b"numpy." in part]
+
+
+ACTIONS = """
+import sys, warnings
+from pathlib import Path
+import numpy, sb3_contrib, stable_baselines3
+warnings.simplefilter("error")
+for folder in sorted(Path(sys.argv[1]).iterdir()):
+    name = folder.name.rpartition("-")[2].rpartition("_")[2].replace("her", "sac")
+    names = {kind.__name__.lower(): kind for module in (stable_baselines3, sb3_contrib)
+             for kind in vars(module).values() if isinstance(kind, type)}
+    model = names[name].load(folder / "policy.zip", device="cpu")
+    model.observation_space.seed(3)
+    seen = model.observation_space.sample()
+    print(folder.name, model.predict(seen, deterministic=True)[0].tobytes().hex())
+print(numpy.__version__.partition(".")[0], file=sys.stderr)
+"""
+
+
+@pytest.mark.long
+def test_shipped_policies_act_alike_with_the_oldest_libraries(tmp_path):
+    """All but torch, whose old versions are in an index of their own."""
+    old = [
+        "numpy==1.26.0", "gymnasium==1.1.0", "stable-baselines3==2.7.0", "sb3-contrib==2.7.0",
+        "pandas==2.0.3", "pytz", "tzdata", "matplotlib==3.8.0", "contourpy==1.2.0",
+    ]  # fmt: skip
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", tmp_path / "old"]
+    if subprocess.run([*pip, *old], check=False).returncode:
+        pytest.skip("old versions cannot be installed here")
+    found = {}
+    for version, path in (("1", tmp_path / "old"), ("2", "")):
+        words = [sys.executable, "-c", ACTIONS, POLICIES]
+        done = subprocess.run(
+            words, env={**os.environ, "PYTHONPATH": str(path)}, capture_output=True, text=True
+        )
+        assert (done.returncode, done.stderr.strip()) == (0, version)
+        found[version] = done.stdout
+    assert found["1"] == found["2"]
+    assert len(found["1"].splitlines()) == len(list(POLICIES.iterdir()))
 
 
 # ---- files of strangers --------------------------------------------------------------------------

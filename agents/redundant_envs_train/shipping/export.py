@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from redundant_envs.disk import told
+from redundant_envs.disk import told, write_bytes
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
@@ -26,7 +26,7 @@ from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..pages import MEASURES, page, results_table
-from ..policies import load_policy
+from ..policies import load_policy, saved
 from ..report import PACKAGES
 from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of
@@ -122,17 +122,17 @@ def _write(
         policy_kwargs=policy_kwargs(config), device="cpu", **(small or {"buffer_size": LANES}),
     )  # fmt: skip
     model.policy.load_state_dict(policy.state_dict())
-    model.save(folder / "policy.zip")
+    write_bytes(folder / "policy.zip", saved(model))
     for name, data in (("config.yaml", config.to_dict()), (SCENE, env.core.scene.to_dict())):
         (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")
     about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
     write_onnx(policy, layers.inputs, folder / "policy.onnx", about)
-    saved = learner.load(folder / "policy.zip", device="cpu")
+    loaded = learner.load(folder / "policy.zip", device="cpu")
     acting = {
         "policy.onnx": onnx_actions(folder / "policy.onnx", layers.inputs),
         "policy.npz": Layers.load(folder / "policy.npz"),
-        "policy.zip": lambda observations: saved.predict(observations, deterministic=True)[0],
+        "policy.zip": lambda observations: loaded.predict(observations, deterministic=True)[0],
     }
     worst = dict.fromkeys(acting, 0.0)
     env.seed(SEED)
