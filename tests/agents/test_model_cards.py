@@ -50,5 +50,3 @@ def test_results_of_a_card_are_those_of_its_table_and_of_the_published_runs(fold
         "sb3-contrib" if config.algo in ("tqc", "crossq") else "stable-baselines3"
     )
     assert data["license"] == "mit"
-    for path in re.findall(r"`([a-z_/]+\.py)`", body):
-        assert (ROOT / path).is_file() or (ROOT / "agents" / path).is_file()

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -100,6 +101,15 @@ def test_shipped_policies_name_no_module_that_only_one_version_of_numpy_has(path
     pickled = [base64.b64decode(v[":serialized:"]) for v in about if ":serialized:" in str(v)]
     assert len(pickled) > 2
     assert not [part for part in pickled if b"numpy." in part]
+
+
+@pytest.mark.parametrize("card", sorted(POLICIES.glob("*/README.md")), ids=lambda card: card.parent.name)
+def test_every_file_that_a_card_names_is_beside_it_or_in_the_source_tree(card):
+    named = set(re.findall(r"[\w./-]+\.(?:md|npz|onnx|py|yaml|zip)\b", card.read_text(encoding="utf-8")))
+    assert {"config.yaml", "policy.npz", "policy.onnx", "policy.zip", "docs/learners.md"} <= named
+    assert [
+        name for name in named if not any((place / name).is_file() for place in (card.parent, ROOT))
+    ] == []
 
 
 ACTIONS = """

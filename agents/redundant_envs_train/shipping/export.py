@@ -38,10 +38,10 @@ with needs("onnx"):
 
 AVERAGED_SAC = (
     "SAC of stable-baselines3 with an averaged, smoothed, delayed actor "
-    "(`redundant_envs_train/learners/sac.py`)"
+    "(`agents/redundant_envs_train/learners/sac.py`)"
 )
 ORIGIN = {
-    "ppo": "PPO of stable-baselines3 with averaged weights (`redundant_envs_train/learners/ppo.py`)",
+    "ppo": "PPO of stable-baselines3 with averaged weights (`agents/redundant_envs_train/learners/ppo.py`)",
     "sac": AVERAGED_SAC, "her": f"{AVERAGED_SAC} and hindsight goals (`HerReplayBuffer`)",
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
