@@ -229,6 +229,7 @@ def tune(
     folder = out or Path("runs") / "tune" / name_of(config, base)
     path = tune(base, folder, trials, search or (), overrides or (), seed, processes, storage)
     say(path.read_text(encoding="utf-8"))
+    say("written:", *(folder / name for name in ("trials.csv", "tune.md")), sep="\n  ")
     say(f"best: {folder / 'best.yaml'}")
 
 
@@ -283,7 +284,9 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     run_folder.tell_differences([folder])
     from .report import report
 
-    say(report(folder, out, trust))
+    path = report(folder, out, trust)
+    others = [p for name in run_folder.REPORTED[1:] if (p := path.with_name(name)).exists()]
+    say("written:", *others, path, sep="\n  ")
 
 
 @app.command()

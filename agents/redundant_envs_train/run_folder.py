@@ -309,6 +309,15 @@ def check_out(folder: Path) -> None:
         raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
 
 
+def check_study(folder: Path, marks: Sequence[str]) -> None:
+    """Refuse a folder for a study that holds links, or files but none of ``marks``: patterns of names that
+    show that they are of an earlier call."""
+    check_out(folder)
+    check_plain(folder)
+    if folder.is_dir() and any(folder.iterdir()) and not any(any(folder.glob(m)) for m in marks):
+        raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
+
+
 def check_new(folder: Path) -> None:
     """Refuse a file, or a folder that is not empty, as the folder of a new run."""
     check_out(folder)
@@ -369,6 +378,6 @@ def check_target(folder: Path, out: Path | None, force: bool) -> None:
     """Refuse to replace files by a report, or to write into an exported policy, without ``force``."""
     if out is not None:
         check_unwritten(out, (*REPORTED, *EVALUATED), force)
-    elif not force and (is_exported(folder) or (folder / "report.md").exists()):
-        reason = "is an exported policy" if is_exported(folder) else "has a report"
+    elif not force and (is_exported(folder) or any((folder / name).exists() for name in REPORTED)):
+        reason = "is an exported policy" if is_exported(folder) else "has a report, or a part of one"
         raise ValueError(f"{folder} {reason}; give --out FOLDER, or --force to write into it")

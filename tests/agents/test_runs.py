@@ -237,7 +237,7 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
     assert "ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
-    call("report", run)  # it evaluates a run that has no evaluation
+    call("report", run, "--force")  # it evaluates a run that has no evaluation; the pictures are there
     assert data(run) == own
     assert "Simulated in the run's own scene" in (run / "report.md").read_text()
     in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
@@ -377,6 +377,16 @@ def test_a_command_replaces_no_file_of_the_user_unless_forced(name, run, tmp_pat
     assert program([*words, "--force"]) == 0
     assert written(tmp_path / "out") == files
     assert all(path.read_bytes() != b"precious" for path in files)
+
+
+@pytest.mark.parametrize(
+    "words", [["study", "policy"], ["study", "strength", "--seeds", "none"], ["tune", "rprp_reach_ppo"]]
+)
+def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
+    mine = tmp_path / "strength.png"
+    mine.write_text("precious")
+    refused([*words, "--out", tmp_path], f"out is {tmp_path}, which holds other files and no study")
+    assert mine.read_text() == "precious"
 
 
 LINKS = (

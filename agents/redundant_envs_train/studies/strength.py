@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from redundant_envs import bounded
 from redundant_envs.control.computed_torque import lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
-from redundant_envs.disk import check_plain
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.figures import bare, new_figure, save_figure
@@ -32,7 +31,7 @@ from ..config import Config, checked, load
 from ..evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from ..evidence.runs import Run, read_runs, value_of
 from ..rollout import EVALUATION_SEED, expert_act, run_episodes
-from ..run_folder import check_out, evaluate_anew
+from ..run_folder import check_study, evaluate_anew
 from ..statistics import wilson
 from ..training.many import train_many
 from ..training.pool import count_of
@@ -258,9 +257,8 @@ def run_study(
         count_of(processes)
     factors = factors or FACTORS
     given = learner_rows(runs)
-    check_out(out)
-    check_plain(out)
     path = out / "strength.csv"
+    check_study(out, [path.name])
     rows = [row for row in read_rows(path) if not row.seeds] if path.is_file() else []
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
         (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)

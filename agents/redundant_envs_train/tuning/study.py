@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.bounded import read_bytes
-from redundant_envs.disk import alone, check_plain, write_bytes
+from redundant_envs.disk import alone, write_bytes
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.progress import progress_bars
 from redundant_envs.values import shown
 
 from ..config import WITHOUT_EFFECT, Config
-from ..run_folder import check_out
+from ..run_folder import check_study
 from ..start import with_start
 from ..training import checkpoint, telemetry
 from ..training.pool import Stopped, stop_request
@@ -81,10 +81,7 @@ def tune(
     telemetry.check(config)
     config = with_start(config)
     space = space_of(config, searches, overrides)
-    check_out(folder)
-    check_plain(folder)
-    if not storage and folder.exists() and any(folder.iterdir()) and not (folder / JOURNAL).is_file():
-        raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
+    check_study(folder, [JOURNAL] if storage is None else ["trial*"])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"):
         study = _open(folder, config, space, seed, processes, storage)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from redundant_envs.disk import check_plain, write_text
+from redundant_envs.disk import write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
@@ -19,7 +19,7 @@ from redundant_envs.progress import progress_bars
 from ...config import Config, check_telemetry, load
 from ...policies import load_policy
 from ...rollout import policy_act, run_episodes
-from ...run_folder import SELECTION, own_config, read_config, read_facts, read_table
+from ...run_folder import SELECTION, check_study, own_config, read_config, read_facts, read_table
 from ...run_folder import difference as other_scene
 from ...training.train import simulator_hash, train
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
@@ -118,7 +118,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
     """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
-    check_plain(folder)
+    check_study(folder, ["runs", "study.yaml"])
     plans = [plan(study, name, folder) for name in study.arms]
     results = []
     with progress_bars() as bars:
