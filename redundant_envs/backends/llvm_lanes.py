@@ -115,9 +115,23 @@ class Emitter:
 
     def value(self, node: Value) -> Any:
         key = bits_of(node) if isinstance(node, float) else node
-        if key not in self.values:
-            self.values[key] = self._emit(node)
+        waiting = [] if key in self.values else [node]
+        while waiting:  # a chain may be longer than Python's calls may be deep
+            node = waiting[-1]
+            missing = [a for a in self._operands(node) if a not in self.values]
+            if missing:
+                waiting += reversed(missing)
+            else:
+                waiting.pop()
+                now = bits_of(node) if isinstance(node, float) else node
+                if now not in self.values:
+                    self.values[now] = self._emit(node)
         return self.values[key]
+
+    def _operands(self, node: Value) -> list[Operation]:
+        """Operations whose results an operation asks for; stages ask in their own order."""
+        is_stage = isinstance(node, Operation) and self.stages and node.name in ("stage", "result")
+        return node.operands if isinstance(node, Operation) and not is_stage else []
 
     def _emit(self, node: Value) -> Any:
         b, v = self.builder, self.vectors

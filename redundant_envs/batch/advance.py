@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from redundant_envs.algebra import where
-from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends
+from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends, limited
 from redundant_envs.batch.slots import advance
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import GIVEN_UP, Control, Fault
@@ -37,7 +37,12 @@ def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
 
 def advance_kernel(dynamics: Dynamics, lanes: int = LANES) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`; ``lanes`` are those of a
-    block."""
+    block. ValueError if the scene has too many operations."""
+    with limited(dynamics):
+        return _advance_kernel(dynamics, lanes)
+
+
+def _advance_kernel(dynamics: Dynamics, lanes: int) -> tuple[Kernel, Blocks]:
     interval = Interval(dynamics)
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS}, lanes)
     blocks = Blocks(p, interval, interval.layout())

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Scalar
-from redundant_envs.tracing.graph import reached
+from redundant_envs.tracing.graph import TooManyOperations, counted, reached
 
 GROUP = 64
 """Blocks that go through a step together: few enough to stay in a small cache, many enough that the code of
@@ -42,6 +44,26 @@ class Ends:
     end: Procedure  # of a lane that has crossed the interval; it may return values for arrays
     outputs: Callable[[Block], dict[str, Any]]  # addresses of these arrays for a block
     finish: Callable[[Block], None] = lambda block: None  # records further work on a block
+
+
+@contextlib.contextmanager
+def limited(dynamics: Dynamics) -> Iterator[None]:
+    """ValueError if what is recorded within this context would take too long to compile."""
+    try:
+        with counted():
+            yield
+    except TooManyOperations as error:
+        counts, effects = error.counts, dynamics.scene.effects
+        boundaries = Counter(b.owner for b in dynamics.boundaries)
+        shared = counts[""] / max(1, boundaries.total())
+        of_effects = {e.key: counts[e.key] + round(shared * boundaries[e.key]) for e in effects}
+        largest = max(of_effects, key=lambda key: of_effects[key], default="arm")
+        count = of_effects.get(largest, counts[""])
+        raise ValueError(
+            f"the program of this scene has more than {error.most} operations, which would take minutes to "
+            f"compile; of its {len(effects)} effects {largest!r} has the most, about {count}: leave some "
+            "out, or take fixed steps in place of a tolerance"
+        ) from None
 
 
 class Blocks:

@@ -6,7 +6,7 @@ import enum
 import math
 from typing import Any
 
-from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends
+from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends, limited
 from redundant_envs.batch.slots import advance
 from redundant_envs.draws import KEY_WORDS, WORDS, uniform
 from redundant_envs.lane.dynamics import DRAW_KEY
@@ -56,9 +56,14 @@ ARGUMENTS = {
 
 
 class EnvironmentKernel:
-    """Step, reset or observe all environments in one call; ``lanes`` are those of a block."""
+    """Step, reset or observe all environments in one call; ``lanes`` are those of a block. ValueError if the
+    scene has too many operations."""
 
     def __init__(self, episode: Episode, lanes: int = LANES) -> None:
+        with limited(episode.dynamics):
+            self._record(episode, lanes)
+
+    def _record(self, episode: Episode, lanes: int) -> None:
         self.episode = episode
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
         self.blocks = Blocks(p, episode.interval, episode.layout())

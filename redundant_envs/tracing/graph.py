@@ -8,6 +8,7 @@ import gc
 import operator
 import struct
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -60,6 +61,33 @@ located = functools.partial(setting, _located, True)
 """Within this context graphs keep the origins of their operations."""
 owned = functools.partial(setting, _owner)
 """Operations recorded within this context are attributed to an owner, its argument."""
+
+
+MOST_OPERATIONS = 100_000
+"""Operations that a program may record: those of the largest one take some 2 s to trace and half a minute to
+compile, and a compiler takes more than twice as long for twice as many."""
+
+
+CHECKED = 256
+"""Operations after which the count of a program is looked at."""
+
+
+class TooManyOperations(Exception):
+    """A program has more operations than it may have, ``most``; ``counts`` of those recorded, by owner."""
+
+    def __init__(self, counts: Counter[str]) -> None:
+        super().__init__(counts)
+        self.counts, self.most = counts, MOST_OPERATIONS
+
+
+_counts: ContextVar[Counter[str] | None] = ContextVar("counts", default=None)
+
+
+@contextlib.contextmanager
+def counted() -> Iterator[None]:
+    """Within this context, and not beyond the outermost one, the operations of all graphs are counted."""
+    with contextlib.nullcontext() if _counts.get() is not None else setting(_counts, Counter()):
+        yield
 
 
 @contextlib.contextmanager
@@ -124,6 +152,7 @@ class Graph:
         self.whole = whole
         self._known: dict[Any, Operation] = {}
         self._located = _located.get()
+        self._counts = _counts.get()
         self.results: dict[Any, Any] = {}
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
@@ -137,6 +166,10 @@ class Graph:
         if found is None:
             origin = _origin() if self._located else None
             found = self._known[key] = Operation(name, list(arguments), extra, origin)
+            if (counts := self._counts) is not None:
+                counts[_owner.get()] += 1
+                if len(self._known) % CHECKED == 0 and counts.total() > MOST_OPERATIONS:
+                    raise TooManyOperations(counts)
         return found
 
     def load(self, space: str, k: int) -> Operation:
