@@ -44,7 +44,7 @@ with needs("tune"):
     from rich.progress import Progress
 
 JOURNAL = "study.journal"
-MOST_JOURNAL = 1 << 26  # bytes: those of ``MOST_TRIALS``
+LEAST_JOURNAL = 1 << 23  # bytes that a journal may have, whatever its study: those of some hundred trials
 STUDY = "tune"  # name of the study in its file
 SETTINGS = "settings"  # attribute of a study: the settings that identify it
 AHEAD = "ahead"
@@ -84,6 +84,8 @@ def tune(
     check_study(folder, [JOURNAL] if storage is None else ["trial*"])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"):
+        if storage is None:
+            _cut_half_line(folder / JOURNAL, _most_bytes(config, trials))
         study = _open(folder, config, space, seed, processes, storage)
         trying = (_Trying if storage is None else _Sharing)(study, config, space, folder, trials, seed)
         try:
@@ -109,8 +111,6 @@ def _open(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     settings = _settings(config, space, seed)
     path: Any = storage or folder / JOURNAL
-    if storage is None:
-        _cut_half_line(path)
     sampler = optuna.samplers.TPESampler(seed=None if storage else seed, constant_liar=storage is not None)
     pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
     try:
@@ -146,11 +146,18 @@ def _open(
     return study
 
 
-def _cut_half_line(path: Path) -> None:
+def _most_bytes(config: Config, trials: int) -> int:
+    """Most bytes of the journal of a study, which become up to twenty times as many in memory: with each
+    point of a trial it has a line with all points so far, and a trial may have begun again."""
+    points = config.total_steps // config.curve_every + 1
+    return max(LEAST_JOURNAL, trials * (2**15 + 2**11 * points + 2**7 * points**2))
+
+
+def _cut_half_line(path: Path, most: int) -> None:
     """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it. The file is
-    written anew, since a copy of the folder may share it."""
+    written anew, since a copy of the folder may share it; ValueError if it has more than ``most`` bytes."""
     if path.exists():
-        lines = read_bytes(path, "journal", MOST_JOURNAL)
+        lines = read_bytes(path, "journal", most)
         write_bytes(path, lines[: lines.rfind(b"\n") + 1])
 
 
