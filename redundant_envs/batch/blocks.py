@@ -106,8 +106,15 @@ class Blocks:
 
     @property
     def queue_size(self) -> int:
-        """Length of the queue, in whole numbers: the waiting lanes, and the homes of entry and slots."""
-        return GROUP * self.lanes + 2 * self.lanes if self.interval.dynamics.local else 1
+        """Length of the queue, in whole numbers: the waiting lanes, the homes of entry and slots, and whether
+        to stop."""
+        return 1 + (GROUP * self.lanes + 2 * self.lanes if self.interval.dynamics.local else 0)
+
+    def stop_if_asked(self) -> None:
+        """Return from the kernel if it is asked to stop; its memories are of no use then."""
+        p = self.p
+        with p.when(p.load(p["queue"], self.queue_size - 1) != 0):
+            p.leave()
 
     def block(self, number: Any, in_group: Any) -> Block:
         """The block with a number; ``in_group`` is its index in the scratch memory."""
@@ -166,6 +173,7 @@ class Blocks:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
+                self.stop_if_asked()
                 self.call(whole, block, ends.outputs(block))
                 ends.finish(block)
             return
@@ -181,6 +189,7 @@ class Blocks:
                     p.call(piece, **block.pointers)
                     each.enter_context(self.going_on(block))
                 each.enter_context(p.each(p["substeps"]))
+                self.stop_if_asked()
                 p.call(step, **block.pointers)
             p.call(last, **block.pointers, **ends.outputs(block))
             ends.finish(block)

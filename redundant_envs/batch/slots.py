@@ -190,6 +190,7 @@ class Slots:
         self.head.value = self.tail.value = 0
         with p.each(end, start=first) as number:
             block = self.block(number)
+            blocks.stop_if_asked()
             with blocks.going_on(block):
                 blocks.call(self.started, block)
                 self.common_step(block)
@@ -202,6 +203,7 @@ class Slots:
         """Take trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
         p = self.p
         with p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
+            self.blocks.stop_if_asked()
             with p.each_set(self.free.value) as slot:
                 self.fill(slot)
             self.trial()

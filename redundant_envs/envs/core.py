@@ -177,7 +177,7 @@ class Core(Copied):
 
     def _connect(self) -> None:
         simulator, memory = self.simulator, self.memory
-        self._team = Team(simulator, "environment", memory, self.threads)
+        self._team = Team(simulator, "environment", memory, self.threads, [self.key_table])
         self._goal_reward, self._rewarding = None, RLock()
         if self.task.goal_functions:
             entry = simulator.kernels(memory.count)["goal_reward"]

@@ -21,7 +21,7 @@ from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.memory import IN_USE, alone
-from redundant_envs.model.programs import Part
+from redundant_envs.model.programs import Team
 from redundant_envs.tracing.flow import LANES
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
@@ -193,7 +193,8 @@ class SingleLane:
 
     def __init__(self, core: Core) -> None:
         columns = core.columns
-        self._part = part = Part(core.simulator, "environment", core.memory, 0, 1)
+        self._team = Team(core.simulator, "environment", core.memory, 1, [core.key_table])
+        (part,) = self._team.parts
         self.action = np.zeros(len(core.actions), dtype=np.float32)
         self._action: Any = self.action.data  # faster to write than the array itself
         obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
@@ -211,7 +212,9 @@ class SingleLane:
         """Tip and goal, m."""
         self._memory = core.memory
         self._operation, self._version = -1, -1  # those of the last call
-        self._call = functools.partial(part.entry, part.address)
+        self._call: Callable[[], None] = functools.partial(part.entry, part.address)
+        if self._team.is_long:
+            self._call = self._team
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
             actions=self.action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
@@ -242,10 +245,11 @@ class SingleLane:
 
     def run(self, operation: int) -> Any:
         """Run an operation of the kernel; returns the observation."""
-        self._part.set(operation=operation)
-        self._part.set_pointers()
-        self._operation, self._version = operation, self._part.version
-        self._part()
+        (part,) = self._team.parts
+        part.set(operation=operation)
+        part.set_pointers()
+        self._operation, self._version = operation, part.version
+        self._team()
         return self._seen()
 
     def step(self, action: Any, operation: int) -> tuple[Any, Any]:

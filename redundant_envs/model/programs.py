@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import ctypes
 import dataclasses
@@ -9,11 +10,12 @@ import functools
 import itertools
 import os
 import threading
+import time
 import weakref
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -212,8 +214,8 @@ class Part(Call):
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
         super().__init__(simulator.arguments[name], simulator.kernels(memory.count)[name])
         self.memory, self.first = memory, first
-        scratch = aligned(simulator.scratch_size)
-        queue = np.zeros(simulator.queue_size, dtype=np.int64)
+        self._own = aligned(simulator.scratch_size), np.zeros(simulator.queue_size, dtype=np.int64)
+        scratch, queue = self._own
         self.set(
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=min(last * LANES, memory.count) - first * LANES,
@@ -221,6 +223,15 @@ class Part(Call):
         self.version = -1
         """That of the memory when the kernel got the addresses of its arrays."""
         self.set_pointers()
+
+    def stop(self) -> None:
+        """Let a call that runs end at once, without a result."""
+        self._own[1][-1] = 1
+
+    def clear(self) -> None:
+        """Let calls begin anew after one that was stopped."""
+        for array in self._own:
+            array[:] = 0
 
     def set_pointers(self) -> None:
         """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
@@ -243,55 +254,115 @@ class Worker:
 
     def __init__(self) -> None:
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._done: SimpleQueue[BaseException | None] = SimpleQueue()
-        queues = self._asked, self._done
-        threading.Thread(target=_serve, args=queues, name="redundant-envs worker", daemon=True).start()
+        self._woken: SimpleQueue[None] = SimpleQueue()
+        self._results: list[BaseException | None] = []
+        self._runs = False
+        given = self._asked, self._results, self._woken
+        threading.Thread(target=_serve, args=given, name="redundant-envs worker", daemon=True).start()
         weakref.finalize(self, self._asked.put, None)
 
     def begin(self, call: Callable[[], None]) -> None:
+        self._results.clear()
+        self._runs = True
         self._asked.put(call)
 
-    def finish(self) -> None:
-        """Wait until the call is done, and only then raise an interrupt: until then it writes to memory."""
+    def finish(self, stop: Callable[[], None] | None = None) -> None:
+        """Wait until the call is done, and only then raise an interrupt, after ``stop``: until then it writes
+        to memory."""
         interrupt = None
-        while True:
+        while self._runs:
             try:
-                error = self._done.get()
-                break
+                while not self._results:
+                    with contextlib.suppress(Empty):
+                        self._woken.get(timeout=stop and WAITED)
+                self._runs = False
             except KeyboardInterrupt as again:
                 interrupt = again
-        if interrupt or error:
-            raise interrupt or error  # type: ignore[misc]
+                if stop:
+                    stop()
+        error = interrupt or (self._results and self._results.pop())
+        if error:
+            raise error
 
 
-def _serve(asked: SimpleQueue[Callable[[], None] | None], done: SimpleQueue[BaseException | None]) -> None:
+def _serve(asked: SimpleQueue[Any], results: list[BaseException | None], woken: SimpleQueue[None]) -> None:
     while (call := asked.get()) is not None:
         try:
             call()
         except BaseException as error:
-            done.put(error)
+            results.append(error)
         else:
-            done.put(None)
+            results.append(None)
+        woken.put(None)
+
+
+WAITED = 0.2
+"""s. Waits of this length follow each other where a wait without an end would take no interrupt (Windows)."""
+LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
+"""ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
+takes some 20 us, and to copy the numbers 80 ns for each lane."""
+SUBSTEP = 800
+"""ns that a substep of a block takes at least."""
 
 
 class Team:
-    """A kernel on all blocks of a memory, with the given number of threads."""
+    """A kernel on all blocks of a memory, with the given number of threads.
 
-    def __init__(self, simulator: Simulator, name: str, memory: Memory, threads: int) -> None:
+    A long call can be interrupted, and changes nothing then, neither the memory nor the arrays ``also``.
+    """
+
+    def __init__(
+        self, simulator: Simulator, name: str, memory: Memory, threads: int, also: Sequence[NDArray[Any]] = ()
+    ) -> None:
         cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
         self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
+        self._memory, self._also = memory, also
+        of_block = SUBSTEP * simulator.dynamics.scene.substeps
+        of_part = of_block * -(-memory.blocks // len(self.parts))
+        self._least = self._took = of_part if of_block > LONG_OF_LANE * LANES else 0
+        """ns that a step takes at least, if that is long, and that the last call took."""
+        self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
+        self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
         self._start()
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the next call may take long."""
+        return self._took >= self._long
 
     def _start(self) -> None:
         """Threads belong to a process: a forked process starts its own."""
         self._workers = [Worker() for _ in self.parts[1:]]
+        self._first: Worker | None = None  # makes the calls of the first part while they are long
         self._process = os.getpid()
 
     def __call__(self) -> None:
+        if len(self.parts) > 1 or self.is_long:
+            self._run()
+            return
+        (part,) = self.parts
+        part.set_pointers()
+        if not self._timed:
+            part.entry(part.address)
+            return
+        start = time.perf_counter_ns()
+        part.entry(part.address)
+        self._took = max(self._least, time.perf_counter_ns() - start)
+
+    def _run(self) -> None:
+        """Run several parts, or a long one."""
         for part in self.parts:
             part.set_pointers()
-        if len(self.parts) > 1 and self._process != os.getpid():
+        if self._process != os.getpid():
             self._start()
+        start = time.perf_counter_ns()
+        if self.is_long:
+            self._run_long()
+        else:
+            self._run_parts()
+        self._took = max(self._least, time.perf_counter_ns() - start)
+
+    def _run_parts(self) -> None:
         for worker, part in zip(self._workers, self.parts[1:], strict=True):
             worker.begin(part)
         try:
@@ -299,6 +370,30 @@ class Team:
         finally:
             for worker in self._workers:
                 worker.finish()
+
+    def _run_long(self) -> None:
+        self._first = self._first or Worker()
+        workers, arrays = (self._first, *self._workers), (*self._memory.arrays.values(), *self._also)
+        before = [array.copy() for array in arrays]
+        try:
+            for worker, part in zip(workers, self.parts, strict=True):
+                worker.begin(part)
+            for worker in workers:
+                worker.finish(self._stop)
+        except BaseException:
+            self._stop()
+            for worker in workers:
+                with contextlib.suppress(KeyboardInterrupt):
+                    worker.finish(self._stop)
+            for array, content in zip(arrays, before, strict=True):
+                array[:] = content
+            for part in self.parts:
+                part.clear()
+            raise
+
+    def _stop(self) -> None:
+        for part in self.parts:
+            part.stop()
 
 
 class Copied(ABC):

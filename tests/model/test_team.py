@@ -1,6 +1,7 @@
 """Threads of a simulator finish every call that they begin, and end with it."""
 
 import copy
+import dataclasses
 import gc
 import signal
 import threading
@@ -8,8 +9,10 @@ import time
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import redundant_envs as rde
+from redundant_envs.model.memory import IN_USE
 from redundant_envs.model.programs import Worker
 
 
@@ -94,3 +97,38 @@ def test_what_a_part_raises_leaves_no_other_part_running(monkeypatch):
     q = np.zeros((64, 4))
     batch.set_state(q, q)
     assert np.isfinite(batch.advance().evaluations).all()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system interrupts no thread")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interrupt_stops_a_long_call_which_then_has_changed_nothing(threads):
+    scene = dataclasses.replace(rde.load_scene("four_r_reach"), tolerance=None, substeps=1_000_000)
+    batch = rde.BatchSimulator(scene, 256, threads=threads)
+    before, main = batch.save(), threading.get_ident()
+
+    def interrupt():
+        while batch._memory.free != IN_USE:
+            time.sleep(0.0)
+        time.sleep(0.05)
+        signal.pthread_kill(main, signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        batch.advance()
+    thread.join()
+    for name, content in batch.save().items():
+        assert_array_equal(content, before[name])
+
+
+@pytest.mark.parametrize("name", ["four_r_reach", "rprp_stops"])
+def test_a_stopped_call_leaves_nothing_behind_for_the_next_one(name):
+    first, second = (rde.BatchSimulator(rde.load_scene(name), 70) for _ in range(2))
+    before, (part,) = first.save(), first._team.parts
+    part.stop()
+    first.advance(np.ones(4))
+    assert_array_equal(first.save()["states"], before["states"])
+    part.clear()
+    for simulator in (first, second):
+        simulator.advance(np.ones(4))
+    assert_array_equal(first.save()["states"], second.save()["states"])
