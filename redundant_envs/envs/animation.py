@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, TRAIL, Drawing, stated_limits
-from redundant_envs.figures import bare, check_clip, new_figure, save_figure, write_clip
+from redundant_envs.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scene import Scene
 from redundant_envs.values import shown
@@ -139,7 +139,7 @@ def energies_figure(motion: Trajectory, name: str) -> Any:
     energy.plot(motion.t, motion.kinetic_energy, color=KINETIC, lw=1.4, label="kinetic")
     energy.plot(motion.t, motion.potential_energy, color=POTENTIAL, lw=1.4, label="potential")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{name}: kinetic and potential energy", loc="left")
+    energy.set_title(f"{literal(name)}: kinetic and potential energy", loc="left")
     limits = stated_limits(motion.scene)
     for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
         slider = motion.scene.robot.coordinates[k]
@@ -166,7 +166,7 @@ def total_figure(motion: Trajectory, name: str) -> Any:
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
         energy.plot(motion.t, motion.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{name}: total energy, relative drift {motion.drift:.1e}", loc="left")
+    energy.set_title(f"{literal(name)}: total energy, relative drift {motion.drift:.1e}", loc="left")
     error.plot(motion.t, motion.relative_error, color=ERROR, lw=1.2, label="relative error")
     error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)

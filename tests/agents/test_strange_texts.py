@@ -11,6 +11,7 @@ from short_trainings import SMALL
 
 from redundant_envs.__main__ import main as core
 from redundant_envs.figures import literal, new_figure, save_figure
+from redundant_envs.files import config_folder
 from redundant_envs.progress import progress_bars
 from redundant_envs.tables import Markdown, code, escaped, markdown
 from redundant_envs.values import printable, warn
@@ -79,8 +80,11 @@ def test_names_are_no_markup_of_progress(monkeypatch, tmp_path):
 
 
 def test_names_are_no_formulas_of_figures(tmp_path):
+    scene = tmp_path / r"$\frac{$.yaml"
+    scene.write_bytes((config_folder("scenes") / "rprp_reach.yaml").read_bytes())
+    assert core(["simulate", "--scene", str(scene), "--seconds", "0.02", "--out", str(tmp_path)]) == 0
     figure = new_figure(2, 2)
-    figure.suptitle(literal(r"$\frac{ \x1b"))
+    figure.suptitle(literal(r"$\frac{$ \x1b"))
     save_figure(figure, tmp_path / "a.png")
 
 
