@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import json
+import os
+import subprocess
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
 
+from redundant_envs.backends import llvm_text
 from redundant_envs.backends.processors import Processor
 from redundant_envs.tracing.flow import Program
 from redundant_envs.tracing.graph import setting, uncollected
@@ -20,11 +26,12 @@ from redundant_envs.tracing.graph import setting, uncollected
 Entry = Callable[[int], None]
 """A kernel in machine code: it takes the address of a frame, its arguments as 8 bytes each."""
 
-ORDER_OPTION = "-enable-misched={}"
-"""LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
-
 EFFORT = 3
 """Of LLVM's code generator, 0 to 3: with 1 it takes a fifth less time, and motors are 2.5 % slower (0011)."""
+
+LONG_TEXT = 2_500_000
+"""Characters of a program in LLVM's language beyond which it takes more than a second to compile, which is
+done in a process of its own: nothing else stops a compiler."""
 
 _lock = threading.Lock()
 _loaded: list[Any] = []
@@ -57,30 +64,53 @@ def facts() -> tuple[str, ...]:
 
 def machine() -> Any:
     """The processor, in LLVM's terms."""
-    made_for = processor()
-    if made_for.is_wasm:
-        llvm.initialize_all_targets()
-        llvm.initialize_all_asmprinters()
-        how: dict[str, Any] = {"codemodel": "default", "reloc": "static"}
-    else:
-        llvm.initialize_native_target()
-        llvm.initialize_native_asmprinter()
-        how = {"codemodel": "jitdefault", "jit": True}
-    of_kind = llvm.Target.from_triple(made_for.triple)
-    return of_kind.create_target_machine(cpu=made_for.name, features=made_for.features, opt=EFFORT, **how)
+    return llvm_text.machine(*_target_of(processor()))
+
+
+def _target_of(made_for: Processor) -> tuple[str, str, str, int]:
+    return made_for.name, made_for.features, made_for.triple, EFFORT
 
 
 def object_code(program: Program) -> bytes:
     """The machine code of a program for this processor."""
-    return _emitted(program, lambda target, module: target.emit_object(module))  # type: ignore[no-any-return]
+    made_for, text = processor(), _text(program)
+    target = _target_of(made_for)
+    if len(text) > LONG_TEXT and Path(llvm_text.__file__).is_file() and not getattr(sys, "frozen", False):
+        return _compiled_in_child(text, json.dumps([target, made_for.wide]))
+    return _emitted(text, llvm_text.object_code)  # type: ignore[no-any-return]
 
 
 def assembly(program: Program) -> str:
     """The same as readable assembly."""
-    return _emitted(program, lambda target, module: target.emit_assembly(module))  # type: ignore[no-any-return]
+    return _emitted(_text(program), lambda target, module: target.emit_assembly(module))  # type: ignore[no-any-return]
 
 
-def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
+def _emitted(text: str, emit: Callable[[Any, Any], Any]) -> Any:
+    made_for = processor()
+    with _lock:
+        return llvm_text.emitted(text, _target_of(made_for), made_for.wide, emit)
+
+
+def _compiled_in_child(text: str, arguments: str) -> bytes:
+    """The code that a process of its own makes, which an interrupt ends."""
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    command = [sys.executable, "-P", llvm_text.__file__, arguments]  # beside it are files named as libraries
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env=env) as child:
+        try:
+            code, said = child.communicate(text.encode())
+        except BaseException:
+            child.kill()
+            child.wait()
+            raise
+    if child.returncode:
+        last = said.decode(errors="replace").strip().rpartition("\n")[2]
+        raise RuntimeError(f"the compiler ended with status {child.returncode}: {last or 'it said nothing'}")
+    return code
+
+
+def _text(program: Program) -> str:
+    """A program in LLVM's language."""
     from redundant_envs.backends.llvm_kernels import module_of  # not needed to load compiled code
 
     made_for = processor()
@@ -96,31 +126,7 @@ def _emitted(program: Program, emit: Callable[[Any, Any], Any]) -> Any:
         text = str(described)
         for block in (block for function in described.functions for block in function.blocks):
             block.instructions.clear()  # They know their block: a garbage collection would look at all.
-    with _lock:
-        llvm.set_option("redundant-envs", ORDER_OPTION.format("false" if made_for.wide else "true"))
-        try:
-            target = machine()
-            module = llvm.parse_assembly(text)
-            module.verify()
-            _tidy(module, target)
-            return emit(target, module)
-        finally:
-            llvm.set_option("redundant-envs", ORDER_OPTION.format("true"))
-
-
-def _tidy(module: Any, target: Any) -> None:
-    """Put variables of kernels into registers, and remove empty blocks.
-
-    LLVM need not do more: our own passes have done what its pipelines would do for speed, and these gain
-    nothing in twice the time.
-    """
-    builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options())
-    passes = llvm.create_new_function_pass_manager()
-    passes.add_sroa_pass()
-    passes.add_simplify_cfg_pass()
-    for function in module.functions:
-        if not function.is_declaration:
-            passes.run(function, builder)
+    return text
 
 
 def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:

@@ -109,9 +109,13 @@ class Simulator:
         if few:
             what += f", for at most {FEW}"
         names = [*self.arguments]
-        return cache.kernels(
-            self.key(few or LANES), names, lambda: dataclasses.replace(self.program, few=few), what
-        )
+        try:
+            return cache.kernels(
+                self.key(few or LANES), names, lambda: dataclasses.replace(self.program, few=few), what
+            )
+        except BaseException:
+            self.__dict__.pop("_traced", None)  # a compiler that was stopped has changed graphs in part
+            raise
 
 
 FEW = 4

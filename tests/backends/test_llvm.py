@@ -11,7 +11,7 @@ from catalogue import SCENES
 from compiled import compiled, on_columns
 
 from redundant_envs import algebra
-from redundant_envs.backends import llvm, llvm_kernels
+from redundant_envs.backends import llvm, llvm_kernels, llvm_text
 from redundant_envs.backends.processors import AVX2
 from redundant_envs.backends.torch import torch
 from redundant_envs.draws import uniform
@@ -274,16 +274,16 @@ def test_llvm_has_its_own_order_again_afterwards():
         return llvm.machine().emit_assembly(binding.parse_assembly(text))
 
     before = by_others()
-    binding.set_option("test", llvm.ORDER_OPTION.format("false"))
+    binding.set_option("test", llvm_text.ORDER_OPTION.format("false"))
     try:
         assert by_others() != before
     finally:
-        binding.set_option("test", llvm.ORDER_OPTION.format("true"))
+        binding.set_option("test", llvm_text.ORDER_OPTION.format("true"))
     assert by_others() == before
     llvm.object_code(probe())
     assert by_others() == before
     with pytest.raises(RuntimeError):
-        llvm._emitted(probe(), lambda target, module: binding.parse_assembly("no assembly"))
+        llvm._emitted(text, lambda target, module: binding.parse_assembly("no assembly"))
     assert by_others() == before
 
 
