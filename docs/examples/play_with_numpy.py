@@ -8,15 +8,16 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-import yaml
 
 import redundant_envs  # noqa: F401  (registers the ids)
+from redundant_envs.bounded import read_arrays
+from redundant_envs.files import read_yaml
 
 
 def load(path):
     """A function from observations to actions, both (environments, numbers)."""
-    file = np.load(path)
-    count = sum(name.startswith("weights_") for name in file.files)
+    file = read_arrays(path, "policy")  # np.load, within bounds of memory
+    count = sum(name.startswith("weights_") for name in file)
     layers = [(file[f"weights_{k}"].T, file[f"biases_{k}"]) for k in range(count)]
     hidden = {"silu": lambda x: x * (0.5 + 0.5 * np.tanh(0.5 * x)), "tanh": np.tanh,
               "relu": lambda x: np.maximum(x, 0.0)}[str(file["activation"])]  # fmt: skip
@@ -47,7 +48,7 @@ def main():
         parser.error("--episodes is at least 1, and --seed at least 0")
     if not (arguments.folder / "policy.npz").is_file():
         parser.error(f"{arguments.folder} has no policy.npz; give a folder of policies/")
-    settings = yaml.safe_load((arguments.folder / "config.yaml").read_text(encoding="utf-8"))
+    settings = read_yaml(arguments.folder / "config.yaml", "config")
     act = load(arguments.folder / "policy.npz")
     envs = gym.make_vec(settings["env"], num_envs=arguments.episodes, **settings["env_kwargs"])
     observations, _ = envs.reset(seed=arguments.seed)
