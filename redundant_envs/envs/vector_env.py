@@ -27,8 +27,8 @@ KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
     """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
-    Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, -1 for no
-    limit; ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8
+    Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, None or
+    -1 for no limit; ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8
     environments, which change no bit.
     """
 
@@ -36,7 +36,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self,
         scene: str | Mapping[str, Any],
         num_envs: int = 1,
-        max_episode_steps: int | None = 100,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,

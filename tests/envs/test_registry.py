@@ -267,3 +267,16 @@ def test_help_shows_page_methods_and_values_and_nothing_of_the_classes_below(kin
     entries = [x for x in text.partition("## Methods")[2].splitlines() if x.strip().startswith("* ")]
     assert len(entries) >= 12
     assert not [line for line in entries if line.rstrip().endswith(":")]
+
+
+@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
+def test_an_id_without_a_limit_has_none(mode):
+    home, name = "redundant_envs.envs.named", "tests/Endless-v0"
+    points = {"entry_point": f"{home}:FourRReachEnv", "vector_entry_point": f"{home}:FourRReachVectorEnv"}
+    gym.register(name, **points, kwargs={"scene": "four_r_reach"})
+    try:
+        env = gym.make_vec(name, num_envs=2, vectorization_mode=mode)
+        env.reset(seed=0)
+        assert not any(env.step(np.zeros((2, 4), np.float32))[3].any() for _ in range(120))
+    finally:
+        del gym.registry[name]
