@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 from redundant_envs.backends import llvm
 from redundant_envs.tracing.flow import Program
@@ -43,7 +44,13 @@ OWN_FILE = re.compile(r"([0-9a-f]{40})\.(code|facts|lock)(\.[0-9a-f]{16})?")
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
 
+KEPT_KERNELS = 100
+"""Programs whose machine code, some 0.4 MB each, stays in this process though no simulator uses it."""
+
 _kept: dict[str, dict[str, llvm.Entry]] = {}
+"""The kernels that were asked for last, the latest at the end."""
+_engines: WeakValueDictionary[str, Any] = WeakValueDictionary()
+"""The owners of these, and of all others that simulators use."""
 _lock = threading.RLock()
 if hasattr(os, "register_at_fork"):
     # A fork waits until no thread compiles: its child would never see that thread's locks released.
@@ -67,9 +74,16 @@ def kernels(
         return code
 
     with _lock:
-        if key not in _kept:
-            _kept[key] = llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
-        return _kept[key]
+        found = _kept.pop(key, None)
+        if found is None and key in _engines:
+            found = llvm.entries(_engines[key], names)
+        if found is None:
+            found = llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
+            _engines[key] = next(iter(found.values())).engine  # type: ignore[attr-defined]
+        _kept[key] = found
+        if len(_kept) > KEPT_KERNELS:
+            del _kept[next(iter(_kept))]
+        return found
 
 
 def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -34,8 +34,6 @@ LONG_TEXT = 2_500_000
 done in a process of its own: nothing else stops a compiler."""
 
 _lock = threading.Lock()
-_loaded: list[Any] = []
-"""Engines own the machine code, so they are kept."""
 
 
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
@@ -134,6 +132,14 @@ def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    _loaded.append(engine)
+    return entries(engine, names)
+
+
+def entries(engine: Any, names: Sequence[str]) -> dict[str, Entry]:
+    """Kernels of an engine, which owns the machine code, by their names: the code stays as long as one of
+    them."""
     kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
-    return {name: kind(engine.get_function_address(name)) for name in names}
+    found: dict[str, Any] = {name: kind(engine.get_function_address(name)) for name in names}
+    for entry in found.values():
+        entry.engine = engine
+    return found

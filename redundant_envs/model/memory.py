@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
+from redundant_envs.machine import memory_of_machine
 from redundant_envs.tracing.flow import LANES
+from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
@@ -86,6 +88,7 @@ class Memory:
     ) -> None:
         """``more`` are parameters beside those of the scene; ``drawn`` if each episode of a lane draws some,
         so that lanes never share theirs."""
+        _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self.user = get_ident()
         """The thread that uses these numbers, if it is in a method of :func:`alone`."""
@@ -242,6 +245,16 @@ class Memory:
         )
         other.restore(states, parameters)
         return other
+
+
+def _check_size(layout: Layout, count: int) -> None:
+    """ValueError if this machine cannot hold the numbers of so many lanes."""
+    of_lane, machine = 8 * sum(map(layout.size, KEPT)), memory_of_machine()
+    if count * of_lane > machine:
+        raise ValueError(
+            f"num_envs is {shown(count)}; each takes {of_lane} bytes, and this machine has "
+            f"{machine / 1e9:.0f} GB: give at most {machine // of_lane}"
+        )
 
 
 def _aligned_copy(array: Array) -> Array:

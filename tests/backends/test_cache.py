@@ -1,5 +1,6 @@
 """The folder of machine code: damage is found, files are never incomplete, and it is optional."""
 
+import gc
 import hashlib
 import os
 import shutil
@@ -9,6 +10,7 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import MagicMock, Mock
+from weakref import WeakValueDictionary
 
 import numpy as np
 import pytest
@@ -38,6 +40,7 @@ def load(folder, monkeypatch):
     """Run the kernel as another process would get it; returns the result and the messages."""
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
     monkeypatch.setattr(cache, "_kept", {})
+    monkeypatch.setattr(cache, "_engines", {})
     monkeypatch.setattr(cache, "_warned", set())
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -217,10 +220,34 @@ def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch
 def test_threads_that_want_the_same_program_compile_it_once(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
     monkeypatch.setattr(cache, "_kept", {})
+    monkeypatch.setattr(cache, "_engines", {})
     with ThreadPoolExecutor(6) as pool:
         found = list(pool.map(lambda _: double(), range(6)))
     assert all(kernel is found[0] for kernel in found)
     assert compilations(capsys) == 1
+
+
+def test_machine_code_stays_as_long_as_it_is_used_and_that_asked_for_last(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    for name, empty in (("_kept", {}), ("_engines", WeakValueDictionary()), ("KEPT_KERNELS", 2)):
+        monkeypatch.setattr(cache, name, empty)
+
+    def asked(letter):
+        return cache.kernels(letter * 40, ["double"], small_program, "a test")["double"]
+
+    used = asked("a")
+    for letter in "bcbd":
+        asked(letter)
+    gc.collect()
+    assert [*cache._kept] == ["b" * 40, "d" * 40]
+    assert {*cache._engines} == {letter * 40 for letter in "abd"}
+    x = np.array([21.0])
+    used(np.array([x.ctypes.data]).ctypes.data)
+    assert x[0] == 42.0
+    shutil.rmtree(tmp_path)
+    asked("a")  # from memory
+    assert compilations(capsys) == 4
+    assert not tmp_path.exists()
 
 
 # ---- facts about programs --------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.lane.memory import PARAMETER
+from redundant_envs.model import memory
 
 GOAL_ID = "redundant_envs/RPRPGoalReach-v0"
 SCENE = rde.load_scene("rprp_reach").to_dict()
@@ -396,3 +397,18 @@ def test_an_ended_episode_is_said_to_have_ended_whatever_the_action(action):
     """Found by fuzzing: a vector named the action, the single environment the end."""
     env = running("disabled", max_episode_steps=1)
     refused(env, lambda env: env.step(action), r"environments \[0, 1, 2\] have ended; call reset")
+
+
+@pytest.mark.parametrize("count", [10**9, 10**20])
+def test_more_environments_than_the_machine_holds_are_refused_by_their_number(count, monkeypatch):
+    monkeypatch.setattr(memory, "memory_of_machine", lambda: 8 * 10**9)
+    made = (
+        lambda: rde.BatchSimulator(rde.load_scene("four_r_reach"), count),
+        lambda: gym.make_vec(FOUR_R, num_envs=count),
+        lambda: rde.make_sb3(FOUR_R, count),
+    )
+    for make in made:
+        with pytest.raises(
+            ValueError, match=rf"num_envs is {count}; each takes \d+ bytes.*8 GB: give at most \d+"
+        ):
+            make()
