@@ -20,6 +20,7 @@ from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reac
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
+from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import ENDS, TIP, Episode
 from redundant_envs.lane.memory import Layout
@@ -36,6 +37,7 @@ from redundant_envs.values import whole_number
 
 OF_KEYS = ("keys", "mask", "waiting")
 STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
+MANY = 40  # lanes whose first keys are drawn together in less time than their generators are made
 AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
@@ -51,12 +53,16 @@ class EpisodeKeys:
         """The seed of each lane's generator; -1 if it is unknown."""
         self._ready: dict[int, tuple[np.random.Generator, int]] = {}
         """Generators of lanes that were asked for before a first episode needed them."""
+        self._unmade: dict[int, int] = {}
+        """Seeds of lanes whose keys were drawn without a generator, which is made when it is needed."""
         self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
         self._left = np.zeros(count, dtype=np.int64)
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
         """The generators, advanced by the keys taken so far; an entry of the list may be replaced."""
+        for lane in [*self._unmade]:
+            self._make(lane)
         for lane in np.flatnonzero(self._left).tolist():
             generator = self._generators[lane]
             assert generator is not None
@@ -68,9 +74,29 @@ class EpisodeKeys:
         """Give a lane a new generator; returns the seed used."""
         ready = self._ready.pop(lane, None)
         generator, used = ready if seed is None and ready else seeding.np_random(seed)
+        self._unmade.pop(lane, None)
         self._generators[lane], self.seeds[lane] = generator, used
         self._left[lane] = 0
         return used
+
+    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
+        """Give lanes new generators, as :meth:`seed` does; many are made only when they are needed."""
+        if len(lanes) < MANY or max(seeds) > LARGEST_SEED:
+            for lane, seed in zip(lanes, seeds, strict=True):
+                self.seed(lane, seed)
+            return
+        words = first_words(seeds, 2 * AHEAD).astype("<u8")
+        self._drawn[lanes] = words.view("<u4").reshape(len(lanes), *self._drawn.shape[1:])
+        self._left[lanes] = AHEAD
+        for lane, seed in zip(lanes, seeds, strict=True):
+            self._ready.pop(lane, None)
+            self._unmade[lane] = self.seeds[lane] = seed
+
+    def _make(self, lane: int) -> None:
+        """Make the generator of a lane whose keys were drawn without it."""
+        generator, _ = seeding.np_random(self._unmade.pop(lane))
+        generator.bit_generator.advance(2 * AHEAD)  # type: ignore[attr-defined]
+        self._generators[lane] = generator
 
     def own(self) -> list[np.random.Generator]:
         """The generator of each lane, also before its first episode."""
@@ -85,7 +111,15 @@ class EpisodeKeys:
 
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
-        for lane in lanes[self._left[lanes] == 0].tolist():
+        out = lanes[self._left[lanes] == 0].tolist()
+        known = self._unmade.keys() | self._ready.keys()
+        new = [lane for lane in out if self._generators[lane] is None and lane not in known]
+        if len(new) >= MANY:
+            self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
+            out = [lane for lane in out if self._left[lane] == 0]
+        for lane in out:
+            if lane in self._unmade:
+                self._make(lane)
             if self._generators[lane] is None:
                 self.seed(lane, None)
             generator, drawn = self._generators[lane], self._drawn[lane]
@@ -230,6 +264,11 @@ class Core(Copied):
         """Give a lane a new generator; returns the seed used."""
         self.waiting[lane] = False
         return self._episode_keys.seed(lane, seed)
+
+    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
+        """Give lanes new generators."""
+        self.waiting[lanes] = False
+        self._episode_keys.seed_all(lanes, seeds)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""

@@ -115,6 +115,18 @@ class Columns:
             found[DRAWN] = self.drawn_of(float(self.of(out, field)[lane]) for field in self.drawn_fields)
         return found
 
+    def all_info(self, out: Outputs) -> list[dict[str, Any]]:
+        """:meth:`info` of every lane, in a fraction of the time."""
+        rows = [out[table][row].tolist() for _, table, row in self.places_shown]
+        count = out.flags.shape[1]
+        lanes = zip(*rows, strict=True) if rows else [()] * count
+        found = [dict(zip(self.names, values, strict=False)) for values in lanes]
+        if self.shows_drawn:
+            fields = [self.of(out, field).tolist() for field in self.drawn_fields]
+            for info, values in zip(found, zip(*fields, strict=True), strict=True):
+                info[DRAWN] = self.drawn_of(values)
+        return found
+
 
 def _together(row: list[Any]) -> Any:
     """The entries of a name: those of one lane are numbers, and those of all arrays."""

@@ -62,12 +62,11 @@ class SB3VecEnv(VectorFace, VecEnv):
         seeds, lanes, self._asked = self._seeds, np.arange(self.num_envs), 0
         given = self.core.checked({}, lanes)
         self._reset_seeds()
-        for lane, seed in enumerate(seeds):
-            if seed is not None:
-                self.core.seed(lane, seed)
+        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None}
+        self.core.seed_all([*seeded], [*seeded.values()])
         self.core.begin(np.ones(self.num_envs, dtype=np.bool_), given)
         observation, out = self._observed()
-        self.reset_infos = [self.core.columns.info(out, lane) for lane in range(self.num_envs)]
+        self.reset_infos = self.core.columns.all_info(out)
         return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:

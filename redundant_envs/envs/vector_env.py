@@ -91,9 +91,8 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
             raise ValueError("options['reset_mask'] leaves environments out of the first reset")
         seeds = lane_seeds(seed, self.num_envs)
         checked = self.core.checked(options, np.flatnonzero(mask))
-        for lane, value in enumerate(seeds):
-            if value is not None and mask[lane]:
-                self.core.seed(lane, value)
+        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
+        self.core.seed_all([*seeded], [*seeded.values()])
         self.core.begin(mask, checked)
         self._ended[mask] = False
         observation, out = self._observed()
