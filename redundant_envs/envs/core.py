@@ -112,8 +112,8 @@ class EpisodeKeys:
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
         out = lanes[self._left[lanes] == 0].tolist()
-        known = self._unmade.keys() | self._ready.keys()
-        new = [lane for lane in out if self._generators[lane] is None and lane not in known]
+        made, waiting, ready = self._generators, self._unmade, self._ready
+        new = [k for k in out if made[k] is None and k not in waiting and k not in ready]
         if len(new) >= MANY:
             self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
             out = [lane for lane in out if self._left[lane] == 0]
