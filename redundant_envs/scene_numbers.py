@@ -114,6 +114,8 @@ def _check_task(task: Any, values: Table) -> None:
 def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
     """The different numbers of lanes by their names, without what these begin with."""
     own = [name.removeprefix(before) for name in names]
+    if own and len(values[before + own[0]]) == 1:
+        return [{name: float(values[before + name][0]) for name in own}]
     rows = np.unique(np.stack([values[before + name] for name in own], axis=1), axis=0)
     return [dict(zip(own, row, strict=True)) for row in rows.tolist()]
 

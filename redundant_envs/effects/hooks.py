@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import inspect
 import math
 import re
@@ -568,6 +569,7 @@ WORD_BEGINS = re.compile(r"(?<=[^A-Z_])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 """Places in the name of a class before which another word begins."""
 
 
+@functools.cache
 def snake_case(name: str) -> str:
     """LimitSpring -> limit_spring, DCMotor -> dc_motor: a run of capitals is one word."""
     return WORD_BEGINS.sub("_", name).lower()

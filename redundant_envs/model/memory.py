@@ -18,6 +18,8 @@ from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
+FEW = 16
+"""Lanes up to which all their numbers are read or written at once; of more, column by column."""
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -90,6 +92,7 @@ class Memory:
         so that lanes never share theirs."""
         _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
+        self._places: dict[tuple[str, ...], tuple[str, NDArray[np.int64]] | None] = {}
         self.user = get_ident()
         """The thread that uses these numbers, if it is in a method of :func:`alone`."""
         self.free = IN_USE
@@ -153,6 +156,12 @@ class Memory:
     def read(self, names: Sequence[str], index: NDArray[Any] | None = None) -> Array:
         """Numbers of some lanes as a new array (lanes, names)."""
         lanes = self.index if index is None else np.asarray(index)
+        if len(lanes) <= FEW and (place := self._place_of(tuple(names))):
+            space, rows = place
+            if self.shared and space == str(PARAMETER):
+                return np.tile(self.arrays[space][0, rows, 0], (len(lanes), 1))
+            block, lane = np.divmod(lanes, LANES)
+            return self.arrays[space][block[:, None], rows, lane[:, None]]  # type: ignore[no-any-return]
         table = np.empty((len(lanes), len(names)))
         for k, name in enumerate(names):
             column = self.column(name)
@@ -167,6 +176,8 @@ class Memory:
         """Set numbers of some lanes from an array that broadcasts to (lanes, names)."""
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
+        if len(lanes) <= FEW and self._written(tuple(names), table, lanes):
+            return
         for name, column in zip(names, table.T, strict=True):
             self.layout.row_of(name)  # for an unknown name, the error lists the valid ones
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
@@ -180,6 +191,29 @@ class Memory:
                 self.part()
             # A view cannot do this: the blocks of a field are not contiguous.
             self.column(name)[lanes // LANES, lanes % LANES] = column
+
+    def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool:
+        """Set numbers of a few lanes at once, unless these are of several memories or no longer shared."""
+        if not (place := self._place_of(names)):
+            return False
+        space, rows = place
+        if not (self.shared and space == str(PARAMETER)):
+            block, lane = np.divmod(lanes, LANES)
+            self.arrays[space][block[:, None], rows, lane[:, None]] = table
+            return True
+        bits = np.ascontiguousarray(table).view(np.int64)
+        if len(lanes) != self.count or (bits != bits[:1]).any():
+            return False
+        self.arrays[space][0, rows] = table[:1].T
+        return True
+
+    def _place_of(self, names: tuple[str, ...]) -> tuple[str, NDArray[np.int64]] | None:
+        """The memory of some fields and their rows in it; None if these are of several."""
+        if names not in self._places:
+            found = [self.layout.row_of(name) for name in names]
+            alike = len({space for space, _ in found}) == 1
+            self._places[names] = (found[0][0], np.array([row for _, row in found])) if alike else None
+        return self._places[names]
 
     def part(self) -> None:
         """Give each lane parameters of its own."""
