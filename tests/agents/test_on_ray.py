@@ -1,18 +1,24 @@
 """Several seeds on a Ray cluster of two machines, which share no run folder."""
 
 import contextlib
+import errno
 import io
 import json
 import os
+import signal
+import socket
+import subprocess
 import sys
 import tempfile
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from run_folders import ROOT, says, write_members
 from short_trainings import TINY, assert_same_policy
 
+from redundant_envs.disk import DiskFull
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
 
@@ -55,6 +61,7 @@ def cluster(disk):
     root = str(ROOT)
 
     def prepare():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in a job script or a container
         sys.path.insert(0, root)  # Ray would add it later
         from redundant_envs_train import report
 
@@ -115,10 +122,167 @@ def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, 
     _, err = call(*COMMAND, *long, "--seeds", "3..5", "--out", out, status=130)
     user.join()
     assert err.splitlines()[-1] == "stopped; the same command with the same --out goes on"
+    assert err.count("A second Ctrl-C ends at once") == 1
     assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4"]  # seed5 waited for a core
     for folder in out.iterdir():
         assert json.loads((folder / "training.json").read_text())["stopped"] is True
         assert (folder / "checkpoint" / "state.pt").is_file()
+
+
+def processes_of_tasks():
+    """Processes of this machine that work on a task."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if path.read_bytes().startswith(b"ray::train_one"):
+                found.append(int(path.parent.name))
+    return found
+
+
+def killer(run, times):
+    """A thread that kills the processes of tasks as soon as a new checkpoint of a run has come home."""
+
+    def kill():
+        seen, end = 0, time.monotonic() + 200.0
+        for _ in range(times):
+            made = seen
+            while made == seen and time.monotonic() < end:
+                time.sleep(0.02)
+                with contextlib.suppress(OSError):
+                    made = (run / "checkpoint" / "state.pt").stat().st_mtime_ns
+            seen = made
+            for number in processes_of_tasks():
+                os.kill(number, signal.SIGKILL)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    return thread
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="this system does not list processes in /proc")
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_run_whose_machine_is_lost_goes_on_from_its_checkpoint_to_the_same_bits(
+    times, cluster, tmp_path, call
+):
+    more = ["checkpoint_seconds=0.05", "total_steps=65536", "curve_every=16384"]
+    run = tmp_path / "runs" / "seed4"
+    thread = killer(run, times)
+    words = [*COMMAND, *more, "--seeds", "4", "--out", run.parent]
+    _, err = call(*words, status=0 if times == 1 else 2)
+    thread.join()
+    if times == 3:
+        host = socket.gethostname()
+        assert f"seed4: its machine was lost; {host}: " in err
+        assert err.splitlines()[-1].count(f"{host}: ") == 3
+        assert (run / "checkpoint" / "state.pt").is_file()
+        call(*words)
+    train(load("rprp_reach_ppo", [*TINY, *more, "seed=4"]), tmp_path / "alone")
+    assert_same_policy(tmp_path / "alone", run)
+    tables = [(folder / "selection.csv").read_text().splitlines() for folder in (tmp_path / "alone", run)]
+    assert len({tuple(line.split(",")[0] for line in table) for table in tables}) == 1
+
+
+ALONE = """
+import sys
+from contextlib import suppress
+from pathlib import Path
+from redundant_envs_train.training import on_ray
+with on_ray._cluster("local", 1):
+    address = on_ray.ray.get_runtime_context().gcs_address
+    print(address)
+    listening, sockets = set(), set()
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if on_ray.TOKEN.encode() in (folder / "environ").read_bytes():
+                sockets |= {str(path.readlink()) for path in (folder / "fd").iterdir()}
+    for table in ("tcp", "tcp6"):
+        for line in Path("/proc/net", table).read_text().splitlines()[1:]:
+            cells = line.split()
+            if cells[3] == "0A" and f"socket:[{cells[9]}]" in sockets:
+                listening.add(cells[1].split(":")[0])
+    print(*sorted(listening))
+    sys.stdout.flush()
+    sys.stdin.readline()
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="others do not list sockets in /proc")
+def test_a_cluster_of_this_machine_listens_there_alone_and_asks_for_its_token(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "agents")])
+    with subprocess.Popen(
+        [sys.executable, "-c", ALONE], env=os.environ | {"PYTHONPATH": paths},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        address, listening = process.stdout.readline().strip(), process.stdout.readline().split()
+        assert address.startswith("127.0.0.1:")
+        assert listening
+        assert set(listening) <= {"0100007F", "0000000000000000FFFF00000100007F"}
+        process.communicate("\n")
+    assert not list(tmp_path.iterdir())
+
+
+ASKING = """
+import ray, sys
+ray.init("local", num_cpus=1, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+print(ray.get_runtime_context().gcs_address, flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_cluster_that_asks_for_a_token_says_so(tmp_path):
+    own = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": 64 * "a"}
+    paths = os.pathsep.join([str(ROOT), str(ROOT / "agents")])
+    plain = os.environ | {"PYTHONPATH": paths, "HOME": str(tmp_path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", ASKING], env=plain | own, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        text=True,
+    ) as process:  # fmt: skip
+        address = process.stdout.readline().strip()
+        words = [*COMMAND, "--address", address, "--seeds", "1,2", "--out", str(tmp_path / "out")]
+        done = subprocess.run(
+            [sys.executable, "-m", "redundant_envs_train", *words], env=plain, capture_output=True,
+            text=True, timeout=120,
+        )  # fmt: skip
+        process.communicate("\n")
+    assert done.returncode == 2
+    said = done.stderr.splitlines()[-1]
+    for part in (f"address is '{address}'; Ray cannot", "InvalidAuthToken", "set RAY_AUTH_MODE=token"):
+        assert part in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_folders_of_killed_tasks_are_deleted_and_others_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    old, young = (tmp_path / f"{on_ray.PREFIX}{name}" for name in ("old", "young"))
+    for folder in (old, young):
+        (folder / "seed1").mkdir(parents=True)
+    (tmp_path / "others").mkdir()
+    with on_ray._workplace() as busy:
+        for folder in (old, busy, tmp_path / "others"):
+            os.utime(folder, (0, 0))
+        with on_ray._workplace():
+            assert not old.exists()
+            assert all(folder.exists() for folder in (young, busy, tmp_path / "others"))
+    assert sorted(os.listdir(tmp_path)) == ["others", young.name]
+
+
+def test_a_full_disk_is_named_and_nothing_half_written_is_kept(tmp_path, monkeypatch):
+    (tmp_path / "new").mkdir()
+    (tmp_path / "new" / "file").touch()
+    (tmp_path / "seed1").mkdir()
+    files = on_ray.pack(tmp_path / "new")
+
+    def full(files, folder):
+        folder.mkdir(parents=True)
+        (folder / "half").touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(on_ray, "unpack", full)
+    with pytest.raises(DiskFull) as error:
+        on_ray.receive(files, tmp_path / "seed1")
+    assert f"{tmp_path / 'seed1'} cannot be written: the disk" in on_ray._short(error.value)
+    assert sorted(os.listdir(tmp_path)) == ["new", "seed1"]
 
 
 @pytest.mark.parametrize("name", ["../a", "a/../../b", "..", "/tmp/evil"])
@@ -158,7 +322,7 @@ def test_a_received_run_takes_the_place_of_an_older_one_which_outlives_a_kill(tm
 
 
 def test_another_version_on_a_worker_is_refused(tmp_path):
-    _, note, failed = on_ray.train_one._function("seed1", {}, b"", "here", "0.0.0", None)
+    _, note, failed = on_ray.train_one("seed1", {}, b"", "here", "0.0.0", None)
     assert failed
     assert f"has redundant-envs {on_ray.__version__}, and the command runs 0.0.0; install" in note
 

@@ -594,6 +594,7 @@ def on_step(self):
         pathlib.Path("begun").write_text(str(cores()))
         while not self.stop.is_set():
             time.sleep(0.01)
+            self._show()
     return plain(self)
 
 Watch._on_step = on_step
@@ -603,7 +604,7 @@ report.clip, report.plots = (lambda *given, **more: None), (lambda *given: [])
 
 
 @pytest.mark.long
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
 def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
     tmp_path, monkeypatch, call, refused, interrupts
 ):
@@ -663,4 +664,4 @@ def test_a_run_whose_process_was_killed_is_named():
     ended = SimpleNamespace(exitcode=-9, is_alive=lambda: False)
     words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
     with pytest.raises(ValueError, match=words):
-        follow(names, lambda stop: many._reports(names, [ended], news, stop))
+        follow(names, lambda stop: many._reports(names, [ended], news, threading.Event(), stop))

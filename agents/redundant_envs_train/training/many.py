@@ -14,7 +14,7 @@ from redundant_envs.extras import needs
 from .. import run_folder
 from ..config import Config, checked
 from ..start import with_start
-from .pool import POLL, News, count_of, follow, places, settle, start
+from .pool import POLL, News, ask_to_stop, count_of, follow, places, settle, start
 
 with needs("train"):
     from rich.progress import Progress
@@ -34,15 +34,15 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     for name, config in configs.items():
         check_same(config, folder / name)
     context = multiprocessing.get_context("spawn")
-    jobs, news = context.Queue(), context.Queue()
+    jobs, news, stopping = context.Queue(), context.Queue(), context.Event()
     for name, config in configs.items():
         jobs.put((name, config.to_dict(), str(folder / name)))
     alone = all(config.torch_threads == 1 for config in configs.values())
-    workers = [start(context, _work, jobs, news, core) for core in places(count, alone)]
+    workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, alone)]
     for _ in workers:
         jobs.put(None)
     names = list(configs)
-    follow(names, lambda stop: _reports(names, workers, news, stop))
+    follow(names, lambda stop: _reports(names, workers, news, stopping, stop))
 
 
 def check_same(config: Config, folder: Path) -> None:
@@ -57,14 +57,14 @@ def check_same(config: Config, folder: Path) -> None:
         )
 
 
-def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Event) -> Iterator[News]:
+def _reports(
+    names: Sequence[str], workers: Sequence[Any], news: Any, stopping: Any, stop: Event
+) -> Iterator[News]:
     """Reports of the processes; runs whose processes ended without one have failed."""
-    left, told = list(names), False
+    left = list(names)
     while left:
-        if stop.is_set() and not told:
-            told = True
-            for worker in workers:
-                worker.terminate()
+        if stop.is_set():
+            stopping.set()
         alive = any(worker.is_alive() for worker in workers)
         try:
             report: News = news.get(timeout=POLL)
@@ -80,14 +80,17 @@ def _reports(names: Sequence[str], workers: Sequence[Any], news: Any, stop: Even
 
 
 class Teller(Progress):
-    """Progress that is sent to another process instead of being shown; ``tell`` takes the reports."""
+    """Progress that is sent to another process instead of being shown. ``tell`` takes the reports;
+    ``stopping`` says whether the user has asked to stop."""
 
-    def __init__(self, tell: Callable[[News], Any], name: str) -> None:
+    def __init__(self, tell: Callable[[News], Any], stopping: Callable[[], bool], name: str) -> None:
         super().__init__(disable=True)
-        self.tell, self.name = tell, name
+        self.tell, self.stopping, self.name = tell, stopping, name
 
     def update(self, task_id: Any, **changes: Any) -> None:
         """Send the share done and the note; without a reader the training ends."""
+        if self.stopping():
+            ask_to_stop()
         parent = multiprocessing.parent_process()
         if parent is not None and not parent.is_alive():
             raise KeyboardInterrupt
@@ -96,13 +99,13 @@ class Teller(Progress):
             self.tell((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
-def _work(jobs: Any, news: Any, core: int | None, modules: Sequence[str] = ()) -> None:
-    """Finish jobs until none is left."""
+def _work(jobs: Any, news: Any, stopping: Any, core: int | None, modules: Sequence[str] = ()) -> None:
+    """Finish jobs until none is left, or the user has asked to stop."""
     settle(core, modules)
-    while (job := jobs.get()) is not None:
+    while (job := jobs.get()) is not None and not stopping.is_set():
         name, data, place = job
         try:
-            finish(checked(Config, data), Path(place), Teller(news.put, name))
+            finish(checked(Config, data), Path(place), Teller(news.put, stopping.is_set, name))
             news.put((name, 1.0, result_of(Path(place)), False))
         except KeyboardInterrupt:
             return

@@ -1,30 +1,34 @@
 """Several runs on a Ray cluster: each is a task on a core of some machine, and works on that machine's disk.
 
-No file system is shared. A task receives the existing files of its run and returns all of its files; they are
-written here.
+No file system is shared. A task receives the existing files of its run, sends them with each new checkpoint,
+and returns all of them; they are written here. A run whose machine is lost goes on from here on another one.
 """
 
 import contextlib
 import io
 import logging
 import os
+import secrets
 import shutil
 import socket
+import sys
 import tempfile
+import time
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
 from redundant_envs.disk import check_plain, write_text
+from redundant_envs.disk import told as told_of
 from redundant_envs.extras import needs
 from redundant_envs.modules import IMPORTED, OPTION
 from redundant_envs.values import shown
 
 from ..config import Config, checked
-from ..run_folder import check_new, check_out
+from ..run_folder import CHECKPOINT, STATE, check_new, check_out
 from .many import Teller, check_same, finish, is_finished, result_of
 from .pool import POLL, News, count_of, follow
 
@@ -32,11 +36,23 @@ from .pool import POLL, News, count_of, follow
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 with needs("ray"):
     import ray
-    from ray.util.queue import Queue
+    from ray._private import ray_constants
+    from ray._private.services import resolve_ip_for_localhost
+    from ray._raylet import Config as RayConfig  # type: ignore[attr-defined]
+if sys.platform != "win32":
+    import fcntl
 
 LOCAL = "local"  # Ray's name of a cluster of this machine alone
 RETRIES = 2  # number of machines of a cluster that a run may lose before it counts as failed
 CONNECTING = 10.0  # s; time limit for reaching the address of a cluster
+ANSWERING = 10.0  # s; time limit for what the board knows: its machine may be lost, and it then begins anew
+PREFIX = "redundant-envs-"  # of folders in which tasks work
+ABANDONED = 60.0  # s; age of such a folder that is not locked, and that no task is about to lock
+OF_THIS_MACHINE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
+"""Variables of a cluster of this machine alone: it listens at 127.0.0.1, as by default on macOS and Windows,
+and asks everybody for a token."""
+TOKEN = secrets.token_hex(32)
+"""That of the clusters of this process. It stands in no file: only this user can read the environment."""
 INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
 MOST_CHARACTERS = 300  # most characters of a failure in a message
 
@@ -91,30 +107,87 @@ def _cluster(place: str, count: int) -> Iterator[None]:
         yield
         return
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
-    if place == LOCAL:
-        options |= {"num_cpus": count, "include_dashboard": False}
-    try:
+    with contextlib.ExitStack() as ends:
+        if place == LOCAL:
+            options |= {"num_cpus": count, "include_dashboard": False}
+            ends.enter_context(_closed_to_others())
+        ends.callback(ray.shutdown)
         try:
             host, colon, port = place.rpartition(":")
             if colon and "/" not in host and port.isdecimal() and 0 < int(port) < 2**16:
                 # if nothing listens there, Ray would try to connect for ever
-                socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECTING).close()
+                host = resolve_ip_for_localhost(host.strip("[]"))  # as Ray does
+                socket.create_connection((host, int(port)), timeout=CONNECTING).close()
             ray.init(place, **options)
         except Exception as error:  # Ray reports an address without a cluster in many ways
             raise ValueError(
-                f"address is {shown(place)}; Ray cannot reach a cluster there ({_short(error)}). Give "
+                f"address is {shown(place)}; Ray cannot reach a cluster there ({_cause(error)}). Give "
                 "host:port, ray://host:port or auto, or none for a cluster of this machine alone"
             ) from error
         yield
+
+
+@contextlib.contextmanager
+def _closed_to_others() -> Iterator[None]:
+    """Within this context a cluster that Ray starts is closed to others."""
+    own = {**OF_THIS_MACHINE, "RAY_AUTH_TOKEN": TOKEN}
+    before = {name: os.environ.get(name) for name in own}, ray_constants.ENABLE_RAY_CLUSTER
+
+    def use(variables: Mapping[str, str | None], clusters: bool) -> None:
+        for name, value in variables.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+        ray_constants.ENABLE_RAY_CLUSTER = clusters
+        RayConfig.initialize("")  # Ray has read its variables when it was imported
+
+    use(own, False)
+    try:
+        yield
     finally:
-        ray.shutdown()
+        use(*before)
+
+
+class Board:
+    """An actor: what the tasks tell of their runs, and whether the user has asked them to stop."""
+
+    def __init__(self) -> None:
+        self._news: dict[str, tuple[News, str]] = {}
+        self._files: dict[str, Any] = {}
+        self._stopping = False
+
+    def tell(self, news: News, host: str, files: Sequence[Any] = ()) -> bool:
+        """Take a report from a machine, and a reference to the files of its run if there is a new checkpoint;
+        whether to stop."""
+        name = news[0]
+        self._news[name] = news, host
+        if files:
+            (self._files[name],) = files
+        return self._stopping
+
+    def look(self, stopping: bool) -> tuple[list[tuple[News, str]], dict[str, Any]]:
+        """The latest reports, and references to files; ``stopping`` is what tasks are told."""
+        self._stopping = stopping
+        news, self._news = list(self._news.values()), {}
+        files, self._files = self._files, {}
+        return news, files
 
 
 def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterator[News]:
-    """Submit unfinished runs as tasks, report on them, and write the returned folders."""
-    board = Queue(actor_options={"num_cpus": 0, "max_restarts": -1})
+    """Submit unfinished runs as tasks, report on them, and write their folders as they come."""
+    board = ray.remote(Board).options(num_cpus=0, max_restarts=-1).remote()
+    task = ray.remote(scheduling_strategy="SPREAD", max_retries=0)(train_one)
     running: dict[Any, str] = {}
-    for name, config in configs.items():
+    hosts: dict[str, str] = {}
+    losses: dict[str, list[str]] = {name: [] for name in configs}
+
+    def submit(name: str) -> None:
+        own = task.options(num_cpus=configs[name].torch_threads)
+        place = folder / name
+        with_files = configs[name].to_dict(), pack(place), str(place), __version__, board
+        running[own.remote(name, *with_files)] = name
+
+    for name in configs:
         place = folder / name
         try:
             restore(place)
@@ -123,27 +196,53 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
                 continue
             if not (place / "config.yaml").is_file():
                 check_new(place)
-            submit = train_one.options(num_cpus=config.torch_threads).remote
-            running[submit(name, config.to_dict(), pack(place), str(place), __version__, board)] = name
+            submit(name)
         except (ValueError, OSError) as error:
             yield name, 1.0, _short(error), True
     told = False
     while running:
-        if stop.is_set() and not told:  # each saves a checkpoint, ends, and returns its files
+        with contextlib.suppress(ray.exceptions.RayError):  # what is lost with the board is told again
+            news, sent = ray.get(board.look.remote(stop.is_set()), timeout=ANSWERING)
+            hosts |= {item[0]: host for item, host in news}
+            present = set(running.values())
+            for name in present & sent.keys():
+                yield from _kept(name, sent[name], folder)
+            yield from (item for item, _ in news if item[0] in present and item[1] > 0.0)
+        if stop.is_set() and not told:  # those that wait for a core; the others look at the board
             told = True
-            for task in running:
-                ray.cancel(task)
-        for task in ray.wait(list(running), timeout=POLL)[0]:
-            name = running.pop(task)
+            for waiting in [task for task, name in running.items() if name not in hosts]:
+                ray.cancel(waiting)
+        for done in ray.wait(list(running), timeout=POLL)[0]:
+            name = running.pop(done)
             try:
-                files, note, failed = ray.get(task)
+                files, note, failed = ray.get(done)
                 if files:
                     receive(files, folder / name)
                 yield name, 1.0, note, failed
-            except Exception as error:  # an error of the machine, the cluster or this disk
+            except LOSSES as error:
+                losses[name].append(f"{hosts.pop(name, 'before it began')}: {_short(error)}")
+                if len(losses[name]) <= RETRIES and not stop.is_set():
+                    yield name, 0.0, f"its machine was lost ({losses[name][-1]}); it goes on elsewhere", False
+                    submit(name)
+                else:
+                    yield name, 1.0, f"its machine was lost; {'; '.join(losses[name])}", True
+            except Exception as error:  # of the task, the cluster or this disk
                 yield name, 1.0, _short(error), True
-        with contextlib.suppress(ray.exceptions.RayError):  # bars are lost with a machine, not results
-            yield from (item for item in board.get_nowait_batch(board.qsize()) if item[0] in running.values())
+
+
+LOSSES = (
+    ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError, ray.exceptions.OutOfMemoryError,
+    ray.exceptions.ObjectLostError,
+)  # fmt: skip
+"""Errors of a task whose process or machine is no more."""
+
+
+def _kept(name: str, files: Any, folder: Path) -> Iterator[News]:
+    """Write a run with a new checkpoint; a report if this disk does not take it."""
+    try:
+        receive(ray.get(files, timeout=ANSWERING), folder / name)
+    except OSError as error:
+        yield name, 0.0, f"its checkpoint is not kept: {_short(error)}", False
 
 
 def _short(error: BaseException) -> str:
@@ -153,7 +252,61 @@ def _short(error: BaseException) -> str:
     return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
 
 
-@ray.remote(max_retries=RETRIES, scheduling_strategy="SPREAD")
+def _cause(error: BaseException) -> str:
+    """The last line of the error that led to an error of a connection, and what to do about a token."""
+    texts = []
+    cause: BaseException | None = error
+    while cause is not None:
+        texts.append(_short(cause))
+        cause = cause.__cause__ or cause.__context__
+    asked = [text for text in texts if "token" in text.lower()]
+    if not asked:
+        return texts[-1]
+    text = asked[-1].removeprefix("ray.exceptions.AuthenticationError: ").partition(". ")[0]
+    return (
+        f"{text}; set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN or RAY_AUTH_TOKEN_PATH to the token of the "
+        "cluster, or copy its file ~/.ray/auth_token"
+    )
+
+
+class _Courier:
+    """Sends reports of a task to the board, and the files of its run with each new checkpoint."""
+
+    def __init__(self, board: Any, place: Path) -> None:
+        self._board, self._place, self._host = board, place, socket.gethostname()
+        self._sent, self._answer, self._stop = self._checkpoint(), None, False
+        self._files: list[Any] = []  # this process owns what it sends
+
+    def tell(self, news: News) -> None:
+        new = self._checkpoint()
+        if new != self._sent:
+            self._sent, self._files = new, [ray.put(pack(self._place))]
+            self._answer = self._board.tell.remote(news, self._host, self._files)
+        else:
+            self._answer = self._board.tell.remote(news, self._host)
+
+    def stopping(self) -> bool:
+        """Whether the last answer of the board that has arrived says so."""
+        with contextlib.suppress(ray.exceptions.RayError):  # its machine was lost
+            if self._answer is not None and ray.wait([self._answer], timeout=0)[0]:
+                self._stop = ray.get(self._answer)
+        return self._stop
+
+    def begin(self, name: str) -> bool:
+        """Tell that the run begins; whether the user has asked to stop before."""
+        with contextlib.suppress(ray.exceptions.RayError):
+            self._stop = ray.get(
+                self._board.tell.remote((name, 0.0, "", False), self._host), timeout=ANSWERING
+            )
+        return not self._stop
+
+    def _checkpoint(self) -> int:
+        """When the checkpoint was made, ns; 0 without one."""
+        with contextlib.suppress(OSError):
+            return (self._place / CHECKPOINT / STATE).stat().st_mtime_ns
+        return 0
+
+
 def train_one(
     name: str, data: dict[str, Any], files: bytes, where: str, version: str, board: Any
 ) -> tuple[bytes, str, bool]:
@@ -161,7 +314,7 @@ def train_one(
 
     Returns its files, packed, its result or failure in words, and whether it failed. ``where`` is its folder
     on the machine of the user, which reports and messages name, and ``version`` that of redundant-envs there;
-    ``board`` receives the reports.
+    ``board`` is the :class:`Board`.
     """
     if version != __version__:
         note = (
@@ -169,22 +322,58 @@ def train_one(
             "install the same on all machines"
         )
         return b"", note, True
-    with tempfile.TemporaryDirectory(prefix="redundant-envs-", ignore_cleanup_errors=True) as root:
-        place = Path(root) / Path(name).name
+    with _workplace() as root:
+        place = root / Path(name).name
         failed = True
         try:
             if files:
                 unpack(files, place)
-            finish(checked(Config, data), place, Teller(board.actor.put_nowait.remote, name))
+            courier = _Courier(board, place)
+            if not courier.begin(name):
+                return b"", "stopped", True
+            finish(checked(Config, data), place, Teller(courier.tell, courier.stopping, name))
             page = place / "report.md"
             text = page.read_text(encoding="utf-8").replace(str(place), where)
             write_text(page, text)
             failed, note = False, result_of(place)
         except KeyboardInterrupt:
-            note = "its task was cancelled"
+            note = "stopped"
         except Exception as error:
             note = str(error).replace(str(place), where)
         return pack(place), note, failed
+
+
+@contextlib.contextmanager
+def _workplace() -> Iterator[Path]:
+    """A folder of this task, which ends with it. It is locked, so that the next task on this machine can tell
+    that of a process that was killed, and deletes it."""
+    for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if time.time() - path.stat().st_mtime > ABANDONED and (lock := _lock(path)) is not None:
+                shutil.rmtree(path, ignore_errors=True)
+                os.close(lock)
+    with tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True) as root:
+        lock = _lock(Path(root))
+        try:
+            yield Path(root)
+        finally:
+            if lock is not None:
+                os.close(lock)
+
+
+def _lock(folder: Path) -> int | None:
+    """A descriptor that locks a folder of this user; None if another process has, or the system cannot."""
+    if sys.platform == "win32":
+        return None
+    descriptor = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW | os.O_DIRECTORY)
+    try:
+        if os.fstat(descriptor).st_uid == os.geteuid():
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return descriptor
+    except OSError:
+        pass
+    os.close(descriptor)
+    return None
 
 
 def pack(folder: Path) -> bytes:
@@ -223,7 +412,14 @@ def receive(files: bytes, folder: Path) -> None:
     restore(folder)
     for left in (part, old):
         shutil.rmtree(left, ignore_errors=True)
-    unpack(files, part)
+    try:
+        with told_of(folder):
+            unpack(files, part)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            incoming.rmdir()
+        raise
     if folder.exists():
         os.replace(folder, old)
     os.replace(part, folder)

@@ -4,18 +4,28 @@ import contextlib
 import os
 import re
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from redundant_envs.modules import IMPORTED, import_named
 from redundant_envs.progress import progress_bars
+from redundant_envs.values import say
 
 from ..config import MOST_SEEDS
 
 POLL = 0.2  # s; longest time without a look whether the user asked to stop
 MOST_PROCESSES = 1024
+STOPPING = (
+    "stopping: each run saves a checkpoint and ends. A second Ctrl-C ends at once, and what they learned "
+    "since their last checkpoints is lost"
+)
 News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
+
+
+_requests: list[threading.Event] = []
+"""Of the trainings of this process that can still be asked to stop."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -27,11 +37,28 @@ def stop_request() -> Iterator[threading.Event]:
     """Within this context the first SIGINT, SIGTERM or SIGHUP, as of a terminal that is closed, is kept as a
     request; a second one interrupts at once.
 
-    In a thread other than the main one, which receives no signals, the request is never made.
+    In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes it.
     """
     request = threading.Event()
+    _requests.append(request)
+    try:
+        with _signals(request):
+            yield request
+    finally:
+        _requests.remove(request)
+
+
+def ask_to_stop() -> None:
+    """Make the request of :func:`stop_request` for the trainings of this process. It is no signal: those may
+    be ignored, as in job scripts, and on Windows they end a process at once."""
+    for request in _requests:
+        request.set()
+
+
+@contextlib.contextmanager
+def _signals(request: threading.Event) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
-        yield request
+        yield
         return
 
     def note(number: int, frame: object) -> None:
@@ -44,7 +71,7 @@ def stop_request() -> Iterator[threading.Event]:
     heard = [n for n in known if signal.getsignal(n) is not signal.SIG_IGN]
     before = {number: signal.signal(number, note) for number in heard}
     try:
-        yield request
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler or signal.SIG_DFL)
@@ -55,10 +82,13 @@ def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News
 
     ``pool`` gives the reports of runs until all have ended; on request each saves a checkpoint and ends.
     """
-    failures = []
+    failures, told = [], False
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
         for name, share, note, failed in pool(stop):
+            if stop.is_set() and not told:
+                told = True
+                say(STOPPING, file=sys.stderr)
             if failed:
                 failures.append(f"{name}: {note}")
             bars.start_task(lines[name])
@@ -86,7 +116,7 @@ def start(context: Any, work: Callable[..., None], *more: Any) -> Any:
 
 def settle(core: int | None, modules: Iterable[str]) -> None:
     """Prepare a process for trainings: on a core of its own, with the modules of the user."""
-    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and sends SIGTERM to the others.
+    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and asks the others to stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for module in modules:
         import_named(module)
