@@ -295,9 +295,8 @@ class _Courier:
     def begin(self, name: str) -> bool:
         """Tell that the run begins; whether the user has asked to stop before."""
         with contextlib.suppress(ray.exceptions.RayError):
-            self._stop = ray.get(
-                self._board.tell.remote((name, 0.0, "", False), self._host), timeout=ANSWERING
-            )
+            # without a limit: the board, a process too, may begin later than this one
+            self._stop = ray.get(self._board.tell.remote((name, 0.0, "", False), self._host))
         return not self._stop
 
     def _checkpoint(self) -> int:
