@@ -56,7 +56,8 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        if not set(changed).isdisjoint(_own_names(effect)):
+        near = [name for name in changed if name.startswith(f"{effect.key}.")]
+        if near and not {*near}.isdisjoint(_own_names(effect)):
             _check_effect(scene, effect, values)
     known: dict[str, Any] = {**values, **scene.attached.states.initial}
     for mass, loads in scene.attached.carried.items():

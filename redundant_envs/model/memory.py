@@ -172,12 +172,13 @@ class Memory:
         return table
 
     @alone
-    def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> None:
-        """Set numbers of some lanes from an array that broadcasts to (lanes, names)."""
+    def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
+        """Set numbers of some lanes from an array that broadcasts to (lanes, names); false if they are known
+        to be what they were."""
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
-        if len(lanes) <= FEW and self._written(tuple(names), table, lanes):
-            return
+        if len(lanes) <= FEW and (changed := self._written(tuple(names), table, lanes)) is not None:
+            return changed
         for name, column in zip(names, table.T, strict=True):
             self.layout.row_of(name)  # for an unknown name, the error lists the valid ones
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
@@ -191,21 +192,25 @@ class Memory:
                 self.part()
             # A view cannot do this: the blocks of a field are not contiguous.
             self.column(name)[lanes // LANES, lanes % LANES] = column
+        return True
 
-    def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool:
-        """Set numbers of a few lanes at once, unless these are of several memories or no longer shared."""
+    def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool | None:
+        """Set numbers of a few lanes at once; whether any changed. None if they are of several memories, or
+        may be shared no longer."""
         if not (place := self._place_of(names)):
-            return False
-        space, rows = place
+            return None
+        (space, rows), bits = place, np.ascontiguousarray(table).view(np.int64)
         if not (self.shared and space == str(PARAMETER)):
             block, lane = np.divmod(lanes, LANES)
-            self.arrays[space][block[:, None], rows, lane[:, None]] = table
-            return True
-        bits = np.ascontiguousarray(table).view(np.int64)
-        if len(lanes) != self.count or (bits != bits[:1]).any():
-            return False
-        self.arrays[space][0, rows] = table[:1].T
-        return True
+            at = block[:, None], rows, lane[:, None]
+            changed = (self.arrays[space].view(np.int64)[at] != bits).any()
+            self.arrays[space][at] = table
+        elif len(lanes) != self.count or (bits != bits[:1]).any():
+            return None
+        else:
+            changed = (self.arrays[space].view(np.int64)[0, rows, 0] != bits[:1]).any()
+            self.arrays[space][0, rows] = table[:1].T
+        return bool(changed)
 
     def _place_of(self, names: tuple[str, ...]) -> tuple[str, NDArray[np.int64]] | None:
         """The memory of some fields and their rows in it; None if these are of several."""

@@ -85,8 +85,8 @@ def lane_values(
     are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
-    fixed = {p: np.full(len(lanes), v) for p, v in nominal.items()}
-    values = fixed if fresh else present(memory, lanes, nominal)
+    rows = np.repeat(np.array([*nominal.values()])[:, None], len(lanes), axis=1)
+    values = dict(zip(nominal, rows, strict=True)) if fresh else present(memory, lanes, nominal)
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
@@ -140,8 +140,8 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
     """Set parameters of lanes, and the fields that follow from them; where episodes draw numbers, the reset
     that comes next computes these fields."""
     columns = np.stack([values[p] for p in values], axis=1)
-    memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
-    if not memory.drawn:
+    changed = memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
+    if changed and not memory.drawn:
         memory.prepare()
 
 
