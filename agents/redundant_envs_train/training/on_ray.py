@@ -16,6 +16,7 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -270,34 +271,36 @@ def _cause(error: BaseException) -> str:
 
 
 class _Courier:
-    """Sends reports of a task to the board, and the files of its run with each new checkpoint."""
+    """Sends reports of a task to the board, and the files of its run with each new checkpoint.
+
+    It never waits for Ray, which would give the core of the task to another one meanwhile.
+    """
 
     def __init__(self, board: Any, place: Path) -> None:
         self._board, self._place, self._host = board, place, socket.gethostname()
-        self._sent, self._answer, self._stop = self._checkpoint(), None, False
+        self._sent, self._stop = self._checkpoint(), False
+        self._answer: Future[bool] = Future()
         self._files: list[Any] = []  # this process owns what it sends
 
     def tell(self, news: News) -> None:
-        new = self._checkpoint()
+        new, more = self._checkpoint(), []
         if new != self._sent:
-            self._sent, self._files = new, [ray.put(pack(self._place))]
-            self._answer = self._board.tell.remote(news, self._host, self._files)
-        else:
-            self._answer = self._board.tell.remote(news, self._host)
+            self._sent = new
+            more = self._files = [ray.put(pack(self._place))]
+        self._answer = self._board.tell.remote(news, self._host, more).future()
 
     def stopping(self) -> bool:
         """Whether the last answer of the board that has arrived says so."""
         with contextlib.suppress(ray.exceptions.RayError):  # its machine was lost
-            if self._answer is not None and ray.wait([self._answer], timeout=0)[0]:
-                self._stop = ray.get(self._answer)
+            self._stop |= self._answer.done() and self._answer.result()
         return self._stop
 
     def begin(self, name: str) -> bool:
-        """Tell that the run begins; whether the user has asked to stop before."""
+        """Tell that the run begins; whether it may, unless the user has asked to stop before."""
+        self.tell((name, 0.0, "", False))
         with contextlib.suppress(ray.exceptions.RayError):
-            # without a limit: the board, a process too, may begin later than this one
-            self._stop = ray.get(self._board.tell.remote((name, 0.0, "", False), self._host))
-        return not self._stop
+            self._answer.exception()  # waits: the board may begin later than this task
+        return not self.stopping()
 
     def _checkpoint(self) -> int:
         """When the checkpoint was made, ns; 0 without one."""
