@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -28,7 +29,8 @@ def torch_step(scene: Scene) -> Step:
 
     The steps are those of the compiled simulator, run on tensors of float64; motions agree to rounding.
     With a tolerance the number of steps of each lane is found first, without gradients, and then taken as
-    given.
+    given; where a law switches within the interval these equal steps pass over it, and motions agree to the
+    tolerance.
 
     Parameters
     ----------
@@ -100,6 +102,12 @@ def torch_step(scene: Scene) -> Step:
             keys = dict(zip(of_draws, _checked("draws", draws, len(of_draws)).unbind(-1), strict=True))
         elif draws is not None:
             raise ValueError("draws is given, and no effect of the scene draws; leave it out")
+        if scene.tolerance is not None and any(map(_is_mapped, tensors)):
+            raise ValueError(
+                "step was called within torch.func.vmap, which hides how many steps each lane needs for the "
+                "tolerance of the scene; give all lanes at once, as tensors (..., joints), or make the step "
+                "of a scene without a tolerance"
+            )
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
         states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
@@ -118,7 +126,9 @@ def torch_step(scene: Scene) -> Step:
             states = list(lane.get(dynamics.states))
             fields.update(lane.written())
 
-        counts = _step_counts(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))})
+        given = {**fields, **dict(zip(dynamics.states, states, strict=True))}
+        empty = any(isinstance(x, torch.Tensor) and x.numel() == 0 for x in given.values())
+        counts = [] if empty else _step_counts(interval, given)
         if dynamics.instants:
             run(interval.step.clear)
         else:
@@ -136,11 +146,19 @@ def torch_step(scene: Scene) -> Step:
         interval.update_effect_states(lane)
         ends = 2 * count, 2 * count + len(of_effects)
         states = [number(lane[n]) for n in (*dynamics.states[: ends[0]], *of_effects, *of_draws)]
-        wide = torch.broadcast_tensors(*states)
-        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]], wide[ends[1] :]]
+        wide = torch.broadcast_tensors(*states, *(tensors[2].unbind(-1) if empty else ()))
+        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]]]
+        parts.append(wide[ends[1] : len(states)])
         return tuple(torch.stack(part, -1) for part in parts if part)
 
-    return step
+    plain = torch._disable_dynamo(step)
+
+    @functools.wraps(step)
+    def uncompiled(*given: Any, **more: Any) -> tuple[Any, ...]:
+        """The same within torch.compile, whose module takes seconds to import: only if somebody has."""
+        return (plain if "torch._dynamo" in sys.modules else step)(*given, **more)  # type: ignore[no-any-return]
+
+    return uncompiled
 
 
 def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Tensor]:
@@ -161,6 +179,11 @@ def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Te
         # A lane that does not cross the interval again has no length before it.
         counts[piece] = torch.where(h > 0.0, steps, counts[piece])
     return counts
+
+
+def _is_mapped(tensor: torch.Tensor) -> bool:
+    """Whether a tensor is one lane of torch.func.vmap."""
+    return bool(torch._C._functorch.is_batchedtensor(tensor))
 
 
 def _given(name: str, value: Any, owners: Iterable[str], what: str, width: int) -> None:

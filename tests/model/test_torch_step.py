@@ -97,8 +97,38 @@ def test_any_batch_shape_and_parameters_of_each_lane():
 def test_what_has_no_derivative_is_refused_with_what_to_use():
     with pytest.raises(ValueError, match=r"PrismaticStop, whose impacts have no mean.*LimitSpring"):
         rde.torch_step(rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
+    with pytest.raises(ValueError, match=r"a JointStop, whose impacts have no meaningful"):
+        rde.torch_step(rde.Scene(FOUR_R, (e.JointStop([-1.0] * 4, [1.0] * 4),)))
+    with pytest.raises(ValueError, match=r"stick and slip at events .* use SmoothCoulombFriction"):
+        rde.torch_step(rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)))
     with pytest.raises(ValueError, match=r"'dop853', which chooses each step while it runs; use 'rk8'"):
         rde.torch_step(rde.Scene(RPRP, (), "dop853"))
+
+
+@pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
+def test_an_empty_batch_gives_empty_tensors(steps):
+    step, none = rde.torch_step(scene_of(FOUR_R, steps)), torch.zeros(3, 0, 4)
+    one = torch.zeros(4)
+    for given in ((none, none, none), (none, one, one), (one, one, none)):
+        assert [tuple(x.shape) for x in step(*given)] == [(3, 0, 4)] * 2
+
+
+def test_vmap_gives_what_a_batch_gives_or_says_why_not():
+    given = start(FOUR_R)
+    step = rde.torch_step(rde.Scene(FOUR_R, (e.Gravity(),), "rk4", substeps=3))
+    for mapped, batch in zip(torch.func.vmap(step)(*given), step(*given), strict=True):
+        np.testing.assert_allclose(mapped.numpy(), batch.numpy(), rtol=1e-14)
+    exact = rde.torch_step(rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-9))
+    with pytest.raises(ValueError, match=r"within torch\.func\.vmap, which hides .* give all lanes at once"):
+        torch.func.vmap(exact)(*given)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
+def test_within_torch_compile_a_step_is_what_it_is_outside(steps):
+    given, step = start(RPRP), rde.torch_step(scene_of(RPRP, steps))
+    for inside, outside in zip(torch.compile(step, backend="eager")(*given), step(*given), strict=True):
+        assert torch.equal(inside, outside)
 
 
 def test_shapes_that_do_not_fit_are_named():
