@@ -257,47 +257,43 @@ class Worker:
     """
 
     def __init__(self) -> None:
-        self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._woken: SimpleQueue[None] = SimpleQueue()
-        self._results: list[BaseException | None] = []
-        self._runs = False
-        given = self._asked, self._results, self._woken
-        threading.Thread(target=_serve, args=given, name="redundant-envs worker", daemon=True).start()
+        self._asked: SimpleQueue[tuple[Callable[[], object], Results] | None] = SimpleQueue()
+        self._results: Results = SimpleQueue()
+        threading.Thread(target=_serve, args=[self._asked], name="redundant-envs worker", daemon=True).start()
         weakref.finalize(self, self._asked.put, None)
 
     def begin(self, call: Callable[[], None]) -> None:
-        self._results.clear()
-        self._runs = True
-        self._asked.put(call)
+        self._asked.put((call, self._results))
 
-    def finish(self, stop: Callable[[], None] | None = None) -> None:
-        """Wait until the call is done, and only then raise an interrupt, after ``stop``: until then it writes
-        to memory."""
-        interrupt = None
-        while self._runs:
-            try:
-                while not self._results:
-                    with contextlib.suppress(Empty):
-                        self._woken.get(timeout=stop and WAITED)
-                self._runs = False
-            except KeyboardInterrupt as again:
-                interrupt = again
-                if stop:
-                    stop()
-        error = interrupt or (self._results and self._results.pop())
+    def finish(self, long: bool = False) -> None:
+        """Wait until the call is done, and raise what it has raised. After an interrupt, :meth:`settle`."""
+        while True:
+            with contextlib.suppress(Empty):
+                error = self._results.get(timeout=WAITED if long else None)
+                break
         if error:
             raise error
 
+    def settle(self) -> None:
+        """Wait until no call is left, of which one may not know whether it was begun or finished."""
+        results: Results = SimpleQueue()
+        self._asked.put((results.empty, results))
+        results.get()
+        self._results = results
 
-def _serve(asked: SimpleQueue[Any], results: list[BaseException | None], woken: SimpleQueue[None]) -> None:
-    while (call := asked.get()) is not None:
+
+Results = SimpleQueue[BaseException | None]
+
+
+def _serve(asked: SimpleQueue[Any]) -> None:
+    while (given := asked.get()) is not None:
+        call, results = given
         try:
             call()
         except BaseException as error:
-            results.append(error)
+            results.put(error)
         else:
-            results.append(None)
-        woken.put(None)
+            results.put(None)
 
 
 WAITED = 0.2
@@ -359,45 +355,44 @@ class Team:
             part.set_pointers()
         if self._process != os.getpid():
             self._start()
-        start = time.perf_counter_ns()
-        if self.is_long:
-            self._run_long()
-        else:
-            self._run_parts()
+        start, long = time.perf_counter_ns(), self.is_long
+        workers = self._workers
+        if long:
+            self._first = self._first or Worker()
+            workers = [self._first, *workers]
+        arrays = (*self._memory.arrays.values(), *self._also) if long else ()
+        before, stopped = [array.copy() for array in arrays], None
+        try:
+            for worker, part in zip(workers, self.parts[-len(workers) :], strict=True):
+                worker.begin(part)
+            if not long:
+                self.parts[0]()  # the calling thread works, too
+            for worker in workers:
+                worker.finish(long)
+        except BaseException as error:
+            stopped = error
+        while stopped:  # by an interrupt, which may come again and again, or by what a part raises
+            try:
+                self._settle(workers, arrays, before)
+                break
+            except BaseException as error:
+                stopped = error
+        if stopped:
+            raise stopped
         self._took = max(self._least, time.perf_counter_ns() - start)
 
-    def _run_parts(self) -> None:
-        for worker, part in zip(self._workers, self.parts[1:], strict=True):
-            worker.begin(part)
-        try:
-            self.parts[0]()  # the calling thread works, too
-        finally:
-            for worker in self._workers:
-                worker.finish()
-
-    def _run_long(self) -> None:
-        self._first = self._first or Worker()
-        workers, arrays = (self._first, *self._workers), (*self._memory.arrays.values(), *self._also)
-        before = [array.copy() for array in arrays]
-        try:
-            for worker, part in zip(workers, self.parts, strict=True):
-                worker.begin(part)
-            for worker in workers:
-                worker.finish(self._stop)
-        except BaseException:
-            self._stop()
-            for worker in workers:
-                with contextlib.suppress(KeyboardInterrupt):
-                    worker.finish(self._stop)
-            for array, content in zip(arrays, before, strict=True):
-                array[:] = content
-            for part in self.parts:
-                part.clear()
-            raise
-
-    def _stop(self) -> None:
-        for part in self.parts:
+    def _settle(
+        self, workers: Sequence[Worker], arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]
+    ) -> None:
+        """Wait until no part writes to the memory, and undo what those of a long call have done."""
+        for part in self.parts if arrays else ():
             part.stop()
+        for worker in workers:
+            worker.settle()
+        for array, content in zip(arrays, before, strict=True):
+            array[:] = content
+        for part in self.parts if arrays else ():
+            part.clear()
 
 
 class Copied(ABC):

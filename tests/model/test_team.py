@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import gc
 import signal
+import sys
 import threading
 import time
 
@@ -53,32 +54,52 @@ def test_threads_end_with_their_simulator_and_its_copies():
         thread.join()
 
 
-@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system interrupts no thread")
-def test_an_interrupt_waits_for_the_thread_that_still_writes():
-    worker, done, raised, main = Worker(), [], threading.Event(), threading.get_ident()
+@pytest.mark.parametrize("long", [False, True], ids=["short", "long"])
+def test_an_interrupt_anywhere_in_a_call_leaves_no_part_running(monkeypatch, long):
+    batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=3)
+    team, running, interrupts = batch._team, [], 0
+    team._took = team._long if long else 0
+    batch.advance()
 
-    def interrupt(signum, frame):
-        if frame.f_code is Worker.finish.__code__ and not raised.is_set():
-            raised.set()
-            raise KeyboardInterrupt
+    def part_runs(self):
+        if threading.current_thread() is not threading.main_thread():
+            running.append(self)
+            time.sleep(0.002)
+            running.remove(self)
 
-    def written():
-        while not raised.wait(0.01):  # until the main thread waits
-            signal.pthread_kill(main, signal.SIGALRM)
-        time.sleep(0.1)
-        done.append(1)
+    monkeypatch.setattr(type(team.parts[0]), "__call__", part_runs)
 
-    before = signal.signal(signal.SIGALRM, interrupt)
-    try:
-        worker.begin(written)
-        with pytest.raises(KeyboardInterrupt):
-            worker.finish()
-    finally:
-        signal.signal(signal.SIGALRM, before)
-    assert done == [1]
-    worker.begin(lambda: done.append(2))
-    worker.finish()
-    assert done == [1, 2]
+    def interrupted(place):
+        """Interrupt a call where Python does: at the beginning of functions, and after those in C."""
+        left = place
+
+        def look(frame, event, argument):
+            nonlocal left
+            if event in ("call", "c_return"):
+                left -= 1
+                if left == 0:
+                    raise KeyboardInterrupt
+
+        sys.setprofile(look)
+        try:
+            team()
+        finally:
+            sys.setprofile(None)
+
+    for place in range(2, 1000):
+        team._took = team._long if long else 0
+        before = batch.save()
+        try:
+            interrupted(place)
+            break
+        except KeyboardInterrupt:
+            interrupts += 1
+        assert not running, place
+        for name, content in batch.save().items():
+            assert_array_equal(content, before[name])
+    assert interrupts > 10
+    monkeypatch.undo()
+    assert np.isfinite(batch.advance().evaluations).all()
 
 
 def test_what_a_part_raises_leaves_no_other_part_running(monkeypatch):
