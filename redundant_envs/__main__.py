@@ -52,7 +52,8 @@ def verify(options: argparse.Namespace) -> int:
             raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
         return report.compare_bits(options.bits == "all")
     files = [file for file in (options.json, options.markdown) if file is not None]
-    check_kept(files, options.force, map(Path, options.subject))
+    modules = [Path(f"{word.partition(':')[0].replace('.', '/')}.py") for word in options.subject]
+    check_kept(files, options.force, [*map(Path, options.subject), *modules])
     return report.run(
         options.subject, options.states, options.mode or "standard", options.json, options.markdown
     )

@@ -110,8 +110,12 @@ def write_text(path: Path, text: str) -> None:
 
 
 def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) -> None:
-    """Refuse to write files that a command has ``read``, or that are in a folder of these, folders, and files
-    that exist, unless ``force`` replaces these; a device may be written."""
+    """Refuse to write a file twice, files that a command has ``read``, or that are in a folder of these,
+    folders, and files that exist, unless ``force`` replaces these; a device may be written."""
+    written = [*written]
+    for path in written:
+        if sum(path.resolve() == other.resolve() for other in written) > 1:
+            raise ValueError(f"{path} would be written twice; give different places")
     there = [
         path
         for path in written

@@ -6,9 +6,11 @@ import csv
 import functools
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -19,6 +21,7 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
+from redundant_envs.files import config_folder
 from redundant_envs.modules import status_of
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.progress import counted, progress_bars
@@ -280,3 +283,22 @@ def test_a_pipe_of_other_processes_that_breaks_is_told(capsys):
 
     assert status_of(broken, "error") == 2
     assert capsys.readouterr().err == "error: [Errno 32] Broken pipe of a worker\n"
+
+
+def test_no_output_is_written_twice_or_in_the_place_of_an_input(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(config_folder("studies") / "throughput.yaml", "c.csv")
+    Path("mine.py").write_text("import redundant_envs as rde\narm = rde.FourR\n")
+    verify = ["verify", "--quick", "mine:arm"]
+    for words, what in (
+        ([*verify, "--json", "a", "--markdown", "./a"], "a would be written twice"),
+        ([*verify, "--json", "./mine.py", "--force"], "mine.py would be replaced, and is what"),
+        (
+            ["study", "throughput", "--config", "c.csv", "--out", "c.csv", "--force"],
+            "c.csv would be replaced",
+        ),
+    ):
+        before = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+        assert main(words) == 2
+        assert what in capsys.readouterr().err
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before

@@ -284,9 +284,10 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     run_folder.tell_differences([folder])
     from .report import report
 
+    read = {name for name in run_folder.EVALUATED if (folder / name).exists()} if out is None else {*""}
     path = report(folder, out, trust)
-    others = [p for name in run_folder.REPORTED[1:] if (p := path.with_name(name)).exists()]
-    say("written:", *others, path, sep="\n  ")
+    names = [n for n in (*run_folder.EVALUATED, *run_folder.REPORTED[1:]) if n not in read]
+    say("written:", *(p for n in names if (p := path.with_name(n)).exists()), path, sep="\n  ")
 
 
 @app.command()

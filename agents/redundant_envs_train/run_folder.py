@@ -3,6 +3,7 @@
 For a missing or damaged file the error names the command that writes it. Nothing large is imported.
 """
 
+import itertools
 import json
 import os
 import shlex
@@ -62,6 +63,9 @@ STATE = "state.pt"  # file that exists only in a complete checkpoint
 EVALUATED = ("evaluation.json", "episodes.csv")
 RESULTS = (*EVALUATED, "report.md")  # files of a run that is evaluated and reported
 REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
+JUDGED = (*EVALUATED, *REPORTED)
+TRAINED = ("policy.zip", "selection.csv", "monitor.csv", "progress*.csv", "tensorboard", "training.json")
+"""What a training writes beside its configuration, its scene and its checkpoint."""
 SCENE = "scene.yaml"
 MOST_SHOWN = 3  # most differences in a message
 
@@ -331,22 +335,41 @@ def find_checkpoint(folder: Path) -> Path | None:
     return next((p for n in (CHECKPOINT, OLD_CHECKPOINT) if ((p := folder / n) / STATE).is_file()), None)
 
 
-def begins_again(folder: Path) -> bool:
-    """Whether a run was stopped or killed before its first checkpoint: nothing is lost if it begins again."""
-    ended = (folder / "training.json").is_file() and not read_facts(folder)["stopped"]
-    return not ended and not find_checkpoint(folder) and read_config(folder).checkpoint_seconds > 0.0
+def was_stopped(folder: Path) -> bool:
+    """Whether a training was stopped or killed, and nobody looked at its policy since."""
+    if is_exported(folder) or any((folder / name).exists() for name in RESULTS):
+        return False
+    if (folder / "training.json").exists():
+        return bool(read_facts(folder)["stopped"])
+    return (folder / "selection.csv").exists() or not (folder / "policy.zip").exists()
+
+
+def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
+    """Move what is there of some files of a run into a new folder in the run's; that folder, if any."""
+    there = [path for name in names for path in sorted(folder.glob(name))]
+    if not there:
+        return None
+    place = next(p for n in itertools.count(1) if not (p := folder / f"stopped_{n}").exists())
+    place.mkdir()
+    for path in there:
+        path.rename(place / path.name)
+    return place
 
 
 def check_resumable(folder: Path) -> Path | None:
     """The checkpoint of a run folder, or None if the run begins again; ValueError if it cannot go on, with
     what can be done instead."""
-    if (place := find_checkpoint(folder)) is not None or begins_again(folder):
+    if (place := find_checkpoint(folder)) is not None:
         return place
+    if was_stopped(folder) and read_config(folder).checkpoint_seconds > 0.0:
+        return None
     again, go_on = train_again(folder), f"{train_again(folder)} {shlex.quote(f'start_from={folder}')}"
-    if not (folder / "training.json").is_file():
-        reason, fix = "was killed, was made without checkpoints, and", f"make a new run: {again}"
+    if is_exported(folder):
+        reason, fix = "is an exported policy and", f"go on from it with: {go_on}"
+    elif not (folder / "training.json").is_file():
+        reason, fix = "was killed, or lacks its training.json, and", f"make a new run: {again}"
     elif read_facts(folder)["stopped"]:
-        reason, fix = "was made without checkpoints and", f"go on from its policy with: {go_on}"
+        reason, fix = "was stopped and", f"go on from its policy with: {go_on}"
     elif (folder / "report.md").is_file():
         reason = "is finished and"
         fix = f"watch it with: {command('play', folder)}, or go on from its policy with: {go_on}"
@@ -359,6 +382,8 @@ def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
     """Refuse a folder for results that holds files of their names, unless they may be overwritten."""
     check_out(folder)
     check_plain(folder)
+    if is_exported(folder) and not force:
+        raise ValueError(f"out is {folder}, an exported policy; choose another --out, or add --force")
     there = [name for name in files if (folder / name).exists()]
     if there and not force:
         raise ValueError(
@@ -377,7 +402,11 @@ def check_drawing() -> None:
 def check_target(folder: Path, out: Path | None, force: bool) -> None:
     """Refuse to replace files by a report, or to write into an exported policy, without ``force``."""
     if out is not None:
-        check_unwritten(out, (*REPORTED, *EVALUATED), force)
-    elif not force and (is_exported(folder) or any((folder / name).exists() for name in REPORTED)):
-        reason = "is an exported policy" if is_exported(folder) else "has a report, or a part of one"
+        check_unwritten(out, JUDGED, force)
+        return
+    there = [name for name in JUDGED if (folder / name).exists()]
+    if set(EVALUATED) <= {*there}:  # they are read
+        there = [name for name in there if name in REPORTED]
+    if not force and (is_exported(folder) or there):
+        reason = "is an exported policy" if is_exported(folder) else f"has {', '.join(there)}"
         raise ValueError(f"{folder} {reason}; give --out FOLDER, or --force to write into it")

@@ -153,7 +153,7 @@ def accuracy(options: argparse.Namespace) -> None:
         drawn = accuracy_plots.read(study, options.redraw)
         say("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
         return
-    check_kept(accuracy_report.files(options.out), options.force)
+    check_kept(accuracy_report.files(options.out), options.force, [options.config] if options.config else ())
     page, *others = accuracy_report.write(study, command, options.out)
     say(page.read_text(encoding="utf-8"))
     say("\n".join(str(path) for path in (page, *others)))
@@ -162,7 +162,9 @@ def accuracy(options: argparse.Namespace) -> None:
 def _target(options: argparse.Namespace, name: str, *pictures: str) -> Path:
     """The CSV file of a study, which exists only if --force replaces it, as pictures beside it do."""
     path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{name}.csv"
-    check_kept([path, *(path.with_name(picture) for picture in pictures)], options.force)
+    config = getattr(options, "config", None)
+    files = [path, *(path.with_name(picture) for picture in pictures)]
+    check_kept(files, options.force, [config] if config else ())
     return path
 
 

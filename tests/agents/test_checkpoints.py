@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from run_folders import Evil, change, kept, members, write_members
+from run_folders import POLICIES, Evil, change, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -106,11 +106,35 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
     with alone(killed, "trains"):
         refused(["resume", killed], f"another process trains in {killed}; wait for its end")
     resume(killed)
-    assert f"{killed} was stopped before its first checkpoint; it begins again" in capsys.readouterr().err
+    before = killed / "stopped_1"
+    told = f"{killed} was stopped without a checkpoint, and begins again; what it had is in {before}"
+    assert told in capsys.readouterr().err
+    assert {"policy.zip", "selection.csv", "monitor.csv"} <= {path.name for path in before.iterdir()}
     assert_same_policy(whole, killed)
     for name, times in (("selection.csv", 1), ("monitor.csv", 2)):
         assert table(whole, name, times) == table(killed, name, times)
-    assert {path.name for path in killed.iterdir()} == {path.name for path in whole.iterdir()} | {"notes.txt"}
+    assert {path.name for path in killed.iterdir()} - {path.name for path in whole.iterdir()} == {
+        "notes.txt", "stopped_1"
+    }  # fmt: skip
+
+
+def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, killed, refused):
+    exported = shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
+    resume(killed)
+    (killed / "training.json").unlink()
+    (killed / "report.md").write_text("of the user")
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for name in ("config.yaml", "scene.yaml", "policy.zip"):
+        shutil.copy(killed / name, bare)
+    before = kept(tmp_path)
+    for folder, word in (
+        (exported, "is an exported policy"),
+        (killed, "lacks its tr"),
+        (bare, "lacks its tr"),
+    ):
+        refused(["resume", folder], word, "has no checkpoint")
+    assert kept(tmp_path) == before
 
 
 def test_a_training_without_checkpoints_is_not_begun_again_in_place_of_what_was_learned(
@@ -120,17 +144,17 @@ def test_a_training_without_checkpoints_is_not_begun_again_in_place_of_what_was_
     with pytest.raises(SystemExit):
         train(small_config("ppo", checkpoint_seconds=0), tmp_path / "killed")
     before = kept(tmp_path)
-    refused(
-        ["resume", tmp_path / "killed"], "was killed, was made without checkpoints, and has no checkpoint"
-    )
+    refused(["resume", tmp_path / "killed"], "was killed, or lacks its training.json, and has no checkpoint")
     assert kept(tmp_path) == before
 
 
 def test_a_copy_by_links_of_files_is_not_changed_by_a_resume(killed, tmp_path):
-    copy = shutil.copytree(killed, tmp_path / "copy", copy_function=os.link)
-    tables = [(copy / name).read_bytes() for name in checkpoint.TABLES]
-    resume(killed)
-    assert [(copy / name).read_bytes() for name in checkpoint.TABLES] == tables
+    for place in ("copy", "again"):  # the second time it has no checkpoint any more
+        copy = shutil.copytree(killed, tmp_path / place, copy_function=os.link)
+        tables = [(copy / name).read_bytes() for name in checkpoint.TABLES]
+        resume(killed)
+        assert [(copy / name).read_bytes() for name in checkpoint.TABLES] == tables
+        (killed / "training.json").unlink()
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):

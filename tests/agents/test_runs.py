@@ -383,10 +383,13 @@ def test_a_command_replaces_no_file_of_the_user_unless_forced(name, run, tmp_pat
     "words", [["study", "policy"], ["study", "strength", "--seeds", "none"], ["tune", "rprp_reach_ppo"]]
 )
 def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
-    mine = tmp_path / "strength.png"
-    mine.write_text("precious")
-    refused([*words, "--out", tmp_path], f"out is {tmp_path}, which holds other files and no study")
-    assert mine.read_text() == "precious"
+    (tmp_path / "runs").mkdir()
+    for name in ("strength.png", "trials.csv", "report.md"):
+        (tmp_path / name).write_text("precious")
+    for more in ([], ["--storage", tmp_path / "x.journal"]) if words[0] == "tune" else ([],):
+        words_of = [*words, "--out", tmp_path, *more]
+        refused(words_of, f"out is {tmp_path}, which holds other files and no study")
+    assert len([*tmp_path.iterdir()]) == 4
 
 
 LINKS = (

@@ -309,7 +309,25 @@ def test_a_stop_fails_the_own_trial_alone_and_a_storage_that_cannot_be_opened_is
         tune(CONFIG, tmp_path / "b", 2, GAMMA, storage=place)
     assert [t.state.name for t in study.get_trials(deepcopy=False)] == ["COMPLETE", "RUNNING", "FAIL"]
     with says("sqlite:////nowhere/study.db"):
-        tune(CONFIG, tmp_path / "b", 2, GAMMA, storage="sqlite:////nowhere/study.db")
+        tune(CONFIG, tmp_path / "c", 2, GAMMA, storage="sqlite:////nowhere/study.db")
+
+
+@pytest.mark.usefixtures("by_gamma")
+def test_a_storage_that_is_no_journal_keeps_its_content_and_half_a_line_is_cut_off(tmp_path):
+    journal, notes, link = tmp_path / "study.journal", tmp_path / "notes", tmp_path / "link"
+    tune(CONFIG, tmp_path / "a", 1, GAMMA, storage=str(journal))
+    link.symlink_to(journal)
+    whole = journal.read_bytes()
+    for text in ("my notes", '{"a": 1}\n'):
+        notes.write_text(text)
+        for place in (notes, link):
+            with says(f"storage is {place}, which is no journal"):
+                tune(CONFIG, tmp_path / "a", 2, GAMMA, storage=str(place))
+        assert (notes.read_text(), journal.read_bytes()) == (text, whole)
+    journal.write_bytes(whole + whole[: len(whole) // 2].rpartition(b"\n")[2] + b'{"op_code": 5, "wor')
+    tune(CONFIG, tmp_path / "a", 2, GAMMA, storage=str(journal))
+    assert [row["trial"] for row in rows(tmp_path / "a")] == ["0", "1"]
+    assert journal.read_bytes().startswith(whole)
 
 
 # ---- several trials at a time ----------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import queue
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event
@@ -130,15 +129,14 @@ def is_finished(folder: Path) -> bool:
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
     from ..report import report
-    from .train import resume, train
+    from .train import begin_again, resume, train
 
     if is_finished(folder):
         return
-    begun = (folder / "config.yaml").is_file()
-    if begun and (run_folder.find_checkpoint(folder) or run_folder.begins_again(folder)):
+    if not (folder / "config.yaml").is_file():
+        train(config, folder, progress)
+    elif run_folder.find_checkpoint(folder):
         resume(folder, progress, [f"telemetry=[{','.join(config.telemetry)}]"])
     elif not (folder / "training.json").is_file() or run_folder.read_facts(folder)["stopped"]:
-        if begun:  # made without checkpoints: only this run
-            shutil.rmtree(folder)
-        train(config, folder, progress)
+        begin_again(config, folder, progress)
     report(folder)

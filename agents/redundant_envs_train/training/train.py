@@ -1,6 +1,5 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
-import shutil
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -63,14 +62,26 @@ def train(
 
 def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
-    stopped before its first one begins again. ``overrides`` are those of ``config_to_resume``."""
+    stopped before its first one begins again, and what it had is set aside. ``overrides`` are those of
+    ``config_to_resume``."""
     config = run_folder.config_to_resume(folder, overrides)
     with alone(folder, "trains"):
-        if again := run_folder.check_resumable(folder) is None:
-            told_again = f"{folder} was stopped before its first checkpoint; it begins again"
-            say(f"note: {told_again}", file=sys.stderr)
-            shutil.rmtree(folder / "tensorboard", ignore_errors=True)
-        return _run(config, folder, progress, new=False, resumed=not again)
+        if run_folder.check_resumable(folder) is None:
+            return _again(config, folder, progress)
+        return _run(config, folder, progress, new=False, resumed=True)
+
+
+def begin_again(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Train a run once more that was stopped without a checkpoint."""
+    with alone(folder, "trains"):
+        return _again(config, folder, progress)
+
+
+def _again(config: Config, folder: Path, progress: Progress | None) -> dict[str, Any]:
+    before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
+    where = f"; what it had is in {before}" if before else ""
+    say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
+    return _run(config, folder, progress, new=False)
 
 
 def _run(
@@ -91,8 +102,7 @@ def _run(
     base.seed(first_environment_seed(config.seed))
     run = identity(config, base.core)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
-    for name in run_folder.RESULTS:  # of the policy at the stop
-        (folder / name).unlink(missing_ok=True)
+    run_folder.set_aside(folder, run_folder.JUDGED)  # they are of the policy at the stop
     if new:
         described = {run_folder.SCENE: base.core.scene.to_dict(), "config.yaml": config.to_dict()}
         for name, data in described.items():

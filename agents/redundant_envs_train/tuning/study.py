@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -39,7 +40,7 @@ from .workers import Pruned, news, outcome, workers
 with needs("tune"):
     import optuna
     from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
+    from optuna.storages.journal import JournalFileBackend, JournalFileSymlinkLock
     from optuna.trial import TrialState
     from rich.progress import Progress
 
@@ -81,7 +82,7 @@ def tune(
     telemetry.check(config)
     config = with_start(config)
     space = space_of(config, searches, overrides)
-    check_study(folder, [JOURNAL] if storage is None else ["trial*"])
+    check_study(folder, [JOURNAL] if storage is None else ["trial[0-9]*"])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"):
         if storage is None:
@@ -113,6 +114,8 @@ def _open(
     path: Any = storage or folder / JOURNAL
     sampler = optuna.samplers.TPESampler(seed=None if storage else seed, constant_liar=storage is not None)
     pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
+    if storage is not None and "://" not in storage:
+        _check_journal(Path(storage))
     try:
         kept = storage if storage and "://" in storage else JournalStorage(JournalFileBackend(str(path)))
         study = optuna.create_study(
@@ -126,7 +129,8 @@ def _open(
         ahead = int(study.user_attrs[AHEAD])
     except Exception as error:  # a damaged file may raise any error
         reason = " ".join(str(error).split())[:300]
-        raise ValueError(f"{path} is damaged ({reason}); choose another --out or delete it") from error
+        advice = "give another one" if storage else "choose another --out or delete it"
+        raise ValueError(f"{path} is damaged, or cannot be used ({reason}); {advice}") from error
     if any(trial.value is None or not 0.0 <= trial.value <= 1.0 for trial in complete(study)):
         raise ValueError(
             f"{path} is damaged (the hold success of a trial is invalid); choose another --out or delete it"
@@ -159,6 +163,33 @@ def _cut_half_line(path: Path, most: int) -> None:
     if path.exists():
         lines = read_bytes(path, "journal", most)
         write_bytes(path, lines[: lines.rfind(b"\n") + 1])
+
+
+def _check_journal(path: Path) -> None:
+    """Refuse a storage that is no journal of Optuna's, and cut off an incomplete last line, left by a kill:
+    no process could read on from there. Others that append wait for the lock of the journal meanwhile."""
+    wrong = f"storage is {path}, which is no journal of Optuna's; give one, a new name, or a database's URL"
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise ValueError(wrong)
+    if not path.exists():
+        return
+    lock = JournalFileSymlinkLock(str(path))
+    lock.acquire()
+    try:
+        with path.open("r+b") as file:
+            if (first := file.read(40)) and b'"op_code"' not in first:
+                raise ValueError(wrong)
+            end = file.seek(0, os.SEEK_END)
+            while end > 0:
+                start = max(0, end - 2**16)
+                file.seek(start)
+                if (found := file.read(end - start).rfind(b"\n")) >= 0:
+                    start += found + 1
+                    break
+                end = start
+            file.truncate(start if end > 0 else 0)
+    finally:
+        lock.release()
 
 
 def _settings(config: Config, space: Space, seed: int) -> dict[str, Any]:

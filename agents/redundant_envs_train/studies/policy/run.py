@@ -29,6 +29,7 @@ with needs("train"):
     import torch
 
 Row = dict[str, Any]
+STYLE: dict[str, Any] = {"sort_keys": False, "default_flow_style": None, "width": 1000}
 EVALUATION_STEPS = 200_000
 """Training steps that take about as long as an evaluation; used for the progress bar only."""
 
@@ -118,8 +119,9 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
     """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
-    check_study(folder, ["runs", "study.yaml"])
+    check_study(folder, ["study.yaml"])
     plans = [plan(study, name, folder) for name in study.arms]
+    write_text(folder / "study.yaml", yaml.safe_dump(study.to_dict(), **STYLE))  # the folder is of a study
     results = []
     with progress_bars() as bars:
         line = bars.add_task("policy study", total=sum(p.steps() for p in plans), note="")
@@ -251,9 +253,7 @@ def stamp() -> dict[str, str]:
 
 def save_scenes(study: Study, results: Sequence[ArmResult], folder: Path) -> None:
     """The configuration and every scene that was simulated, as YAML."""
-    style: dict[str, Any] = {"sort_keys": False, "default_flow_style": None, "width": 1000}
-    write_text(folder / "study.yaml", yaml.safe_dump(study.to_dict(), **style))
     for result in results:
         for label, evaluation in result.episodes.items():
             path = folder / "scenes" / f"{slug(result.name)}_{slug(label)}.yaml"
-            write_text(path, yaml.safe_dump(evaluation.scene.to_dict(), **style))
+            write_text(path, yaml.safe_dump(evaluation.scene.to_dict(), **STYLE))
