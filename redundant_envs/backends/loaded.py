@@ -48,7 +48,8 @@ INERT = frozenset((
 DESCRIPTORS = frozenset(["GenericAlias", "UnionType", "ellipsis", "member_descriptor", "wrapper_descriptor"])
 ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 KNOWN = frozenset((ROOT, "numpy", *sys.stdlib_module_names)) - {"unittest"}
-"""Packages whose functions are known by their names; those of unittest stand for others."""
+"""Packages whose functions are known by their names, if they lie where Python or NumPy does; those of
+unittest stand for others."""
 _code, _defaults = attrgetter("__code__"), attrgetter("__defaults__", "__kwdefaults__")
 
 
@@ -209,6 +210,8 @@ class Loaded:
             self._replaced |= not inside or function.__globals__ is not vars(module)
             self._functions.append(function)
             self._told.append(code)
+        elif home in sys.modules:
+            self._replaced |= function.__globals__ is not vars(sys.modules[home])
         for held in (function.__defaults__, function.__kwdefaults__, vars(function)):
             if held:
                 self._tell(held)
@@ -230,9 +233,9 @@ class Loaded:
         Back ends are left out: they compute what is traced, and trace nothing.
         """
         if home not in self._homes:
-            top = _top(home)
-            self._replaced |= top not in KNOWN and not top.startswith("namedtuple_")
-            self._homes[home] = top == ROOT and not home.startswith(BACKENDS)
+            own = _top(home) == ROOT
+            self._replaced |= not (own or _is_known(home))
+            self._homes[home] = own and not home.startswith(BACKENDS)
             if self._homes[home]:
                 self._modules.append(home)
         return self._homes[home]
@@ -243,6 +246,22 @@ _loaded: dict[str, Loaded] = {}
 
 def _top(module: str) -> str:
     return module.partition(".")[0]
+
+
+def _is_known(home: str) -> bool:
+    """Whether a module is one of Python or of NumPy, and not a file of others that has such a name."""
+    module = sys.modules.get(home)
+    if module is None:
+        return home.startswith("namedtuple_")  # made by collections.namedtuple
+    if _top(home) not in KNOWN:
+        return False
+    file = getattr(module, "__file__", None)
+    if file is None:
+        return getattr(module.__spec__, "origin", None) in ("built-in", "frozen")
+    library = os.path.dirname(os.__file__)
+    places = library, os.path.join(sys.base_exec_prefix, "DLLs"), os.path.dirname(np.__file__)
+    lies_in = max((place for place in places if file.startswith(place + os.sep)), key=len, default="")
+    return bool(lies_in) and not (lies_in == library and "-packages" in file[len(library) :])
 
 
 def _text(value: Any) -> str:

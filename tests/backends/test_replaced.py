@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import importlib
 import math
 import sys
 import types
@@ -177,6 +178,17 @@ def test_functions_from_outside_are_followed_too(monkeypatch):
     assert len({*found}) == len(found)
     monkeypatch.undo()
     assert batch_simulator(SCENE, False) is batch_simulator(SCENE, False)
+
+
+def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch, tmp_path):
+    assert scene_key("", programs.__name__)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "pyclbr", raising=False)
+    (tmp_path / "pyclbr.py").write_text("def near(distance, reach): return 2.0 * distance / reach")
+    monkeypatch.setattr(reach, "near_term", as_near(importlib.import_module("pyclbr").near))
+    assert scene_key("", programs.__name__) == ""
+    monkeypatch.delitem(sys.modules, "pyclbr")
+    assert scene_key("", programs.__name__) == ""
 
 
 def test_a_simulator_does_not_compile_what_its_functions_are_no_more(monkeypatch):
