@@ -23,7 +23,7 @@ from short_trainings import SMALL, TINY, assert_same_policy
 
 import redundant_envs as rde
 from redundant_envs import __main__ as library
-from redundant_envs.disk import write_text
+from redundant_envs.disk import alone, write_text
 from redundant_envs.studies import environments, intervals, stops, throughput
 from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
@@ -264,6 +264,13 @@ def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
     groups = read_groups([run, other])
     assert [len(same.runs) for same in groups] == [1, 1]
     assert all("scene=" in same.learner for same in groups)
+
+
+def test_one_command_at_a_time_trains_seeds_in_a_folder(tmp_path, refused):
+    with alone(tmp_path, "trains seeds"):
+        words = ["train", "rprp_reach_ppo", *SMALL, "--seeds", 0, "--out", tmp_path]
+        refused(words, f"another process trains seeds in {tmp_path}; wait for its end")
+    assert not [*tmp_path.iterdir()]
 
 
 def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):

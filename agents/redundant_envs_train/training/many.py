@@ -7,7 +7,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from redundant_envs.disk import check_plain
+from redundant_envs.disk import alone, check_plain
 from redundant_envs.extras import needs
 
 from .. import run_folder
@@ -32,12 +32,18 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
     configs = {name: with_start(config) for name, config in configs.items()}
     for name, config in configs.items():
         check_same(config, folder / name)
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone(folder, "trains seeds"):
+        _train(configs, folder, count)
+
+
+def _train(configs: Mapping[str, Config], folder: Path, count: int) -> None:
     context = multiprocessing.get_context("spawn")
     jobs, news, stopping = context.Queue(), context.Queue(), context.Event()
     for name, config in configs.items():
         jobs.put((name, config.to_dict(), str(folder / name)))
-    alone = all(config.torch_threads == 1 for config in configs.values())
-    workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, alone)]
+    own_core = all(config.torch_threads == 1 for config in configs.values())
+    workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, own_core)]
     for _ in workers:
         jobs.put(None)
     names = list(configs)

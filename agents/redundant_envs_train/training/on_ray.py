@@ -22,7 +22,7 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
-from redundant_envs.disk import check_plain, write_text
+from redundant_envs.disk import alone, check_plain, write_text
 from redundant_envs.disk import told as told_of
 from redundant_envs.extras import needs
 from redundant_envs.modules import IMPORTED, OPTION
@@ -98,7 +98,9 @@ def train_on_ray(
                     f"torch_threads is {config.torch_threads}; the largest machine of the cluster has {most} "
                     "CPUs, give at most so many"
                 )
-        follow(list(configs), lambda stop: _reports(configs, folder, stop))
+        folder.mkdir(parents=True, exist_ok=True)
+        with alone(folder, "trains seeds"):
+            follow(list(configs), lambda stop: _reports(configs, folder, stop))
 
 
 @contextlib.contextmanager
