@@ -111,6 +111,7 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
     """The rows of a CSV file, one line each, by the columns of its first line; empty lines are left out."""
     import csv
 
+    csv.field_size_limit(max(csv.field_size_limit(), LONGEST_LINE))  # of the process, which may have a larger
     head: list[str] | None = None
     for number, line in enumerate(read_lines(path, what, MOST_TABLE), 1):
         if not line:

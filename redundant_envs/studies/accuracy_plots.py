@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from redundant_envs.bounded import read_rows
 from redundant_envs.figures import bare, literal, new_figure, save_figure
-from redundant_envs.studies.accuracy import WHAT, PanelResult, Row, answers
+from redundant_envs.studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
 from redundant_envs.studies.accuracy_config import Panel, Study
 
 # Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
@@ -74,36 +75,34 @@ def read(study: Study, folder: Path) -> list[Drawn]:
     Raises
     ------
     ValueError
-        A table is missing, or has no rows of a panel of the study.
+        A table is missing or damaged, or has no rows of a panel of the study.
     """
     tables = []
     for name in TABLES:
         path = folder / name
         if not path.is_file():
             raise ValueError(f"{folder} has no {name}; give a folder that the accuracy study wrote")
-        tables.append([_typed(row) for row in read_rows(path, "table")])
+        try:
+            tables.append([_typed(row) for row in read_rows(path, "table")])
+        except (ValueError, LookupError) as error:
+            raise ValueError(f"{path} is damaged ({error}); write it again with the study") from error
     result = []
     for panel in study.panels:
         rows, long_rows = ([row for row in table if row["panel"] == panel.name] for table in tables)
         if not rows:
             found = ", ".join(sorted({row["panel"] for row in tables[0]}))
             raise ValueError(f"{folder / TABLES[0]} has no panel {panel.name!r}, only {found}")
-        result.append(Drawn(panel, rows, long_rows, 1e-3 * rows[0]["floor_mm"]))
+        floor = rows[0].get("floor_mm", math.nan)
+        if not 0.0 <= floor < math.inf:
+            raise ValueError(f"{folder / TABLES[0]} has {floor} as 'floor_mm'; write it again with the study")
+        result.append(Drawn(panel, rows, long_rows, 1e-3 * floor))
     return result
 
 
 def _typed(row: dict[str, str]) -> Row:
     """A row of a table with its numbers as floats; empty fields are left out."""
-    result: Row = {}
-    for name, cell in row.items():
-        if name in WHAT:
-            result[name] = cell
-        elif cell:
-            try:
-                result[name] = float(cell)
-            except ValueError:
-                result[name] = cell
-    return result
+    texts: Row = {name: row[name] for name in WHAT}
+    return texts | {name: float(cell) for name, cell in row.items() if cell and name not in (*STAMP, *WHAT)}
 
 
 def work_precision_figure(results: Sequence[Drawn], control_dt: float) -> Any:

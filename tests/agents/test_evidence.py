@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, csv_rows, says, write_run
 
+from redundant_envs import bounded
 from redundant_envs.scene import load_scene
 from redundant_envs_train import statistics
 from redundant_envs_train.evidence.curves import MEASURES, curves, draw, summarize
@@ -182,6 +183,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
         (",rk8,", ",rk7,", "'rk7'"), ("config.total_steps", "config.total", "total"),
         ("[1000.0, 2000.0, 3000.0]", "[1000.0, 3000.0, 2000.0]", "steps or seconds go back"),
         ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"), ("run,", "name,", "'run'"),
+        ("[1000.0, 2000.0, 3000.0]", f"[1{'0' * 400}, 2000.0, 3000.0]", "too large"),
     ],
 )  # fmt: skip
 def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
@@ -191,6 +193,24 @@ def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
     path.write_text(path.read_text().replace(old, new, 1))
     with says("runs.csv is no table of runs", "write it again", words):
         read_runs([path])
+
+
+def test_a_table_that_is_written_is_read_or_refused_by_its_size(tmp_path, monkeypatch):
+    long = [(1000.0 * k, 0.1 * k, 0.5, 0.5, 45.1234 + 1e-4 * k) for k in range(16_000)]
+    runs = [read_run(write_run(tmp_path / f"seed{k}", k, curve=long)) for k in range(2)]
+    write_runs(runs, path := tmp_path / "runs.csv")
+    for one, other in zip(runs, read_runs([path]), strict=True):
+        np.testing.assert_array_equal(one.curve, other.curve)
+    size = path.stat().st_size
+    for name, most, words in (
+        ("LONGEST_LINE", size // 2 - 9999, "seed0"),
+        ("MOST_TABLE", size - 9999, "fewer"),
+    ):
+        with monkeypatch.context() as context:
+            context.setattr(bounded, name, most)
+            with says(words, f"more than the {most} that are read"):
+                write_runs(runs, tmp_path / "new.csv")
+    assert not (tmp_path / "new.csv").exists()
 
 
 # ---- tables for readers ----------------------------------------------------------------------------

@@ -182,6 +182,8 @@ def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_j
         ("computed torque", "magic", ["line 3", "who", "'magic'", "SAC"]),
         ("4R,0.8,can", "4R,x,can", ["line 5", "'x'"]),
         ("4R,0.8,can", "4R,-0.8,can", ["line 5", "factor", "-0.8", "positive"]),
+        ("4R,0.8,can", f"4R,{'[' * 9999},can", ["line 5", "factor"]),
+        (",0,1000", ",x,1000", ["seeds", "'x'"]),
     ],
 )
 def test_rows_survive_their_file_and_damaged_ones_are_refused(tmp_path, old, new, words):

@@ -250,6 +250,16 @@ def test_configs_are_there_and_figures_are_drawn_again_only_from_tables_of_the_s
         (tmp_path / name).write_text("panel,peer,method,setting\nother,,rk4,1 x 20 ms\n", encoding="utf-8")
     assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
     assert "has no panel '4R calm', only other" in capsys.readouterr().err
+    for head, row in (
+        ("setting,floor_mm", "1,x"),
+        ("setting,floor_mm", "1,nan"),
+        ("setting", "1"),
+        ("q_p99", "1"),
+    ):
+        text = f"panel,peer,method,{head}\n4R calm,,rk4,{row}\n"
+        (tmp_path / "accuracy.csv").write_text(text, encoding="utf-8")
+        assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+        assert "accuracy.csv" in capsys.readouterr().err
 
 
 def test_the_study_without_peers(tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.bounded import read_rows
+from redundant_envs import bounded
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.scene import Scene
 from redundant_envs.tables import write_rows
@@ -174,7 +174,8 @@ def _differences(runs: list[Run]) -> list[list[str]]:
 
 
 def write_runs(runs: Sequence[Run], path: Path) -> None:
-    """Write runs as a CSV file that :func:`read_runs` reads; their names are the ends of their folders."""
+    """Write runs as a CSV file that :func:`read_runs` reads; their names are the ends of their folders.
+    ValueError if the file would be longer than what is read."""
     folders = [run.folder.absolute() for run in runs]
     above = os.path.commonpath([folder.parent for folder in folders])
     rows = []
@@ -188,6 +189,20 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
         plain = {n for n, v in cells.items() if isinstance(v, str) and v and value_of(v) is v}
         rows.append({name: v if name in plain else json.dumps(v) for name, v in cells.items()})
     columns = dict.fromkeys(name for row in rows for name in row)
+    size = len(",".join(columns))
+    for run, row in zip(runs, rows, strict=True):
+        line = len(columns) + sum(len(cell.encode()) + cell.count('"') + 2 for cell in row.values())
+        size += line
+        if line > bounded.LONGEST_LINE:
+            raise ValueError(
+                f"{run.folder} would have {line} bytes in a table, more than the {bounded.LONGEST_LINE} that "
+                f"are read, for its {len(run.curve)} points of the curve; leave it out, and give its folder"
+            )
+    if size > bounded.MOST_TABLE:
+        raise ValueError(
+            f"{path} would have {size} bytes, more than the {bounded.MOST_TABLE} that are read; write "
+            "several tables of fewer runs"
+        )
     write_rows(rows, sorted(columns, key=lambda name: SECTIONS.index(name.partition(".")[0])), path)
 
 
@@ -228,11 +243,11 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
     """The runs of a table whose names have a pattern; "." are all."""
     name, names, runs = "", [], []
     try:
-        for row in read_rows(path, "table of runs"):
+        for row in bounded.read_rows(path, "table of runs"):
             names.append(name := str(value_of(row["run"])))
             if pattern == "." or fnmatch.fnmatchcase(name, pattern):
                 runs.append(_run(path / name, row))
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         reason = str(error).partition(";")[0]
         raise ValueError(
             f"{path} is no table of runs, or its run {name!r} is damaged ({reason}); write it again: "
@@ -263,5 +278,5 @@ def value_of(cell: str) -> Any:
     """What a cell that is not empty holds."""
     try:
         return json.loads(cell)
-    except ValueError:
+    except (ValueError, RecursionError):
         return cell

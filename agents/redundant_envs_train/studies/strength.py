@@ -77,6 +77,9 @@ class Row:
                 raise ValueError(f"{name} is {shown(getattr(self, name))}; choose {', '.join(valid)}")
         if not number("factor", self.factor) > 0.0:
             raise ValueError(f"factor is {self.factor}; it must be positive")
+        for name in ("seeds", "episodes"):
+            if not isinstance(count := getattr(self, name), int):
+                raise ValueError(f"{name} is {shown(count)}; give a whole number")
         if not 0.0 <= self.low <= self.hold_success <= self.high <= 1.0:
             raise ValueError(
                 f"hold_success is {self.hold_success} in {self.low} to {self.high}; give shares from 0 to 1 "
