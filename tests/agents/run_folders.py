@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import importlib.util
 import json
 import zipfile
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ from redundant_envs_train.config import Config
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
 
 ROOT = Path(__file__).resolve().parents[2]
+TUNES = importlib.util.find_spec("optuna") is not None
+"""Whether the extra "tune" is installed, without which its command says so and no more."""
 POLICIES = ROOT / "policies"
 REFUSALS = yaml.safe_load((Path(__file__).parent / "refusals.yaml").read_text(encoding="utf-8"))
 """What is refused, and the words of the message."""

@@ -8,7 +8,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from run_folders import POLICIES, members, write_members, write_run
+from run_folders import POLICIES, TUNES, members, write_members, write_run
 
 from redundant_envs.__main__ import main
 from redundant_envs_train import run_folder
@@ -155,9 +155,11 @@ def test_a_pipe_is_not_waited_for(tmp_path, policy, lean):
     out = tmp_path / "study"
     out.mkdir()
     os.mkfifo(out / "study.journal")
-    lean(["tune", "rprp_reach_ppo", "--out", out], "study")
+    if TUNES:
+        lean(["tune", "rprp_reach_ppo", "--out", out], "study")
 
 
+@pytest.mark.skipif(not TUNES, reason="optuna is in the extra 'tune'")
 def test_a_journal_that_would_fill_the_memory(tmp_path, lean):
     sparse(tmp_path / "study.journal")
     lean(

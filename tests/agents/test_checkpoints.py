@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from run_folders import POLICIES, Evil, change, kept, members, write_members
+from run_folders import POLICIES, TUNES, Evil, change, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -291,7 +291,8 @@ def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_pa
     client = {name: lambda *given, name=name, **more: calls.append(name) for name in names}
     monkeypatch.setitem(sys.modules, "mlflow", SimpleNamespace(**client))
     config = change(killed / "config.yaml", telemetry=["csv", "mlflow"]) / "config.yaml"
-    for words in (["resume", killed], ["train", config, "--out", tmp_path / "a"], ["tune", config]):
+    others = [["tune", config]] if TUNES else []
+    for words in (["resume", killed], ["train", config, "--out", tmp_path / "a"], *others):
         refused(words, "add telemetry=[csv,mlflow], or telemetry=[tensorboard]")
     refused(["resume", killed, "telemetry=[csv]", "seed=3"], "only checkpoint_seconds and telemetry")
     with pytest.raises(ValueError, match="has to ask"):

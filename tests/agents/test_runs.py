@@ -18,7 +18,18 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
-from run_folders import POLICIES, REFUSALS, RPRP, change, csv_rows, kept, says, write_run, write_scene_file
+from run_folders import (
+    POLICIES,
+    REFUSALS,
+    RPRP,
+    TUNES,
+    change,
+    csv_rows,
+    kept,
+    says,
+    write_run,
+    write_scene_file,
+)
 from short_trainings import SMALL, TINY, assert_same_policy
 
 import redundant_envs as rde
@@ -393,6 +404,8 @@ def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
     (tmp_path / "runs").mkdir()
     for name in ("strength.png", "trials.csv", "report.md"):
         (tmp_path / name).write_text("precious")
+    if words[0] == "tune" and not TUNES:
+        pytest.skip("optuna is in the extra 'tune'")
     for more in ([], ["--storage", tmp_path / "x.journal"]) if words[0] == "tune" else ([],):
         words_of = [*words, "--out", tmp_path, *more]
         refused(words_of, f"out is {tmp_path}, which holds other files and no study")
@@ -415,9 +428,9 @@ def test_a_folder_with_links_is_refused_with_their_names(name, run, tmp_path, re
     link.parent.mkdir(parents=True, exist_ok=True)
     link.symlink_to(victim if name != "report.md" else tmp_path / "nowhere")
     commands = readers(run, tmp_path / "out").values() if name in LINKS[::4] else [["report", run, "--force"]]
-    tune = ["tune", "rprp_reach_ppo", "--trials", 1, "--out", run]
+    tune = [["tune", "rprp_reach_ppo", "--trials", 1, "--out", run]] if TUNES else []
     seeds = ["train", "rprp_reach_ppo", "--seeds", "0", "--out", run.parent]
-    for words in (*commands, ["resume", run], tune, seeds):
+    for words in (*commands, ["resume", run], *tune, seeds):
         refused(words, f"{name} (a link)")
     other = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", "other"))
     refused(["evaluate", other, "--out", run, "--force"], f"{name} (a link)")
