@@ -1,6 +1,7 @@
 """Texts of files do not command a terminal, and are no HTML, links or cells on a page."""
 
 import ast
+import html
 import io
 import json
 import re
@@ -38,6 +39,27 @@ def test_a_text_of_a_file_is_a_text():
     assert markdown([1], [["a|b\n| c |"]]).splitlines()[-1] == r"| a\|b \| c \| |"
     assert escaped(Markdown("`a` | b")) == "`a` | b"
     assert [code("a"), code("`a``b")] == ["`a`", "``` `a``b ```"]
+
+
+@pytest.mark.parametrize("linkify", [False, True])
+@pytest.mark.parametrize(
+    "text",
+    [
+        STRANGE, "**a** _b_ __c__ ***d*** a*b*c _a_b_ x __init__ y", "~~a~~ ~b~",
+        "https://a.example http://1.2.3.4/b", "www.a.org ftp://a.b HTTPS://A.B", "//a.example a.com b.io x",
+        "mailto:a@b.org xmpp:a@b.org a.b-c+d@e-f.org", "<http://a.b>", "<b>", "[a]: http://b", "![a][b]",
+        "[^1]: a", "[a]", "# a", "###### a", "#", "- a", "-", "+ a", "* a", "- [ ] a", "1. a", "12) a", "1.",
+        "> a", ">a", "~~~", "```", "---", "- - -", "===", "***", "___", "    a", "\ta", "a  ", "a\\", "\\*a*",
+        "&copy; &#35; &lt;b>", "a | b", "| - |", "$a$", "redundant_envs/RPRPReach-v0", "-1.5", "рф.рф",
+    ],
+)  # fmt: skip
+def test_a_text_has_no_meaning_in_markdown(text, linkify):
+    if linkify:
+        pytest.importorskip("linkify_it")
+    read = pytest.importorskip("markdown_it").MarkdownIt("gfm-like", {"linkify": linkify})
+    for made, tag in ((escaped(text), "p"), (f"* {escaped(text)}", "li"), (markdown(["a"], [[text]]), "td")):
+        shown = read.render(made).replace("\u200b", "")
+        assert f"<{tag}>{html.escape(text.strip())}</{tag}>" in shown.replace("&#x27;", "'")
 
 
 def test_a_page_of_a_run_has_the_texts_of_its_files_as_texts(run, tmp_path, call):
