@@ -29,20 +29,30 @@ def test_a_chain_of_conditions_is_as_long_as_it_likes():
     assert_array_equal(on_columns(every, [1998.5, 1999.5])[0], [0.0, 1.0])
 
 
-def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(graph, "MOST_OPERATIONS", 8_000)
-    planes = [e.HalfPlane(point=(0.0, -3.0 - i), name=f"p{i}") for i in range(20)]
-    disc = e.Disc((1.0, 1.0), 0.1, along_links=True)
-    scene = rde.Scene(ARM, (*planes, disc), tolerance=1e-6)
-    said = r"more than 8000 operations.*of its 21 effects '\w+' has the most, about \d+: leave"
+def long_scene(planes):
+    walls = [e.HalfPlane(point=(0.0, -3.0 - i), name=f"p{i}") for i in range(planes)]
+    return rde.Scene(ARM, (*walls, e.Disc((1.0, 1.0), 0.1, along_links=True)), tolerance=1e-6)
+
+
+def refusal(most, effects):
+    return rf"more than {most} operations.*of its {effects} effects '\w+' has the most, about \d+: leave"
+
+
+def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(monkeypatch):
+    monkeypatch.setattr(graph, "MOST_OPERATIONS", 2_000)
     for refuses in (rde.BatchSimulator, rde.listing, rde.bill):
-        with pytest.raises(ValueError, match=said):
-            refuses(scene)
+        with pytest.raises(ValueError, match=refusal(2000, 4)):
+            refuses(long_scene(3))
+
+
+@pytest.mark.long
+def test_commands_refuse_a_program_of_too_many_operations(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(graph, "MOST_OPERATIONS", 8_000)
     path = tmp_path / "long.yaml"
-    path.write_text(json.dumps(scene.to_dict()))
+    path.write_text(json.dumps(long_scene(20).to_dict()))
     for asked in ("--cost", "--bill"):
         assert main(["scene", str(path), asked]) == 2
-        assert re.search(said, capsys.readouterr().err)
+        assert re.search(refusal(8000, 21), capsys.readouterr().err)
 
 
 def doubling():
