@@ -47,12 +47,12 @@ def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(mon
 
 @pytest.mark.long
 def test_commands_refuse_a_program_of_too_many_operations(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(graph, "MOST_OPERATIONS", 8_000)
+    monkeypatch.setattr(graph, "MOST_OPERATIONS", 12_000)
     path = tmp_path / "long.yaml"
     path.write_text(json.dumps(long_scene(20).to_dict()))
     for asked in ("--cost", "--bill"):
         assert main(["scene", str(path), asked]) == 2
-        assert re.search(refusal(8000, 21), capsys.readouterr().err)
+        assert re.search(refusal(12000, 21), capsys.readouterr().err)
 
 
 def doubling():
