@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import NoAsyncCallError
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
@@ -22,7 +23,7 @@ from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
-from redundant_envs.model.memory import InUse, alone
+from redundant_envs.model.memory import alone
 from redundant_envs.scene import Scene
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
@@ -50,7 +51,7 @@ class SB3VecEnv(VectorFace, VecEnv):
             raise ValueError(f"monitor is {shown(monitor)}; give True or False")
         self.monitor = monitor
         self._made = time.time()
-        self._asked = 0  # the thread whose actions wait for a step; 0 for none
+        self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
         self.spec: EnvSpec | None = None
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
@@ -59,7 +60,8 @@ class SB3VecEnv(VectorFace, VecEnv):
     @alone
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up."""
-        seeds, lanes, self._asked = self._seeds, np.arange(self.num_envs), 0
+        seeds, lanes = self._seeds, np.arange(self.num_envs)
+        self._actions.clear()
         given = self.core.checked({}, lanes)
         self._reset_seeds()
         seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None}
@@ -73,18 +75,18 @@ class SB3VecEnv(VectorFace, VecEnv):
         """Seeds of the next reset: ``seed + i`` for environment i, or random ones with None."""
         return super().seed(checked_seed("seed", seed))
 
-    @alone
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions for :meth:`step_wait`."""
-        if self._asked not in (0, get_ident()):
-            raise InUse
-        self._actions, self._asked = self._checked_actions(actions), get_ident()
+        """Keep the actions for the next :meth:`step_wait` of this thread."""
+        self._actions[get_ident()] = self._checked_actions(actions)
 
     @alone
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """One control step of all environments."""
-        core, columns, self._asked = self.core, self.core.columns, 0
-        observation, reward, dones, out, last, last_out = self._stepped(self._actions, Autoreset.SAME_STEP)
+        """One control step of all environments, with the actions that this thread gave, or else another."""
+        if not self._actions:
+            raise NoAsyncCallError("step_wait was called before step_async; call step_async first", "step")
+        core, columns, thread = self.core, self.core.columns, get_ident()
+        actions = self._actions.pop(thread if thread in self._actions else next(iter(self._actions)))
+        observation, reward, dones, out, last, last_out = self._stepped(actions, Autoreset.SAME_STEP)
         infos: list[dict[str, Any]]
         if "is_success" in columns.names:
             held = columns.of(out, "is_success").tolist()

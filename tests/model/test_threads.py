@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 from envs.faces import FACES, GOAL_IDS, actions, begin, flat, made
+from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
 from redundant_envs.model.memory import IN_USE, InUse, alone
@@ -115,12 +116,17 @@ def test_errors_and_interrupts_leave_nothing_in_use(kind, error, monkeypatch):
 
 
 def test_actions_of_one_thread_are_not_those_of_another_ones_step():
-    env = made("sb3")
-    env.reset()
-    env.step_async(np.zeros((3, 4), np.float32))
-    assert told(lambda: env.step_async(np.ones((3, 4), np.float32))) is InUse
-    env.step_wait()
-    assert told(lambda: env.step(np.ones((3, 4), np.float32))) is None
+    env, other = made("sb3"), made("sb3")
+    first, second = actions(env, 2)
+    for one in (env, other):
+        begin(one, seed=3)
+    env.step_async(first)  # an interrupt may end a step here
+    assert told(lambda: env.step_async(second)) is None
+    assert told(lambda: copy.deepcopy(env).step(first)) is None
+    assert flat(env.step_wait()) == flat(other.step(first))
+    assert flat(env.step_wait()) == flat(other.step(second))  # of a thread that has ended
+    with pytest.raises(NoAsyncCallError, match="call step_async"):
+        env.step_wait()
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
