@@ -41,6 +41,8 @@ longer. Usual scenes take a second, the largest a minute."""
 SUFFIX, FACTS = ".code", ".facts"
 OWN_FILE = re.compile(r"([0-9a-f]{40})\.(code|facts|lock)(\.[0-9a-f]{16})?")
 """Names of files that this module makes; it deletes no others. Unfinished ones have the third part."""
+MOST_LINKS = 40
+"""Links on the way to the folder, as many as Linux follows."""
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
 
@@ -162,14 +164,12 @@ def opened() -> Iterator[Folder]:
     path = cache_folder()
     if not path.is_absolute():  # or there is no home directory for "~"
         raise OSError("it is not an absolute path")
+    if sys.platform != "win32":
+        _check_links(path)
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     if sys.platform == "win32":
         yield Folder(path, None)
         return
-    for place in (path, *path.parents):
-        status = place.lstat()
-        if stat.S_ISLNK(status.st_mode) and status.st_uid not in (0, os.geteuid()):
-            raise OSError(f"{place} is a link of user {status.st_uid}, who can have it lead anywhere")
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         _check_own(path, os.fstat(descriptor))
@@ -178,9 +178,32 @@ def opened() -> Iterator[Folder]:
         os.close(descriptor)
 
 
+def _check_links(path: Path) -> None:
+    """OSError if a link of another user is on the way to a folder, also behind one of this user's own."""
+    at, names, links = Path(path.anchor), [*path.parts[:0:-1]], 0
+    while names:
+        place = at / names.pop()
+        try:
+            status = place.lstat()
+        except FileNotFoundError:
+            return  # it will be made
+        if not stat.S_ISLNK(status.st_mode):
+            at = at.parent if place.name == ".." else place
+            continue
+        if status.st_uid not in (0, os.geteuid()):
+            raise OSError(f"{place} is a link of user {status.st_uid}, who can have it lead anywhere")
+        if (links := links + 1) > MOST_LINKS:
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+        target = at / os.readlink(place)  # from the root if it says so
+        at, names = Path(target.anchor), [*names, *target.parts[:0:-1]]
+
+
 def cache_folder() -> Path:
-    """Where machine code is kept."""
-    return Path(os.path.expanduser(os.environ.get(CACHE_VARIABLE) or _usual_folder()))
+    """Where machine code is kept; no absolute path if there is no home directory, or its name is empty."""
+    place = os.environ.get(CACHE_VARIABLE) or _usual_folder()
+    homeless = os.environ.get("USERPROFILE" if sys.platform == "win32" else "HOME") == ""
+    unknown = homeless and place.startswith(("~/", "~\\"))
+    return Path(place) if unknown else Path(os.path.expanduser(place))
 
 
 def _usual_folder() -> str:

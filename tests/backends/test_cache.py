@@ -376,6 +376,8 @@ def homeless(monkeypatch):
         ({cache.CACHE_VARIABLE: "~/own", "HOME": "/me", "XDG_CACHE_HOME": "/xdg"}, "/me/own"),
         ({}, None),
         ({"HOME": "me"}, None),
+        ({"HOME": ""}, None),
+        ({"HOME": "", cache.CACHE_VARIABLE: "~/own"}, None),
         ({cache.CACHE_VARIABLE: "here", "HOME": "/me"}, None),
         ({cache.CACHE_VARIABLE: "~nobody_of_this_name/cache"}, None),
     ],
@@ -445,6 +447,15 @@ def test_another_users_file_is_replaced_and_another_users_link_is_not_followed(f
     assert "link of user" in refused(link, monkeypatch, capsys)
     (folder / "redundant-envs").mkdir()
     assert "link of user" in refused(link / "redundant-envs", monkeypatch, capsys)
+    (behind := folder.with_name("behind")).symlink_to(f"../{folder.parent.name}/link")
+    (folder.with_name("through")).symlink_to(behind.parent)
+    for own_link in (behind, behind / "redundant-envs", behind.parent / "through" / "behind"):
+        assert "link of user" in refused(own_link, monkeypatch, capsys)
+    assert not (folder / "new").exists()
+    assert "link of user" in load(behind / "new" / "redundant-envs", monkeypatch)[0]
+    assert not (folder / "new").exists()  # nor made
+    monkeypatch.setattr(Path, "lstat", lstat)
+    assert load(behind.parent / "through" / "behind", monkeypatch) == []
 
 
 @unix
