@@ -115,7 +115,7 @@ def throughput() -> Found:
     found: Found = {}
     for row in study.run(study.load_config(config_folder("studies") / "throughput.yaml")):
         name = f"{row['arm']} {row['integrator']}{' ' * bool(row['tolerance'])}{row['tolerance']}"
-        found |= {f"{name} ns": row["ns_per_step_best"], f"{name} s": row["compile_seconds"]}
+        found[f"{name} ns"] = row["ns_per_step_best"]
         found["least avx2"] = min(found.get("least avx2", np.inf), row["avx2_over_avx512"] or np.nan)
         found["most avx2"] = max(found.get("most avx2", 0.0), row["avx2_over_avx512"] or np.nan)
         found["GFLOP/s"] = max(found.get("GFLOP/s", 0.0), row["dgemm_gflops"])
@@ -239,9 +239,10 @@ def pages() -> Found:
 
 
 def testing() -> Found:
-    """make test, s."""
+    """The tests of make test, s."""
     start = time.perf_counter()
-    subprocess.run(["make", "test", f"VENV={Path(sys.executable).parents[1]}"], cwd=ROOT, check=True)
+    words = ["--numprocesses", "auto", "--maxprocesses", "4", "--dist", "worksteal", "-m", "not long", "-q"]
+    subprocess.run([sys.executable, "-m", "pytest", *words], cwd=ROOT, check=True)
     return {"seconds": time.perf_counter() - start}
 
 

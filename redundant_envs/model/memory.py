@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable, Sequence
 from threading import get_ident
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
-from redundant_envs.machine import memory_of_machine
 from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import shown
 
@@ -30,6 +30,14 @@ def aligned(*shape: int) -> Array:
     raw = np.zeros(size + LANES)
     first = (-raw.ctypes.data % 64) // 8
     return raw[first : first + size].reshape(shape)
+
+
+def memory_of_machine() -> int:
+    """Bytes of memory; a terabyte where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # Windows
+        return 10**12
 
 
 class Used(Protocol):
