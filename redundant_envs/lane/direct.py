@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -142,8 +143,21 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Many lanes: traced procedures and the traced program, by an interpreter."""
+class Records(Protocol):
+    """What records how lanes cross a piece of an interval; see :mod:`steps_taken`."""
+
+    def tried(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+        """Fields before and after the program of the lanes that have left the common step goes on."""
+
+    def crossed(self, lane: Mapping[str, Any]) -> None:
+        """Fields after the piece."""
+
+
+def several_in_steps(
+    interval: Interval, given: Mapping[str, Any], records: Sequence[Records] = ()
+) -> Iterator[dict[str, Any]]:
+    """Many lanes: traced procedures and the traced program, by an interpreter; ``records`` are those of the
+    pieces of an interval, if there are any."""
     fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
 
     def call(*parts: Procedure | LaneFunction) -> None:
@@ -157,9 +171,15 @@ def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[d
         value = fields[name] > 0.0
         return bool(value.any() if hasattr(value, "any") else value)
 
+    def go_on(part: LaneFunction) -> None:
+        before = dict(fields)
+        call(part)
+        if record:
+            record.tried(before, fields)
+
     call(interval.step.clear)
     for _ in range(interval.dynamics.attempts):
-        for begins in common_steps(interval):
+        for begins, record in itertools.zip_longest(common_steps(interval), records):
             call(*begins)
             if interval.dynamics.instants and not some("h"):  # all wait at the end; numbers may divide by h
                 yield fields
@@ -171,16 +191,19 @@ def several_in_steps(interval: Interval, given: Mapping[str, Any]) -> Iterator[d
             served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
             fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
             fields |= {"moving": 0.0, "touching": 0.0}
-            call(program[None])
+            go_on(program[None])
             if FIRST in program:
-                call(program[FIRST])
+                go_on(program[FIRST])
             while some("moving") or some("touching"):
                 while some("touching"):
                     call(interval.boundaries.find_contact_forces, program[Request.FORCES])
-                call(*trial_procedures(interval), program[Request.STEP])
+                call(*trial_procedures(interval))
+                go_on(program[Request.STEP])
             for name, before in served.items():
                 if fields[name] is not before:
                     fields[name] = algebra.where(leaves, fields[name], before)
+            if record:
+                record.crossed(fields)
             yield fields
         if interval.dynamics.attempts > 1:
             call(interval.doubt, interval.settle)

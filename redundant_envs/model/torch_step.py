@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from redundant_envs.backends.torch import number, torch
+from redundant_envs.backends.torch import number, on_plain_numbers, torch
 from redundant_envs.effects.attached import DRAWN
-from redundant_envs.lane import jumps, pieces
+from redundant_envs.lane import jumps
 from redundant_envs.lane.common_step import lane_step
-from redundant_envs.lane.direct import fields_of, in_steps
+from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Control, Reason
+from redundant_envs.lane.features import Control
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.steps_taken import steps_taken
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.scene_numbers import names_of
 
@@ -28,15 +27,15 @@ def torch_step(scene: Scene) -> Step:
     """A differentiable control interval of a scene.
 
     The steps are those of the compiled simulator, run on tensors of float64; motions agree to rounding.
-    With a tolerance the number of steps of each lane is found first, without gradients, and then taken as
-    given; where a law switches within the interval these equal steps pass over it, and motions agree to the
-    tolerance.
+    With a tolerance the steps of each lane, and where laws switch, are found first, on plain numbers, and
+    then taken as given.
 
     Parameters
     ----------
     scene : Scene
         Without hard stops and not with ``dop853``: an impact, and a choice of step lengths, have no
-        meaningful derivative. Use ``LimitSpring`` and a tolerance instead.
+        meaningful derivative; nor with dry friction. Use ``LimitSpring``, a tolerance and
+        ``SmoothCoulombFriction`` instead.
 
     Returns
     -------
@@ -52,10 +51,10 @@ def torch_step(scene: Scene) -> Step:
     Raises
     ------
     ValueError
-        If the scene has stops or chooses its steps while it runs.
+        If the scene has stops or dry friction, or chooses its steps while it runs.
     """
     check_scene(scene)
-    dynamics = Dynamics(scene, located=False)  # equal steps have gradients, and a step may have two laws
+    dynamics = Dynamics(scene)
     interval = Interval(dynamics)
     if dynamics.stops:
         owner = dynamics.stops[0].owner
@@ -102,12 +101,6 @@ def torch_step(scene: Scene) -> Step:
             keys = dict(zip(of_draws, _checked("draws", draws, len(of_draws)).unbind(-1), strict=True))
         elif draws is not None:
             raise ValueError("draws is given, and no effect of the scene draws; leave it out")
-        if scene.tolerance is not None and any(map(_is_mapped, tensors)):
-            raise ValueError(
-                "step was called within torch.func.vmap, which hides how many steps each lane needs for the "
-                "tolerance of the scene; give all lanes at once, as tensors (..., joints), or make the step "
-                "of a scene without a tolerance"
-            )
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
         states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
@@ -126,29 +119,30 @@ def torch_step(scene: Scene) -> Step:
             states = list(lane.get(dynamics.states))
             fields.update(lane.written())
 
-        given = {**fields, **dict(zip(dynamics.states, states, strict=True))}
-        empty = any(isinstance(x, torch.Tensor) and x.numel() == 0 for x in given.values())
-        counts = [] if empty else _step_counts(interval, given)
+        pieces = _steps(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))})
+        fields |= dict.fromkeys(dynamics.sides, number(0.0))
         if dynamics.instants:
             run(interval.step.clear)
         else:
             run(functools.partial(jumps.strike, dynamics))
-        for steps in counts:
+        for piece in pieces:
             if dynamics.instants:
                 run(interval.step.next_piece)
-            h = pieces.span(dynamics, lane_now()) / steps
-            for k in range(int(steps.max())):
+            length = lane_now().h
+            for share, *sides in piece.unbind(1):
+                h = share * length
+                taken = h > 0.0
+                for name, side in zip(dynamics.sides, sides, strict=True):
+                    fields[name] = torch.where(taken, side, fields[name])
                 made = lane_step(dynamics, lane_now(), h)
                 new = (*made.positions, *made.velocities, *made.others)
-                taken = (k < steps) & (h > 0.0)
                 states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
         lane = lane_now()
         interval.update_effect_states(lane)
         ends = 2 * count, 2 * count + len(of_effects)
         states = [number(lane[n]) for n in (*dynamics.states[: ends[0]], *of_effects, *of_draws)]
-        wide = torch.broadcast_tensors(*states, *(tensors[2].unbind(-1) if empty else ()))
-        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]]]
-        parts.append(wide[ends[1] : len(states)])
+        wide = torch.broadcast_tensors(*states)
+        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]], wide[ends[1] :]]
         return tuple(torch.stack(part, -1) for part in parts if part)
 
     plain = torch._disable_dynamo(step)
@@ -161,29 +155,23 @@ def torch_step(scene: Scene) -> Step:
     return uncompiled
 
 
-def _step_counts(interval: Interval, fields: Mapping[str, Any]) -> list[torch.Tensor]:
-    """Numbers of steps of each piece of an interval, from the fields at its start, without gradients."""
+def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tensor]:
+    """The steps in each piece of an interval, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed
+    ones in units of their own length."""
     dynamics = interval.dynamics
     if dynamics.scene.tolerance is None:
-        return [number(float(dynamics.scene.substeps))] * dynamics.pieces
-    found = []
-    with torch.no_grad(), np.errstate(all="ignore"):
-        for lane in in_steps(interval, fields):
-            served = number(lane["reason"]) == float(Reason.NONE)
-            steps = number(1.0) if bool(served.all()) else number(lane["divisions"])  # else it has none
-            steps = torch.where(served, number(1.0), steps).clamp(min=1.0)
-            found.append((steps, number(lane["h"])))
-    counts = [number(1.0)] * dynamics.pieces
-    for k, (steps, h) in enumerate(found[:-1]):  # after the last one the interval has ended
-        piece = k % dynamics.pieces
-        # A lane that does not cross the interval again has no length before it.
-        counts[piece] = torch.where(h > 0.0, steps, counts[piece])
-    return counts
+        return [torch.ones(1, dynamics.scene.substeps, dtype=torch.float64)] * dynamics.pieces
 
+    def found(*values: Any) -> tuple[torch.Tensor, ...]:
+        tensors = [x for x in values if isinstance(x, torch.Tensor)]
+        shape = torch.broadcast_shapes(*(x.shape for x in tensors))
+        lanes = (
+            x.expand(shape).reshape(-1).cpu().numpy() if isinstance(x, torch.Tensor) else x for x in values
+        )
+        pieces = steps_taken(interval, dict(zip(fields, lanes, strict=True)))
+        return tuple(torch.tensor(x, device=tensors[0].device).reshape(*x.shape[:2], *shape) for x in pieces)
 
-def _is_mapped(tensor: torch.Tensor) -> bool:
-    """Whether a tensor is one lane of torch.func.vmap."""
-    return bool(torch._C._functorch.is_batchedtensor(tensor))
+    return on_plain_numbers(found, *fields.values())
 
 
 def _given(name: str, value: Any, owners: Iterable[str], what: str, width: int) -> None:

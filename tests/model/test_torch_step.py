@@ -1,5 +1,7 @@
 """The differentiable control interval: its motions are those of the simulator, its gradients are right."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, e
@@ -12,12 +14,14 @@ STEPS = {
     "three rk4": {"integrator": "rk4", "substeps": 3},
     "rk8": {"integrator": "rk8"},
     "1e-9": {"tolerance": 1e-9},
+    "switches": {"tolerance": 1e-9},
 }
 
 
 def scene_of(arm, steps):
-    # Always beyond its limits: its kink has no derivative, and error control takes thousands of steps there.
-    spring = e.LimitSpring(arm.joints[1], -6.0, -5.0, 2.0, 0.1)
+    # Always beyond its limits, whose kink has no derivative in a step; or some lanes come to them, or leave.
+    limits = (-0.3, 0.3, 800.0) if steps == "switches" else (-6.0, -5.0, 2.0, 0.1)
+    spring = e.LimitSpring(arm.joints[1], *limits)
     return rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), spring), **STEPS[steps])
 
 
@@ -44,21 +48,23 @@ def short(*pairs):
     return pytest.mark.parametrize(("arm", "steps"), marked, ids=[f"{arm.kind} {x}" for arm, x in every])
 
 
-@pytest.mark.quick("FourR three rk4")
-@short((FOUR_R, "three rk4"), (RPRP, "rk8"), (RPRP, "1e-9"))
+@pytest.mark.quick("FourR three rk4", "RPRP switches")
+@short((FOUR_R, "three rk4"), (RPRP, "rk8"), (RPRP, "1e-9"), (RPRP, "switches"))
 def test_motion_is_that_of_the_simulator(arm, steps):
     scene = scene_of(arm, steps)
     q, qd, efforts = start(arm)
     batch = rde.BatchSimulator(scene, len(q))
     batch.set_state(q.numpy(), qd.numpy())
-    batch.advance(efforts.numpy())
-    q_new, qd_new = rde.torch_step(scene)(q, qd, efforts)
-    np.testing.assert_allclose(q_new.numpy(), batch.q, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(qd_new.numpy(), batch.qd, rtol=1e-12, atol=1e-11)
+    step = rde.torch_step(scene)
+    for _ in range(3):
+        batch.advance(efforts.numpy())
+        q, qd = step(q, qd, efforts)
+    np.testing.assert_allclose(q.numpy(), batch.q, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(qd.numpy(), batch.qd, rtol=1e-12, atol=1e-11)
 
 
 @pytest.mark.quick("RPRP three rk4")
-@short((RPRP, "three rk4"), (RPRP, "1e-9"))
+@short((RPRP, "three rk4"), (RPRP, "1e-9"), (RPRP, "switches"))
 def test_gradients_agree_with_central_differences(arm, steps):
     step = rde.torch_step(scene_of(arm, steps))
     masses = torch.tensor(arm.masses, dtype=torch.float64)
@@ -113,14 +119,27 @@ def test_an_empty_batch_gives_empty_tensors(steps):
         assert [tuple(x.shape) for x in step(*given)] == [(3, 0, 4)] * 2
 
 
-def test_vmap_gives_what_a_batch_gives_or_says_why_not():
-    given = start(FOUR_R)
-    step = rde.torch_step(rde.Scene(FOUR_R, (e.Gravity(),), "rk4", substeps=3))
-    for mapped, batch in zip(torch.func.vmap(step)(*given), step(*given), strict=True):
-        np.testing.assert_allclose(mapped.numpy(), batch.numpy(), rtol=1e-14)
-    exact = rde.torch_step(rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-9))
-    with pytest.raises(ValueError, match=r"within torch\.func\.vmap, which hides .* give all lanes at once"):
-        torch.func.vmap(exact)(*given)
+@pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated")  # by jacfwd itself
+@pytest.mark.parametrize("steps", ["three rk4", pytest.param("switches", marks=pytest.mark.long)])
+def test_transforms_of_torch_give_what_a_batch_gives(steps):
+    scene = scene_of(RPRP, steps)
+    scene = dataclasses.replace(scene, effects=(*scene.effects, e.TipForce(density=0.1)))
+    step, begun, heavy = rde.torch_step(scene), rde.BatchSimulator(scene, 6), torch.ones(6).double()
+    given = *start(RPRP, 6), torch.tensor(begun.z), torch.tensor(begun.draws)
+
+    def ends(q, qd, efforts, z, draws, g):
+        return step(q, qd, efforts, {"gravity.g": g}, z, draws)[1]
+
+    batch = ends(*given, heavy)
+    assert torch.equal(torch.func.vmap(ends)(*given, heavy), batch)
+    lanes = [x.reshape(3, 2, *x.shape[1:]) for x in given]
+    inner = torch.func.vmap(ends, in_dims=(1, 1, 0, 0, 0, None))  # of lanes in the last axis, and one gravity
+    nested = torch.func.vmap(inner)(lanes[0].mT, lanes[1].mT, *lanes[2:], heavy[:3])
+    assert torch.equal(nested.reshape(6, 4), batch)
+    for jacobian in (torch.func.jacrev, torch.func.jacfwd):
+        slopes = torch.func.vmap(jacobian(ends, 5))(*given, heavy)
+        moved = (ends(*given, heavy + 1e-5) - ends(*given, heavy - 1e-5)) / 2e-5
+        torch.testing.assert_close(slopes, moved, rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.long
