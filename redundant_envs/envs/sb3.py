@@ -186,7 +186,8 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, *
     num_envs = whole_number("num_envs", num_envs)
     spec = _spec_of(env_id)
     full = spec.id
-    arguments = {**{k: v for k, v in spec.kwargs.items() if k not in OF_VECTORS}, **kwargs}
+    own = {**gym.spec(full).kwargs, **spec.kwargs}  # those of a spec that was written by hand may be few
+    arguments = {**{k: v for k, v in own.items() if k not in OF_VECTORS}, **kwargs}
     valid = (*ARGUMENTS, *OF_PICTURES, "threads")
     for key in arguments:
         if key not in valid:

@@ -7,6 +7,7 @@ import queue
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import textwrap
 import threading
@@ -522,6 +523,29 @@ def test_a_second_request_interrupts_at_once(name, interrupts):
         with pytest.raises(KeyboardInterrupt):
             interrupts()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+AT_A_TERMINAL = """
+import signal, sys
+from redundant_envs_train.training.pool import stop_request
+with stop_request() as stop:
+    sys.stdin.readline()  # until the terminal is closed
+    for _ in range(2):  # a shell may send it, too
+        signal.raise_signal(signal.SIGHUP)
+    print("a bar of progress", file=sys.stderr, flush=True)
+    print("saved", file=open(sys.argv[1], "w"))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no terminals to open")
+def test_a_training_whose_terminal_is_closed_is_saved(tmp_path):
+    ours, theirs = os.openpty()
+    command = [sys.executable, "-c", AT_A_TERMINAL, str(tmp_path / "saved")]
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=theirs, stderr=theirs)
+    os.close(ours)
+    os.close(theirs)
+    child.communicate(b"go\n")
+    assert (child.returncode, (tmp_path / "saved").exists()) == (0, True)
 
 
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):

@@ -291,6 +291,11 @@ def test_machines_share_a_study_in_a_storage(storage, tmp_path):
     assert load(tmp_path / "b" / "best.yaml").ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
     with says("holds a study with", "--search ppo.gamma"):
         tune(CONFIG, tmp_path / "c", 4, ["ppo.gamma=0.5..0.8"], storage=place)
+    with says("out is", "which holds other files and no study"):  # those of a study of its own
+        tune(CONFIG, tmp_path / "own", 1, GAMMA)
+        tune(CONFIG, tmp_path / "own", 2, GAMMA, storage=place)
+    with says("which has trials of another storage"):
+        tune(CONFIG, tmp_path / "a", 3, GAMMA, storage=f"{place}2")
     with says("processes is 2 beside a storage"):
         tune(CONFIG, tmp_path / "c", 4, GAMMA, processes=2, storage=place)
 

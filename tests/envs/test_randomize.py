@@ -385,6 +385,7 @@ def test_goal_environments_observe_them_beside_the_goals():
 
 NOT_OBSERVED = {
     "a text": ("gravity.g", "observe_parameters is 'gravity.g'; give names"),
+    "a set, whose order differs from process to process": ({"gravity.g"}, "is {'gravity.g'}; give names"),
     "a number": (3, "observe_parameters is 3; give names"),
     "an unknown name": (
         ("gravity.x",),

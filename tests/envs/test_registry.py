@@ -280,3 +280,8 @@ def test_an_id_without_a_limit_has_none(mode):
         assert not any(env.step(np.zeros((2, 4), np.float32))[3].any() for _ in range(120))
     finally:
         del gym.registry[name]
+
+
+def test_a_spec_that_names_its_id_alone_has_the_arguments_of_the_id():
+    env = rde.make_sb3(EnvSpec(id="redundant_envs/RPRPReach-v0"), 2)
+    assert env.observation_space == rde.make_sb3("RPRPReach-v0", 2).observation_space

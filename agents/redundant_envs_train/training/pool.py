@@ -4,6 +4,7 @@ import contextlib
 import os
 import re
 import signal
+import stat
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -55,6 +56,16 @@ def ask_to_stop() -> None:
         request.set()
 
 
+def _leave_terminal() -> None:
+    """Write no more to a terminal that is closed: an error there would end a training before it is saved."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
+            if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, stream.fileno())
+                os.close(nowhere)
+
+
 @contextlib.contextmanager
 def _signals(request: threading.Event) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
@@ -62,7 +73,9 @@ def _signals(request: threading.Event) -> Iterator[None]:
         return
 
     def note(number: int, frame: object) -> None:
-        if request.is_set():
+        if number == getattr(signal, "SIGHUP", None):
+            _leave_terminal()
+        elif request.is_set():
             raise KeyboardInterrupt
         request.set()
 

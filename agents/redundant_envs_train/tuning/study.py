@@ -1,15 +1,17 @@
 """A study: trials, kept in a file from which the same command continues."""
 
+import hashlib
 import json
 import math
 import os
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.bounded import read_bytes
-from redundant_envs.disk import alone, write_bytes
+from redundant_envs.bounded import read_bytes, read_text
+from redundant_envs.disk import alone, write_bytes, write_text
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.progress import progress_bars
@@ -45,9 +47,11 @@ with needs("tune"):
     from rich.progress import Progress
 
 JOURNAL = "study.journal"
+SHARED = "study.storage"  # a digest of the storage whose trials are in a folder; its URL may have a password
 LEAST_JOURNAL = 1 << 23  # bytes that a journal may have, whatever its study: those of some hundred trials
 STUDY = "tune"  # name of the study in its file
 SETTINGS = "settings"  # attribute of a study: the settings that identify it
+ATTEMPTS = 5  # to open a storage, half a second apart
 AHEAD = "ahead"
 """Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
 LEAST_AHEAD = 3  # so four trials at a time give the results of one at a time
@@ -82,9 +86,13 @@ def tune(
     telemetry.check(config)
     config = with_start(config)
     space = space_of(config, searches, overrides)
-    check_study(folder, [JOURNAL] if storage is None else ["trial[0-9]*"])
+    check_study(folder, [JOURNAL if storage is None else SHARED])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"):
+        if storage is not None:
+            if "://" not in storage:
+                _check_journal(Path(storage))
+            _check_storage(folder / SHARED, storage)
         if storage is None:
             _cut_half_line(folder / JOURNAL, _most_bytes(config, trials))
         study = _open(folder, config, space, seed, processes, storage)
@@ -114,14 +122,21 @@ def _open(
     path: Any = storage or folder / JOURNAL
     sampler = optuna.samplers.TPESampler(seed=None if storage else seed, constant_liar=storage is not None)
     pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
-    if storage is not None and "://" not in storage:
-        _check_journal(Path(storage))
     try:
-        kept = storage if storage and "://" in storage else JournalStorage(JournalFileBackend(str(path)))
-        study = optuna.create_study(
-            storage=kept, study_name=STUDY, direction="maximize", load_if_exists=True, sampler=sampler,
-            pruner=pruner,
-        )  # fmt: skip
+        for left in reversed(range(ATTEMPTS if storage else 1)):
+            try:
+                kept = (
+                    storage if storage and "://" in storage else JournalStorage(JournalFileBackend(str(path)))
+                )
+                study = optuna.create_study(
+                    storage=kept, study_name=STUDY, direction="maximize", load_if_exists=True,
+                    sampler=sampler, pruner=pruner,
+                )  # fmt: skip
+                break
+            except Exception:  # two processes that make the tables of a new database hinder each other
+                if not left:
+                    raise
+                time.sleep(0.5)
         found = study.user_attrs.get(SETTINGS)
         if found is None:
             study.set_user_attr(AHEAD, max(LEAST_AHEAD, processes - 1))
@@ -163,6 +178,14 @@ def _cut_half_line(path: Path, most: int) -> None:
     if path.exists():
         lines = read_bytes(path, "journal", most)
         write_bytes(path, lines[: lines.rfind(b"\n") + 1])
+
+
+def _check_storage(note: Path, storage: str) -> None:
+    """Note in the folder of a study which storage has its trials; refuse that of another one."""
+    digest = hashlib.sha256(storage.encode()).hexdigest()
+    if note.exists() and read_text(note, "storage", 1000).strip() != digest:
+        raise ValueError(f"out is {note.parent}, which has trials of another storage; choose another --out")
+    write_text(note, f"{digest}\n")
 
 
 def _check_journal(path: Path) -> None:

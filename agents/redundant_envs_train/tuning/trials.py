@@ -28,7 +28,7 @@ with needs("tune"):
 MESSAGE, STEPS, POINTS, ORDER = "message", "env_steps", "points", "order"
 """Attributes of a trial: why it failed, the environment steps of its last point, all points of its curve
 (steps, hold success, mean return), and its position in the study."""
-STATES = ("complete", "pruned", "refused", "stopped")
+STATES = ("complete", "pruned", "refused", "stopped", "running")
 COLUMNS = ("trial", "state", "hold_success", "return", "env_steps", "seconds")
 """Columns of trials.csv, before a column for each key of the search space and the message."""
 SHOWN = 10  # number of trials in the table of the page
@@ -39,7 +39,9 @@ WARMUP = 0.2  # least share of a training before it may be pruned: at first no p
 
 
 def state_of(trial: FrozenTrial) -> str:
-    """How a trial ended, one of ``STATES``; one that runs counts as stopped."""
+    """How a trial ended, one of ``STATES``; those of other machines may still run."""
+    if trial.state is TrialState.RUNNING:
+        return "running"
     if trial.state is TrialState.COMPLETE:
         return "complete"
     if trial.state is TrialState.PRUNED:
