@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +40,7 @@ class Variation:
             )
             raise ValueError(f"randomize is {shown(randomize)}; {fix}")
         names = observe_parameters
-        if isinstance(names, str | bytes | Iterator | Set) or not isinstance(names, Iterable):
+        if isinstance(names, str | bytes | Iterator | set | frozenset) or not isinstance(names, Iterable):
             raise ValueError(
                 f"observe_parameters is {shown(names)}; give names of numbers, such as ('gravity.g',)"
             )
