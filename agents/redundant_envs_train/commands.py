@@ -284,7 +284,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     run_folder.tell_differences([folder])
     from .report import report
 
-    read = {name for name in run_folder.EVALUATED if (folder / name).exists()} if out is None else {*""}
+    read = {name for name in run_folder.EVALUATED if (folder / name).exists()} if out is None else set()
     path = report(folder, out, trust)
     names = [n for n in (*run_folder.EVALUATED, *run_folder.REPORTED[1:]) if n not in read]
     say("written:", *(p for n in names if (p := path.with_name(n)).exists()), path, sep="\n  ")

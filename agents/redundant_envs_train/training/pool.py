@@ -57,10 +57,11 @@ def ask_to_stop() -> None:
 
 
 def _leave_terminal() -> None:
-    """Write no more to a terminal that is closed: an error there would end a training before it is saved."""
+    """Write no more to a terminal that is closed: an error there would end a training before it is saved. One
+    that is open still answers that it is one."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
-            if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode):
+            if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode) and not stream.isatty():
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(nowhere, stream.fileno())
                 os.close(nowhere)
