@@ -13,8 +13,10 @@ from run_folders import write_scene_file
 from short_trainings import SMALL, kill_at, small_config
 
 from redundant_envs import modules
+from redundant_envs.disk import write_text
 from redundant_envs_train import report
 from redundant_envs_train.__main__ import main
+from redundant_envs_train.evidence import curves
 from redundant_envs_train.training.train import train
 
 
@@ -22,6 +24,15 @@ from redundant_envs_train.training.train import train
 def short_clips(monkeypatch):
     """Reports of tests have no true clips, which take most of their time; that of ``home`` has."""
     monkeypatch.setattr(report, "clip", lambda paths, *given, **more: [p.write_bytes(b"clip") for p in paths])
+
+
+@pytest.fixture
+def no_drawing(monkeypatch):
+    """Pictures, which take most of the time of a report, are none; those of ``home`` are not."""
+    for module in (report, curves):
+        monkeypatch.setattr(
+            module, "save_figure", lambda figure, path, **options: write_text(path, "picture")
+        )
 
 
 @pytest.fixture(autouse=True)

@@ -119,3 +119,16 @@ def kept(folder: Path) -> dict[Path, tuple[bytes, int]]:
         path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
         for path in sorted((folder, *folder.rglob("*")))
     }
+
+
+def readers(folder: Path, out: Path) -> dict[str, list[Any]]:
+    """Commands that read a run, and write only into ``out``."""
+    return {
+        "evaluate": ["evaluate", folder], "evaluate out": ["evaluate", folder, "--out", out / "a"],
+        "report": ["report", folder, "--out", out / "b"],
+        "play": ["play", folder, "--clip", out / "a.gif", "--episodes", 1],
+        "export": ["export", folder, "--out", out / "policies"], "table": ["table", folder],
+        "table out": ["table", folder, "--out", out / "a.csv"],
+        "curves": ["curves", folder, "--out", out / "curves.png"],
+        "stops": ["study", "stops", folder, "--lanes", 8, "--out", out / "stops.csv"],
+    }  # fmt: skip
