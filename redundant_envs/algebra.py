@@ -17,6 +17,7 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable
+from types import FunctionType
 from typing import Any, NamedTuple, NoReturn
 
 from redundant_envs.philox import LOW
@@ -259,7 +260,13 @@ def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
 @functools.lru_cache(maxsize=4096)  # functions created for each environment must not stay for ever
 def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
     """Valid as long as the function has this code, which tools that reload modules replace."""
-    return tuple(inspect.signature(function).parameters)
+    if isinstance(function, FunctionType) and not (vars(function).keys() & OTHERS or code.co_flags & MANY):
+        return code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]  # type: ignore[no-any-return]
+    return tuple(inspect.signature(function).parameters)  # of whatever can be called, in 0.1 ms
+
+
+OTHERS = {"__wrapped__", "__signature__"}
+MANY = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 
 
 def numbered(form: str, count: int) -> list[str]:

@@ -87,7 +87,6 @@ def choice_of(count: int) -> Callable[..., Any]:
 # ---- distributions ---------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
 class Distribution:
     """A distribution of a number, between two ends."""
 
@@ -132,7 +131,6 @@ class Uniform(Distribution):
         return self.low, self.high
 
 
-@dataclass(frozen=True)
 class LogUniform(Uniform):
     """Every factor is equally probable: the logarithm is uniform."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +13,8 @@ from redundant_envs.values import printable
 
 def write_rows(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
     """Write rows as CSV."""
+    import csv
+
     with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
@@ -26,18 +27,15 @@ class Markdown(str):
     __slots__ = ()
 
 
-MEANING = re.compile(
-    r"""
+MEANING = r"""(?xi)
     [\\`*|~$]                             # code, emphasis, cells, formulas
     | (?<![^\W_])_ | _(?![^\W_])          # emphasis, which underscores within a word are not
     | \](?=[(\[:]) | &(?=[#a-zA-Z])       # links, characters by their names
     | :(?=//) | (?<=mailto): | (?<=xmpp): | (?<=www)\. | //(?=[^\W_])  # addresses, which become links
     | (?<=[^\W_])\.(?=([a-z]{2}|biz|com|edu|gov|net|org|pro|web|xxx|aero|asia|coop|info|museum|name|shop|рф
         |xn--\w+)(?![^\W_]))  # ends of addresses
-    """,
-    re.VERBOSE | re.IGNORECASE,
-)
-"""What has a meaning anywhere in a line of Markdown."""
+"""
+"""What has a meaning anywhere in a line of Markdown; compiled when a line is written, not at a start."""
 BEGINNING = re.compile(r"^([#>=]|[-+](?=[-+\s]|$)|\d+[.)](?=\s|$))")
 """What has one at its beginning: headings, quotations and lists, none of which a cell can be."""
 AT = "@&#8203;"
@@ -54,7 +52,7 @@ def _cell(text: Any) -> Markdown:
     """The same within a cell of a table."""
     if isinstance(text, Markdown):
         return text
-    line = MEANING.sub(_escape, _line(text).strip())
+    line = re.sub(MEANING, _escape, _line(text).strip())
     return Markdown(line.replace("<", "&lt;").replace("@", AT))
 
 

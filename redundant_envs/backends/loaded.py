@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import hashlib
-import itertools
 import marshal
 import os
 import platform
@@ -29,17 +27,16 @@ TABLES = (dict, list, set, frozenset)
 REGISTRIES = ("ARMS", "EFFECTS", "METHODS", "REGISTRY")
 """Tables that others may add to. What they hold is not told: a scene tells which it names."""
 CACHED = type(functools.cache(len))
-WRAPPERS = (
-    property,
-    classmethod,
-    staticmethod,
-    functools.cached_property,
-    functools.partial,
-    MethodType,
-    CACHED,
-)
-BEHIND = ("fget", "fset", "func", "args", "keywords", "__self__", "__func__", "__wrapped__")
-"""Attributes of wrappers that say what they do."""
+WRAPPERS = {
+    property: ("fget", "fset"),
+    classmethod: ("__func__",),
+    staticmethod: ("__func__",),
+    functools.cached_property: ("func",),
+    functools.partial: ("func", "args", "keywords"),
+    MethodType: ("__self__", "__func__"),
+    CACHED: ("__wrapped__",),
+}
+"""What wraps a function, and its attributes that say what it does."""
 INERT = frozenset((
     "__future__", "_abc", "_collections", "_contextvars", "collections.abc", "dataclasses", "operator", "re",
     "typing",
@@ -87,6 +84,7 @@ class Loaded:
         self._modules = [maker]
         self._seen: dict[int, Any] = {}  # what was told, by its id
         self._classes: set[type[Any]] = set()
+        self._globals: dict[int, tuple[str, str]] = {}  # of functions, by id: their module and its file
         self._homes: dict[str, bool] = {}  # modules that are used; whether they are of this package and trace
         self._names: list[Mapping[str, Any]] = []
         self._tables: list[Any] = []
@@ -137,24 +135,25 @@ class Loaded:
     def _tell_names(self, module: str, names: Mapping[str, Any], inside: type[Any] | None = None) -> None:
         """Tell what a module, or a class in it, has by names."""
         self._names.append(names)
+        private = "_" if isinstance(inside, EnumMeta) else "__"  # maps of the members of an enumeration grow
         for name, value in tuple(names.items()):
-            kind = type(value)
-            if kind is not FunctionType and name.startswith("_" if isinstance(inside, EnumMeta) else "__"):
-                continue  # maps of the members of an enumeration grow
-            if kind is ModuleType and value.__name__.startswith(f"{module}."):
-                continue  # a submodule, which others may have imported
-            if isinstance(value, TABLES):
-                if name in REGISTRIES or not (inside or name.isupper()):
-                    continue  # others are caches
-                self._tables.append(value)
+            if (kind := type(value)) is not FunctionType:
+                if name.startswith(private):
+                    continue
+                if kind is ModuleType and value.__name__.startswith(f"{module}."):
+                    continue  # a submodule, which others may have imported
+                if isinstance(value, TABLES):
+                    if name in REGISTRIES or not (inside or name.isupper()):
+                        continue  # others are caches
+                    self._tables.append(value)
             self._told.append(name)
             self._tell(value)
 
     def _tell(self, value: Any) -> None:
         """Tell a value, and what it is made of."""
         kind, told = type(value), self._told
-        if kind in NUMBERS:
-            told += kind.__name__, repr(value)
+        if kind in NUMBERS or (kind is tuple and NUMBERS.issuperset(map(type, value))):
+            told.append(value)
         elif id(value) in self._seen:
             told.append(getattr(value, "__qualname__", kind.__name__))
         else:
@@ -164,17 +163,21 @@ class Loaded:
                 self._tell_function(value)
             elif isinstance(value, type):
                 self._tell_class(value)
-            elif isinstance(value, WRAPPERS):
-                if clear := getattr(value, "cache_clear", None):
-                    self._caches.append(clear)
-                for name in BEHIND:
-                    self._tell(getattr(value, name, None))
+            elif behind := WRAPPERS.get(kind):
+                if kind is CACHED:
+                    self._caches.append(value.cache_clear)
+                for name in behind:
+                    self._tell(getattr(value, name))
             elif isinstance(value, Enum | str | int | float):
                 self._tell_class(kind)
                 told.append(repr(value))
             elif isinstance(value, tuple | list | dict):
+                parts = [*value, *value.values()] if isinstance(value, dict) else value
+                if NUMBERS.issuperset(map(type, parts)):
+                    told.append(list(parts))
+                    return
                 told.append(len(value))
-                for one in value if not isinstance(value, dict) else itertools.chain(*value.items()):
+                for one in parts:
                     self._tell(one)
             elif kind in TABLES:
                 told.append(sorted(map(_text, value)))
@@ -200,24 +203,38 @@ class Loaded:
 
     def _tell_function(self, function: FunctionType) -> None:
         """Tell a function: its code, its defaults, and what it and its decorators hold."""
-        home, code = function.__globals__.get("__name__", ""), function.__code__
+        code, names = function.__code__, function.__globals__
+        if (known := self._globals.get(id(names))) is None:
+            known = self._globals[id(names)] = self._file_of(names)
+        home, file = known
         self._told += home, function.__qualname__
-        if self._use(home):
-            module = sys.modules[home]
-            inside = code.co_filename == module.__file__ or code.co_filename.startswith(
-                "<"
-            )  # made by dataclass
-            self._replaced |= not inside or function.__globals__ is not vars(module)
+        if file:
+            if code.co_filename != file and not code.co_filename.startswith("<"):  # made by dataclass
+                self._replaced = True
             self._functions.append(function)
             self._told.append(code)
-        elif home in sys.modules:
-            self._replaced |= function.__globals__ is not vars(sys.modules[home])
-        for held in (function.__defaults__, function.__kwdefaults__, vars(function)):
-            if held:
-                self._tell(held)
+        if function.__defaults__:
+            self._tell(function.__defaults__)
+        if function.__kwdefaults__:
+            self._tell(function.__kwdefaults__)
+        if noted := function.__dict__:
+            self._told.append([*noted])
+            for value in noted.values():
+                self._tell(value)
         for cell in function.__closure__ or ():
-            with contextlib.suppress(ValueError):  # an empty cell
-                self._tell(cell.cell_contents)
+            try:
+                inside = cell.cell_contents
+            except ValueError:  # it is empty
+                continue
+            self._tell(inside)
+
+    def _file_of(self, names: dict[str, Any]) -> tuple[str, str]:
+        """The module that has these globals, and its file, if it is one of this package that traces."""
+        home = names.get("__name__", "")
+        own = self._use(home)
+        if home in sys.modules:
+            self._replaced |= vars(sys.modules[home]) is not names
+        return home, str(sys.modules[home].__file__) if own else ""
 
     def _tell_class(self, kind: type[Any]) -> None:
         home = kind.__module__

@@ -9,9 +9,8 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,32 +25,28 @@ NEAR = 1.4
 or farther away do not shrink the arm to a dot."""
 
 
-@dataclass(frozen=True)
-class Circle:
+class Circle(NamedTuple):
     """A filled circle, such as an obstacle; of radius 0 a dot."""
 
     centre: Place
     radius: float
 
 
-@dataclass(frozen=True)
-class HalfPlane:
+class HalfPlane(NamedTuple):
     """All that is beyond a straight edge, through a point and across a normal out of it."""
 
     point: Place
     normal: Place
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """A line through points, such as a cable; faint unless it is ``taut``."""
 
     points: tuple[Place, ...]
     taut: bool = True
 
 
-@dataclass(frozen=True)
-class Load:
+class Load(NamedTuple):
     """A mass [kg], which the arm carries; a ring while it is not ``held``."""
 
     place: Place
@@ -59,8 +54,7 @@ class Load:
     held: bool = True
 
 
-@dataclass(frozen=True)
-class Ground:
+class Ground(NamedTuple):
     """How far the base is from where it was on the ground: a grid of dots moves instead, those add up."""
 
     displacement: Place
@@ -69,13 +63,11 @@ class Ground:
 Shape = Circle | HalfPlane | Line | Load | Ground
 
 
-@dataclass(frozen=True)
 class Pose:
     """An arm in a pose, with the numbers of the environment that is drawn, and the states of the effect."""
 
-    arm: Arm
-    q: NDArray[np.float64]
-    states: Mapping[str, float]
+    def __init__(self, arm: Arm, q: NDArray[np.float64], states: Mapping[str, float]) -> None:
+        self.arm, self.q, self.states = arm, q, states
 
     @cached_property
     def points(self) -> list[Place]:
@@ -117,7 +109,7 @@ def shapes_of(
     for effect, names in effects:
         own = {name: known[of_scene] for name, of_scene in names.items()}
         given = effect_with(effect, own).shapes(Pose(arm, q, own))
-        for shape in given if isinstance(given, Iterable) else (given,):
+        for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
             if not isinstance(shape, Shape):
                 raise ValueError(
                     f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "

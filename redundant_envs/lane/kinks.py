@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.effects.attached import Attached, Attachments, Bound
 from redundant_envs.effects.attaching import roots_of
@@ -17,8 +15,7 @@ from redundant_envs.tracing.graph import Operation, Value, bits_of
 from redundant_envs.tracing.number import Loads, value_of
 
 
-@dataclass(frozen=True)
-class Watch:
+class Watch(NamedTuple):
     """A function of an effect with kinks."""
 
     function: Bound
@@ -84,7 +81,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         if "kink" in a.functions and any(moves(a.functions["kink"], command)):
             watch = Watch(a.functions["kink"])
             values = watch.values(x)
-            found.append((a, dataclasses.replace(watch, levels=(False,) * len(values)), []))
+            found.append((a, watch._replace(levels=(False,) * len(values)), []))
             for value in values:
                 own, *chosen = _keys_declared(value_of(value))
                 seen.add(own)
@@ -105,7 +102,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         seen.update(keys)
         if kept:
             levels = tuple(isinstance(keys[k], tuple) for k in kept)
-            watch = dataclasses.replace(watch, kept=tuple(kept), levels=levels)
+            watch = watch._replace(kept=tuple(kept), levels=levels)
         if kept or not watch.moving:
             watches.setdefault(a, []).append(watch)
     return watches
