@@ -319,10 +319,13 @@ class Team:
         self._memory, self._also = memory, also
         of_block = SUBSTEP * simulator.dynamics.scene.substeps
         of_part = of_block * -(-memory.blocks // len(self.parts))
-        self._least = self._took = of_part if of_block > LONG_OF_LANE * LANES else 0
-        """ns that a step takes at least, if that is long, and that the last call took."""
+        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0
+        """ns that a step takes at least, if that is long."""
         self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
         self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
+        of_unknown_length = self._timed and simulator.dynamics.scene.tolerance is not None
+        self._took = self._long if of_unknown_length else self._least
+        """ns that the last call took; of the first one, what it may take."""
         self._start()
 
     @property
