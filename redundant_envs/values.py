@@ -7,7 +7,7 @@ import dataclasses
 import inspect
 import reprlib
 import warnings
-from collections.abc import Mapping, Sequence, Set, ValuesView
+from collections.abc import Collection, Mapping, Sequence
 from enum import Enum
 from numbers import Integral, Real
 from pathlib import PurePath
@@ -129,19 +129,21 @@ def plain_data(value: Any) -> Any:
         return {plain_data(k): plain_data(v) for k, v in value.items()}
     if isinstance(value, tuple):
         return tuple(map(plain_data, value))
-    if isinstance(value, list | Set | ValuesView):
-        return [*map(plain_data, value)]
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, str | PurePath):
         return str(value)
-    if isinstance(value, bool):
+    if isinstance(value, bool | bytes):
         return value
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Real):
         return float(value)
-    return plain_data(value.tolist()) if hasattr(value, "tolist") else value
+    if hasattr(value, "tolist"):
+        return plain_data(value.tolist())
+    if isinstance(value, Collection):
+        return [*map(plain_data, value)]
+    return float(value) if hasattr(value, "__float__") else value  # a Decimal
 
 
 def plain(kind: str, thing: Any) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene
+from redundant_envs.values import plain_data
 
 Function = Callable[..., Any]
 
@@ -154,8 +155,8 @@ class Task:
             where = f"{type(self).__name__}.{field.name}"
             given: Any = getattr(self, field.name)
             value = number(where, given)
-            if hasattr(given, "dtype"):  # a number of NumPy
-                object.__setattr__(self, field.name, given.item())
+            if type(given) not in (int, float):
+                object.__setattr__(self, field.name, plain_data(given))
             low, high = self.ranges.get(field.name, (0.0, math.inf))
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")

@@ -4,6 +4,9 @@ import pydoc
 import subprocess
 import sys
 import warnings
+from collections import deque
+from decimal import Decimal
+from fractions import Fraction
 
 import gymnasium as gym
 import numpy as np
@@ -63,7 +66,9 @@ AS_USERS_WRITE = {
         "task": {"goal_tolerance": np.float32(0.5), "hold_steps": np.int64(3)},
         "accuracy": np.float64(1e-5), "render_width": np.int16(64),
     },
-    "names": {"observe_parameters": {"gravity.g": 0}.keys(), "info_keys": ["distance"]},
+    "exact numbers": {"task": {"goal_tolerance": Decimal("0.03"), "hold_speed": Fraction(1, 5)}},
+    "names": {"observe_parameters": deque(["gravity.g"]), "info_keys": ["distance"]},
+    "keys": {"observe_parameters": {"gravity.g": 0}.keys()},
     "an array of names": {"observe_parameters": np.array(["gravity.g", "masses"])},
     "what vectors take": {"max_episode_steps": np.int64(7)},
 }  # fmt: skip
