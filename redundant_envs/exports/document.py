@@ -33,7 +33,7 @@ class Heading(NamedTuple):
     scene: str
     version: str
     drawn: bool  # whether episodes draw some of its numbers
-    name: str  # of the scene, or of its arm
+    function: str  # what the name of a function begins with
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""

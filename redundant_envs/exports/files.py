@@ -15,7 +15,9 @@ FORMATS = {"mjcf": "mjcf:mjcf", "urdf": "urdf:urdf", "casadi": "casadi:serialise
 """Formats, and where the functions are that write them: CasADi may be missing."""
 
 
-def document(scene: Scene, form: str, approximate: bool = False, name: str = "") -> Document:
+def document(
+    scene: Scene, form: str, approximate: bool = False, name: str = "", function: str = ""
+) -> Document:
     """A scene in a format, "mjcf", "urdf", "casadi" or "c".
 
     Parameters
@@ -26,7 +28,9 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
         Leave out what has no exact counterpart, or write the nearest equivalent; the notes of the document
         name it, and so do comments in text formats.
     name : str
-        Of the scene, in the file; the function of a C file is called by it, or by the arm without one.
+        Of the scene, in the file.
+    function : str
+        What the name of the function of a C file begins with; that of the scene or of the arm if it is empty.
 
     Raises
     ------
@@ -40,13 +44,16 @@ def document(scene: Scene, form: str, approximate: bool = False, name: str = "")
     if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
     source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
-    heading = Heading(source, __version__, bool(scene.randomize), name or scene.robot.kind)
+    heading = Heading(source, __version__, bool(scene.randomize), function or name or scene.robot.kind)
     writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return writer(scene, heading, approximate)
 
 
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
-    """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done."""
-    made = document(scene, form, approximate, name)
+    """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done.
+
+    The function of a C file is called by the file.
+    """
+    made = document(scene, form, approximate, name, path.stem)
     write_bytes(path, made.content if isinstance(made.content, bytes) else made.content.encode())
     return made.notes

@@ -233,10 +233,13 @@ def test_what_serves_a_motor_is_left_out_with_it_and_the_head_has_the_units_of_c
     assert "commands: of the motors [N m, N, N m, N]" in document(rde.Scene(RPRP), "c").content
 
 
-def test_functions_of_several_scenes_have_names_of_their_own():
+def test_functions_of_several_scenes_have_names_of_their_own(tmp_path):
     scene = SCENES["4R gravity rk4"]
     for name, found in {"": "FourR", "four_r_reach": "four_r_reach", "4r-ü.b": "scene_4r___b"}.items():
         assert f"void {found}_accelerations(const double q[4]" in document(scene, "c", name=name).content
+    for file in ("one.c", "other.c"):  # of one scene, or of two whose files have one name
+        write(scene, "c", tmp_path / file, name="lab")
+        assert f"void {file[:-2]}_accelerations(" in (tmp_path / file).read_text(encoding="utf-8")
 
 
 @NEEDS_C
