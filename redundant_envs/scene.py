@@ -417,13 +417,13 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         own = [k for k in STEPPING if k in data]
     if own:
         raise ValueError(
-            f"accuracy is {accuracy!r} and the scene gives {', '.join(own)}; accuracy sets "
+            f"accuracy is {shown(accuracy)} and the scene gives {', '.join(own)}; accuracy sets "
             "integrator, substeps and tolerance: give one or the other"
         )
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
             raise ValueError(
-                f"accuracy is {accuracy!r}; choose {', '.join(ACCURACIES)} or a tip error in metres"
+                f"accuracy is {shown(accuracy)}; choose {', '.join(ACCURACIES)} or a tip error in metres"
             )
         accuracy = ACCURACIES[accuracy]
     tolerance = number("accuracy", accuracy)

@@ -87,7 +87,7 @@ def check_bounds(where: str, data: Any) -> None:
 def whole_number(name: str, value: Any) -> int:
     """A whole number of at least 1, or a ValueError that names it."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise ValueError(f"{name} is {value!r}; give a whole number of at least 1")
+        raise ValueError(f"{name} is {shown(value)}; give a whole number of at least 1")
     return int(value)
 
 

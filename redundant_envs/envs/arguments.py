@@ -52,7 +52,7 @@ def checked_seed(name: str, seed: Any) -> int | None:
     if seed is None:
         return None
     if isinstance(seed, bool | np.bool_) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"{name} is {seed!r}; give a whole number of at least 0, or None")
+        raise ValueError(f"{name} is {shown(seed)}; give a whole number of at least 0, or None")
     return int(seed)
 
 

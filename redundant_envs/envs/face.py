@@ -28,7 +28,7 @@ from redundant_envs.scene_numbers import names_of
 from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
-from redundant_envs.values import plain_data, whole_number
+from redundant_envs.values import plain_data, shown, whole_number
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
@@ -155,14 +155,14 @@ class Face:
         self._check_render_mode(render_mode)
         for name, given in (("render_width", render_width), ("render_height", render_height)):
             if not LEAST_SIZE <= whole_number(name, given) <= MOST_SIZE:
-                raise ValueError(f"{name} is {given} pixels; give {LEAST_SIZE} to {MOST_SIZE}")
+                raise ValueError(f"{name} is {shown(given)} pixels; give {LEAST_SIZE} to {MOST_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
 
     def _check_render_mode(self, render_mode: Any) -> None:
         modes = (None, *type(self).metadata["render_modes"])
         if render_mode not in modes:
-            raise ValueError(f"render_mode is {render_mode!r}; choose {' or '.join(map(repr, modes))}")
+            raise ValueError(f"render_mode is {shown(render_mode)}; choose {' or '.join(map(repr, modes))}")
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
@@ -464,7 +464,7 @@ def frames_per_second(control_dt: float) -> float:
 
 def _check_bad_action(choice: Any) -> None:
     if choice not in ON_BAD_ACTION:
-        raise ValueError(f"on_bad_action is {choice!r}; choose {', '.join(ON_BAD_ACTION)}")
+        raise ValueError(f"on_bad_action is {shown(choice)}; choose {', '.join(ON_BAD_ACTION)}")
 
 
 def _box(core: Core) -> spaces.Box:

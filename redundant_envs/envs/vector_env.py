@@ -19,7 +19,7 @@ from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import alone
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scene_numbers import names_of
-from redundant_envs.values import whole_number
+from redundant_envs.values import shown, whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 
@@ -199,7 +199,7 @@ def autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     names = {m.name.lower(): m for m in AutoresetMode}
     key = (mode.name if isinstance(mode, AutoresetMode) else str(mode)).lower().replace("-", "_")
     if key not in names:
-        raise ValueError(f"autoreset_mode is {mode!r}; choose {', '.join(names)}")
+        raise ValueError(f"autoreset_mode is {shown(mode)}; choose {', '.join(names)}")
     return names[key]
 
 

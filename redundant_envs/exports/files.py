@@ -10,6 +10,7 @@ from redundant_envs import __version__
 from redundant_envs.disk import write_bytes
 from redundant_envs.exports.document import Document, Heading, Note
 from redundant_envs.scene import Scene, check_scene
+from redundant_envs.values import shown
 
 FORMATS = {"mjcf": "mjcf:mjcf", "urdf": "urdf:urdf", "casadi": "casadi:serialised", "c": "c:c_code"}
 """Formats, and where the functions are that write them: CasADi may be missing."""
@@ -42,7 +43,7 @@ def document(
     """
     check_scene(scene)
     if not isinstance(form, str) or form not in FORMATS:
-        raise ValueError(f"format is {form!r}; choose {', '.join(FORMATS)}")
+        raise ValueError(f"format is {shown(form)}; choose {', '.join(FORMATS)}")
     source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
     heading = Heading(source, __version__, bool(scene.randomize), function or name or scene.robot.kind)
     writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")

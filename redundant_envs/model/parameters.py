@@ -68,7 +68,7 @@ def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:
     if given.ndim > 1:
         raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
     if given.size and given.dtype.kind not in "iu":
-        raise ValueError(f"index is {index!r}; give whole numbers, or a mask of ({count},) bool")
+        raise ValueError(f"index is {shown(index)}; give whole numbers, or a mask of ({count},) bool")
     lanes = np.atleast_1d(given)
     if lanes.size and (lanes.min() < 0 or lanes.max() >= count):
         raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{count - 1}")

@@ -307,7 +307,7 @@ def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None
     joints = len(scene.robot.joints)
     for name, value in (("q", q), ("qd", qd)):
         if value is not None and (np.shape(value) != (joints,) or not np.isfinite(value).all()):
-            raise ValueError(f"{name} is {value!r}; give {joints} finite numbers")
+            raise ValueError(f"{name} is {shown(value)}; give {joints} finite numbers")
 
 
 def energy_run(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> Trajectory:

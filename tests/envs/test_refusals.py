@@ -412,3 +412,18 @@ def test_more_environments_than_the_machine_holds_are_refused_by_their_number(co
             ValueError, match=rf"num_envs is {count}; each takes \d+ bytes.*8 GB: give at most \d+"
         ):
             make()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        lambda huge: rde.make_sb3(FOUR_R, -huge),
+        lambda huge: gym.make_vec(FOUR_R, num_envs=-huge),
+        lambda huge: gym.make(FOUR_R, render_width=huge),
+        lambda huge: gym.make(FOUR_R).reset(seed=-huge),
+    ],
+    ids=["sb3", "vector", "picture", "seed"],
+)
+def test_a_number_that_python_writes_in_no_message_is_said_by_its_length(given):
+    with pytest.raises(ValueError, match=r"\w+ is an integer of 16610 bits.*; give "):
+        given(10**5000)
