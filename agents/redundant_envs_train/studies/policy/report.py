@@ -125,6 +125,8 @@ def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
         panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
         panel.set_xticks([], minor=True)
         label += f"\n(logarithmic beyond ±{plain(margin)})"
+    else:
+        panel.locator_params(axis="x", nbins=5)  # their labels do not touch
     panel.set_xlim(-edge, edge)
     panel.set_xlabel(label, fontsize=8.5)
     panel.tick_params(labelsize=8)
