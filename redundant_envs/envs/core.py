@@ -6,7 +6,6 @@ import copy
 import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import ENDS, TIP, Episode
 from redundant_envs.lane.memory import Layout
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import KEPT, Memory, aligned, alone
+from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.quantities import Quantities
 from redundant_envs.scene import Scene, scene_at
@@ -164,8 +163,7 @@ class Core(Copied):
     """
 
     made_anew = (
-        "keys", "mask", "_key_address", "_offsets", "_team", "_goal_reward", "_rewarding", "_facts",
-        "_single",
+        "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single",
     )  # fmt: skip
 
     def __init__(
@@ -212,10 +210,8 @@ class Core(Copied):
     def _connect(self) -> None:
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads, [self.key_table])
-        self._goal_reward, self._rewarding = None, RLock()
-        if self.task.goal_functions:
-            entry = simulator.kernels(memory.count)["goal_reward"]
-            self._goal_reward = Call(simulator.arguments["goal_reward"], entry)
+        self._goal_rewards = [self._reward_call()] if self.task.goal_functions else []
+        """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
         seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.made(self.columns, 1))]
@@ -327,9 +323,14 @@ class Core(Copied):
             last_obs, last_out, last = self._tables(np.zeros)
         starts = [address(actions), *places, self.memory.blocks * LANES, *last, self._key_address]
         starts += operation, autoreset, int(np.count_nonzero(self.mask))
-        for part, offsets in zip(self._team.parts, self._offsets, strict=True):
-            part.put("actions", [start + offset for start, offset in zip(starts, offsets, strict=True)])
-        self._team()
+        memory = self.memory
+        before, memory.free, memory.user = (memory.free, memory.user), IN_USE, NOBODY
+        try:  # nobody else until the call is over, not even a handler of a signal in this thread
+            for part, offsets in zip(self._team.parts, self._offsets, strict=True):
+                part.put("actions", [start + offset for start, offset in zip(starts, offsets, strict=True)])
+            self._team()
+        finally:
+            memory.free, memory.user = before
         return obs, out, last_obs, last_out
 
     def _tables(self, make: Callable[..., Any]) -> tuple[NDArray[np.float32], Outputs, list[int]]:
@@ -413,14 +414,21 @@ class Core(Copied):
         blocks = -(-len(a) // LANES)
         pairs, reward = np.zeros((blocks * LANES, 4)), np.empty(blocks * LANES)
         pairs[: len(a), :2], pairs[: len(a), 2:] = a, d
-        assert self._goal_reward is not None
         task = self.task.parameters()
         numbers = aligned(1 + len(task), LANES)
         numbers[:] = np.array([self.reach, *task.values()])[:, None]
-        with self._rewarding:  # learners ask for rewards of old goals from threads of their own
-            self._goal_reward.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
-            self._goal_reward()
+        try:
+            call = self._goal_rewards.pop()
+        except IndexError:
+            call = self._reward_call()
+        call.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
+        call()
+        self._goal_rewards.append(call)
         return reward[: len(a)]
+
+    def _reward_call(self) -> Call:
+        entry = self.simulator.kernels(self.memory.count)["goal_reward"]
+        return Call(self.simulator.arguments["goal_reward"], entry)
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""

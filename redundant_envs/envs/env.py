@@ -20,7 +20,7 @@ from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TABLES, TIP
-from redundant_envs.model.memory import IN_USE, alone
+from redundant_envs.model.memory import IN_USE, alone, first
 from redundant_envs.model.programs import Team
 from redundant_envs.tracing.flow import LANES
 
@@ -65,7 +65,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         self.__dict__.update(state)
         self._lane = SingleLane(self.core)
 
-    @alone
+    @first
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -114,7 +114,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             self._show()
         return obs, reward, terminated, False, info
 
-    @alone
+    @first
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot; the continuation is the same to the last bit."""
         super().set_state(state)
@@ -269,7 +269,7 @@ class SingleLane:
         finally:
             memory.free = self._version
 
-    @alone
+    @first
     def _step_otherwise(self, action: Any, operation: int) -> tuple[Any, Any]:
         """The same after another operation, or with other arrays than before."""
         self._action[:] = check_action(action, self.action.shape)

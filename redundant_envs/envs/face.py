@@ -21,7 +21,7 @@ from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TIP
-from redundant_envs.model.memory import alone
+from redundant_envs.model.memory import alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scene import Scene
 from redundant_envs.scene_numbers import names_of
@@ -312,7 +312,7 @@ class VectorFace(Face):
 
     _ready = False
 
-    @alone
+    @first
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
         """Options of the next episode of each environment, as ``reset`` takes them.
 
@@ -377,7 +377,7 @@ class VectorFace(Face):
             self._check_render_mode(value)
         setattr(self, name, value)
 
-    @alone
+    @first
     def set_state(self, state: Mapping[str, Any], index: ArrayLike | None = None) -> None:
         """Return to a snapshot; the continuation is the same to the last bit.
 

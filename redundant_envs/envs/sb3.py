@@ -23,7 +23,7 @@ from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
-from redundant_envs.model.memory import alone
+from redundant_envs.model.memory import alone, first
 from redundant_envs.scene import Scene
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
@@ -57,7 +57,7 @@ class SB3VecEnv(VectorFace, VecEnv):
         # The base class has put what it knows of pictures in place of the rate of frames.
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
 
-    @alone
+    @first
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up."""
         seeds, lanes = self._seeds, np.arange(self.num_envs)
@@ -79,7 +79,7 @@ class SB3VecEnv(VectorFace, VecEnv):
         """Keep the actions for the next :meth:`step_wait` of this thread."""
         self._actions[get_ident()] = self._checked_actions(actions)
 
-    @alone
+    @first
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of all environments, with the actions that this thread gave, or else another."""
         if not self._actions:

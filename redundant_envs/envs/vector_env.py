@@ -16,7 +16,7 @@ from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.variation import Variation
-from redundant_envs.model.memory import alone
+from redundant_envs.model.memory import alone, first
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scene_numbers import names_of
 from redundant_envs.values import shown, whole_number
@@ -62,7 +62,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended, self._all = np.zeros(num_envs, dtype=np.bool_), np.ones(num_envs, dtype=np.bool_)
 
-    @alone
+    @first
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -98,7 +98,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         observation, out = self._observed()
         return observation, self.core.columns.infos(out, mask)
 
-    @alone
+    @first
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:

@@ -15,7 +15,7 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.features import MOST_LOGGED, Fault
 from redundant_envs.lane.memory import LOG
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import IN_USE, InUse, Memory, alone
+from redundant_envs.model.memory import IN_USE, InUse, Memory, alone, first
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.philox import LOW, philox
@@ -189,7 +189,7 @@ class BatchSimulator(Copied):
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 
-    @alone
+    @first
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
         """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
 
@@ -219,7 +219,7 @@ class BatchSimulator(Copied):
         number of control intervals since its motion began. (num_envs, 0) if no effect draws. A copy."""
         return self._memory.read(self.simulator.dynamics.draw_fields)
 
-    @alone
+    @first
     def set_draws(self, draws: ArrayLike, index: ArrayLike | None = None) -> None:
         """Let the draws of lanes follow from others, (5,) or (lanes, 5), as :attr:`draws` has them.
 
@@ -233,7 +233,7 @@ class BatchSimulator(Copied):
             raise ValueError("draws has entries that are no whole numbers; give those that 'draws' returned")
         self._memory.write(names, given, lanes)
 
-    @alone
+    @first
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
         """Set physical parameters of lanes.
 
@@ -261,7 +261,7 @@ class BatchSimulator(Copied):
         """
         return {"simulator": self._facts, **self._memory.save()}
 
-    @alone
+    @first
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
 
@@ -308,7 +308,7 @@ class BatchSimulator(Copied):
         same, filled = self._unchanging, self._filled
         return Status(*[same[name] if name in same else filled[name][:n].copy() for name in OUTPUTS])
 
-    @alone
+    @first
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
         """Advance by ``duration`` [s] instead of a control interval, in as many substeps.
 

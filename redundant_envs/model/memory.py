@@ -73,16 +73,36 @@ def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P],
     return guarded
 
 
+def first(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """The same for a method that no other one calls: :class:`InUse` in the same thread, too, where a handler
+    of a signal would call it in the middle of another one."""
+
+    @functools.wraps(method)
+    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
+        memory = self._memory
+        if memory.free == IN_USE:
+            raise InUse
+        memory.free, memory.user = IN_USE, get_ident()
+        try:
+            return method(self, *args, **kwargs)
+        finally:
+            memory.free, memory.user = memory.version, NOBODY
+
+    return guarded
+
+
 IN_USE, NOBODY = -1, 0
 
 
 class InUse(RuntimeError):
-    """A simulator or an environment is used by two threads at the same time."""
+    """A simulator or an environment is used by two threads at the same time, or by a thread and its signal
+    handler."""
 
     def __init__(self) -> None:
         super().__init__(
-            "another thread uses this simulator or environment, or did when this process was forked; give "
-            "each thread its own, or let one wait for the other with a threading.Lock"
+            "another thread uses this simulator or environment, or did when this process was forked, or a "
+            "signal handler has interrupted its use; give each thread its own, or let one wait for the other "
+            "with a threading.Lock, and let a handler note the signal alone"
         )
 
 

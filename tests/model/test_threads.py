@@ -14,6 +14,7 @@ from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
 from redundant_envs.model.memory import IN_USE, InUse, alone
+from redundant_envs.model.programs import Call, Team
 
 SCENE = rde.load_scene("four_r_reach")
 
@@ -83,6 +84,59 @@ def test_an_environment_in_use_refuses_other_threads_and_goes_on(kind):
         assert told(lambda call=call: call(env)) is None, name
     goals = np.zeros((1, 2))
     assert within(env, lambda: env.compute_reward(goals, goals, [{}])) is None  # from no numbers of the lanes
+
+
+def interrupted(call, kind, inner, monkeypatch):
+    """What a call gives in whose first call of machine code a handler of a signal calls ``inner``, and what
+    these raise."""
+    found, plain = [], kind.__call__
+
+    def first(self):
+        monkeypatch.setattr(kind, "__call__", plain)
+        for one in inner:
+            try:
+                found.append(one())
+            except InUse:
+                found.append(InUse)
+        plain(self)
+
+    monkeypatch.setattr(kind, "__call__", first)
+    return call(), found
+
+
+CHANGES = "step", "reset", "set_state"
+
+
+@pytest.mark.parametrize("kind", FACES)
+def test_a_signal_handler_in_the_middle_of_a_call_is_refused(kind, monkeypatch):
+    env, other = (made(kind, GOAL_IDS[0], render_mode="rgb_array") for _ in range(2))
+    for one in (env, other):
+        begin(one, seed=3)
+    STATES[type(env)] = env.get_state()
+    names = CHANGES if kind == "single" else [*OF_ENV]
+    inner = [lambda call=OF_ENV[name]: call(env) for name in names]
+    (action,) = actions(env, 1)
+    for call in (lambda e: begin(e, seed=4), lambda e: e.step(action))[: 1 if kind == "single" else 2]:
+        made_by, found = interrupted(lambda call=call: call(env), Team, inner, monkeypatch)
+        assert found == [InUse] * len(names)
+        assert flat(made_by) == flat(call(other))
+    zeros, far = np.zeros((1, 2)), np.ones((1, 2))
+    reward, found = interrupted(
+        lambda: env.compute_reward(zeros, zeros, [{}]), Call, [lambda: env.compute_reward(zeros, far, [{}])],
+        monkeypatch,
+    )  # fmt: skip
+    assert [*reward, *found[0]] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["advance", "advance_partly"])
+def test_a_signal_handler_in_the_middle_of_a_batch_is_refused(name, monkeypatch):
+    used, other = batch(), batch()
+    names = ["advance", "advance_partly", "set_state", "set_parameters", "restore"]
+    inner = [lambda call=OF_BATCH[name]: call(used) for name in names]
+    _, found = interrupted(lambda: OF_BATCH[name](used), Team, inner, monkeypatch)
+    OF_BATCH[name](other)
+    assert found == [InUse] * len(names)
+    assert (used.q == other.q).all()
 
 
 def test_a_thread_is_refused_while_another_one_is_in_machine_code():
