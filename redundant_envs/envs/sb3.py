@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import time
 from collections.abc import Mapping, Sequence
 from threading import get_ident
@@ -16,7 +17,7 @@ from gymnasium.error import NoAsyncCallError
 from numpy.typing import NDArray
 
 from redundant_envs.batch.environment import Autoreset
-from redundant_envs.envs.arguments import checked_seed
+from redundant_envs.envs.arguments import checked_seed, episode_limit
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
@@ -193,9 +194,10 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, *
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
     steps = arguments.pop("max_episode_steps", spec.max_episode_steps)
-    scene = arguments["scene"]
+    scene, limit = arguments["scene"], episode_limit(steps)
     of_spec = {**arguments, "scene": scene.facts() if isinstance(scene, Scene) else scene}
-    spec = dataclasses.replace(spec, kwargs=of_spec, max_episode_steps=steps)
+    of_gymnasium = int(limit) if math.isfinite(limit) else None
+    spec = dataclasses.replace(spec, kwargs=of_spec, max_episode_steps=of_gymnasium)
     own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))

@@ -119,6 +119,13 @@ def test_sb3_takes_a_scene_and_its_spec_has_the_data():
     assert EnvSpec.from_json(spec.to_json()).make().unwrapped.scene == scene
 
 
+@pytest.mark.parametrize(("limit", "of_gymnasium"), [(-1, None), (None, None), (7.0, 7), (np.int64(7), 7)])
+def test_the_spec_of_sb3_has_the_limit_as_gymnasium_takes_it(limit, of_gymnasium):
+    spec = rde.make_sb3(FOUR_R, 2, max_episode_steps=limit).spec
+    made_again = EnvSpec.from_json(spec.to_json()).make()
+    assert spec.max_episode_steps == made_again.spec.max_episode_steps == of_gymnasium
+
+
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPReach-v0"])
 def test_other_libraries_see_a_class_of_gymnasium_and_the_id_with_the_module_that_registers_it(env_id):
     whole = f"redundant_envs:{env_id}"
