@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -19,6 +20,7 @@ from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.steps_taken import steps_taken
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.scene_numbers import names_of
+from redundant_envs.values import shown
 
 Step = Callable[..., tuple[Any, ...]]
 
@@ -88,23 +90,28 @@ def torch_step(scene: Scene) -> Step:
         z: Any = None,
         draws: Any = None,
     ) -> tuple[Any, ...]:
-        tensors = [_checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))]
+        given = {name: _checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))}
+        tensors = [*given.values()]
         effects: dict[str, Any] = {}
         if of_effects:
             _given("z", z, owners["z"], "states", len(of_effects))
-            effects = dict(zip(of_effects, _checked("z", z, len(of_effects)).unbind(-1), strict=True))
+            given["z"] = _checked("z", z, len(of_effects))
+            effects = dict(zip(of_effects, given["z"].unbind(-1), strict=True))
         elif z is not None:
             raise ValueError("z is given, and no effect of the scene has a state; leave it out")
         keys: dict[str, Any] = {}
         if of_draws:
             _given("draws", draws, owners["draws"], "random numbers", len(of_draws))
-            keys = dict(zip(of_draws, _checked("draws", draws, len(of_draws)).unbind(-1), strict=True))
+            given["draws"] = _checked("draws", draws, len(of_draws))
+            keys = dict(zip(of_draws, given["draws"].unbind(-1), strict=True))
         elif draws is not None:
             raise ValueError("draws is given, and no effect of the scene draws; leave it out")
+        named = _named(scene, parameters)
+        _check_batch({**given, **named})
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
         states += [effects[n] for n in dynamics.states[2 * count :]]
         fields = {
-            **fields_of(dynamics, _named(dynamics, parameters or {})),
+            **fields_of(dynamics, _as_fields(dynamics, named)),
             **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
             **{n: effects[n] for n in dynamics.effect_states.updated},
             **keys,
@@ -188,19 +195,53 @@ def _given(name: str, value: Any, owners: Iterable[str], what: str, width: int) 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
     if value is None:
         raise ValueError(f"{name} is missing; give a tensor whose last axis has {width} numbers")
-    tensor = number(value)
-    if tensor.dtype is torch.bool or tensor.ndim == 0 or tensor.shape[-1] != width:
+    tensor = _real(name, value)
+    if tensor.ndim == 0 or tensor.shape[-1] != width:
         raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {width} numbers")
     return tensor
 
 
-def _named(dynamics: Dynamics, parameters: Mapping[str, Any]) -> dict[str, torch.Tensor]:
-    """Parameters by the names of their fields."""
-    values: dict[str, torch.Tensor] = {}
-    for name, given in parameters.items():
-        names, tensor = names_of(dynamics.scene, name), number(given)
+def _real(name: str, value: Any) -> torch.Tensor:
+    try:
+        tensor = number(value)
+    except (TypeError, ValueError, RuntimeError):
+        tensor = None
+    if tensor is None or tensor.dtype is torch.bool:
+        raise ValueError(f"{name} is {shown(value)}; give a tensor of real numbers")
+    return tensor
+
+
+def _check_batch(given: Mapping[str, torch.Tensor]) -> None:
+    """ValueError unless what comes before the last axis of each tensor broadcasts to one batch."""
+    together = torch.Size()
+    for name, tensor in given.items():
+        try:
+            together = torch.broadcast_shapes(together, tensor.shape[:-1])
+        except RuntimeError:
+            before = ", ".join(itertools.takewhile(name.__ne__, given))
+            raise ValueError(
+                f"{name} is for a batch of shape {tuple(tensor.shape[:-1])}, and {before} for "
+                f"{tuple(together)}; give shapes that broadcast to one"
+            ) from None
+
+
+def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torch.Tensor]:
+    """Parameters by their names, (..., entries)."""
+    if parameters is not None and not isinstance(parameters, Mapping):
+        raise ValueError(f"parameters is {shown(parameters)}; give a mapping of names, such as masses")
+    tensors: dict[str, torch.Tensor] = {}
+    for name, given in (parameters or {}).items():
+        names, tensor = names_of(scene, name), _real(name, given)
         if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
             tensor = tensor.unsqueeze(-1)
-        entries = _checked(name, tensor, len(names)).unbind(-1)
-        values.update({dynamics.field_of(n): x for n, x in zip(names, entries, strict=True)})
+        tensors[name] = _checked(name, tensor, len(names))
+    return tensors
+
+
+def _as_fields(dynamics: Dynamics, named: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Parameters by the names of their fields."""
+    values: dict[str, torch.Tensor] = {}
+    for name, tensor in named.items():
+        fields = map(dynamics.field_of, names_of(dynamics.scene, name))
+        values.update(zip(fields, tensor.unbind(-1), strict=True))
     return values

@@ -155,6 +155,24 @@ def test_shapes_that_do_not_fit_are_named():
     q, qd, efforts = start(FOUR_R)
     with pytest.raises(ValueError, match=r"efforts has shape \(12, 3\); the last axis must have 4"):
         step(q, qd, efforts[:, :3])
+    with pytest.raises(
+        ValueError, match=r"efforts is for a batch of shape \(3,\), and q, qd for \(12,\); give"
+    ):
+        step(q, qd, efforts[:3])
+    with pytest.raises(
+        ValueError, match=r"masses is for a batch of shape \(2,\), and q, qd, efforts for \(12"
+    ):
+        step(q, qd, efforts, {"masses": torch.ones(2, 4)})
+    for wrong in (
+        torch.ones(4, dtype=torch.bool),
+        torch.ones(4, dtype=torch.complex64),
+        "1234",
+        [[1.0], [2, 3]],
+    ):
+        with pytest.raises(ValueError, match=r"qd is .*; give a tensor of real numbers"):
+            step(q, wrong, efforts)
+    with pytest.raises(ValueError, match=r"parameters is \[4.0\]; give a mapping of names, such as masses"):
+        step(q, qd, efforts, [4.0])
     with pytest.raises(ValueError, match=r"masses has shape \(3,\); the last axis must have 4"):
         step(q, qd, efforts, {"masses": torch.ones(3)})
     with pytest.raises(ValueError, match=r"parameter is 'mass'; this scene has masses, lengths"):
