@@ -11,7 +11,7 @@ import pytest
 
 from redundant_envs import __main__ as library
 from redundant_envs import disk
-from redundant_envs.disk import DiskFull, alone, replacing, write_text
+from redundant_envs.disk import DiskFull, alone, replacing, told, write_text
 from redundant_envs.exports import files
 from redundant_envs.figures import new_figure, save_figure, write_clip
 from redundant_envs.scene import load_scene
@@ -93,6 +93,18 @@ def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_p
     with pytest.raises(DiskFull, match=r"a\.mp4"):
         fail()
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_file_that_is_larger_than_files_may_be_is_told(tmp_path):
+    def fail():
+        with told(tmp_path / "a.zip"):
+            try:
+                raise OSError(errno.EFBIG, "File too large")
+            finally:
+                raise RuntimeError("unexpected pos 768 vs 662")  # as torch says it
+
+    with pytest.raises(DiskFull, match=r"a\.zip cannot be written: it would be larger .* raise the limit"):
+        fail()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")

@@ -9,6 +9,7 @@ import shutil
 import signal
 import sys
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from redundant_envs_train import policies
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.pool import Stopped
-from redundant_envs_train.training.train import resume, train
+from redundant_envs_train.training.train import keep, resume, train
 from redundant_envs_train.training.watch import Watch
 
 
@@ -283,6 +284,15 @@ def test_a_training_on_a_disk_that_fills_keeps_its_policy_where_there_is_room(fi
     assert str(error.value).endswith(f"of 2048 steps the policy is kept in {next(kept)}")
     assert all(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     assert json.loads((folder / "training.json").read_text())["stopped"]
+
+
+def test_a_policy_that_can_be_kept_nowhere_leaves_no_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(DiskFull) as limited, told(tmp_path):
+        raise OSError(errno.EFBIG, "File too large")
+    monkeypatch.setattr("redundant_envs_train.training.train.save_policy", Mock(side_effect=limited.value))
+    assert keep(None, tmp_path / "run") == "no policy could be kept"
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_path, refused, monkeypatch):

@@ -190,7 +190,11 @@ def keep(model: Any, folder: Path) -> str:
         return f"the policy is kept in {own}"
     with suppress(OSError):
         elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / own.name
-        save_policy(model, elsewhere)
+        try:
+            save_policy(model, elsewhere)
+        except OSError:
+            elsewhere.parent.rmdir()
+            raise
         return f"the policy is kept in {elsewhere}"
     return f"{own} is that of the last point of the curve" if own.is_file() else "no policy could be kept"
 
