@@ -9,6 +9,7 @@ import pytest
 from run_folders import POLICIES, TUNES, kept, readers
 
 from redundant_envs import __main__ as library
+from redundant_envs.files import config_folder
 from redundant_envs.studies import environments, intervals, throughput
 from redundant_envs_train.__main__ import main
 
@@ -79,6 +80,15 @@ def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
         words_of = [*words, "--out", tmp_path, *more]
         refused(words_of, f"out is {tmp_path}, which holds other files and no study")
     assert len([*tmp_path.iterdir()]) == 4
+    marks = {"policy": "study.yaml", "strength": "strength.csv", "tune": "study.journal"}
+    mark = tmp_path / next(name for word, name in marks.items() if word in words)
+    mark.write_text("precious")  # a file of the user that has the name of one of a study
+    refused([*words, "--out", tmp_path], mark.name)
+    if mark.suffix == ".yaml":  # or one that is of a study, but another one
+        mark.write_text((config_folder("studies") / "policy.yaml").read_text())
+        refused([*words, "train_seeds=0", "--out", tmp_path], "study.yaml is of another study")
+    else:
+        assert mark.read_text() == "precious"
 
 
 LINKS = (

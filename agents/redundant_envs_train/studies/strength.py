@@ -262,7 +262,10 @@ def run_study(
     given = learner_rows(runs)
     path = out / "strength.csv"
     check_study(out, [path.name])
-    rows = [row for row in read_rows(path) if not row.seeds] if path.is_file() else []
+    before = read_rows(path) if path.is_file() else []
+    if path.is_file() and not before:
+        raise ValueError(f"out is {out}, whose {path.name} has no rows of a study; choose another --out")
+    rows = [row for row in before if not row.seeds]
     if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
         (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
     }:

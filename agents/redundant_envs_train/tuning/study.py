@@ -54,6 +54,7 @@ SETTINGS = "settings"  # attribute of a study: the settings that identify it
 ATTEMPTS = 5  # to open a storage, half a second apart
 AHEAD = "ahead"
 """Attribute of a study: number of trials just before another one that it ignores, as they may still run."""
+BEGINNING = 40  # bytes of a journal that tell one
 LEAST_AHEAD = 3  # so four trials at a time give the results of one at a time
 
 
@@ -174,10 +175,20 @@ def _most_bytes(config: Config, trials: int) -> int:
 
 def _cut_half_line(path: Path, most: int) -> None:
     """Cut off an incomplete last line, left by a kill: Optuna would append the next one to it. The file is
-    written anew, since a copy of the folder may share it; ValueError if it has more than ``most`` bytes."""
+    written anew, since a copy of the folder may share it; ValueError if it has more than ``most`` bytes, or
+    is no journal."""
     if path.exists():
         lines = read_bytes(path, "journal", most)
+        if not _begins_journal(lines[:BEGINNING]):
+            raise ValueError(
+                f"out is {path.parent}, whose {path.name} is no journal of Optuna's; choose another --out"
+            )
         write_bytes(path, lines[: lines.rfind(b"\n") + 1])
+
+
+def _begins_journal(first: bytes) -> bool:
+    """Whether a journal begins so, which may be empty, or have half a line."""
+    return b'"op_code"' in first or b'{"op_code"'.startswith(first)
 
 
 def _check_storage(note: Path, storage: str) -> None:
@@ -200,7 +211,7 @@ def _check_journal(path: Path) -> None:
     lock.acquire()
     try:
         with path.open("r+b") as file:
-            if (first := file.read(40)) and b'"op_code"' not in first:
+            if not _begins_journal(file.read(BEGINNING)):
                 raise ValueError(wrong)
             end = file.seek(0, os.SEEK_END)
             while end > 0:

@@ -23,7 +23,7 @@ from ...run_folder import SELECTION, check_study, own_config, read_config, read_
 from ...run_folder import difference as other_scene
 from ...training.train import simulator_hash, train
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
-from .settings import Study, slug
+from .settings import Study, load_study, slug
 
 with needs("train"):
     import torch
@@ -119,9 +119,13 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
     """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
-    check_study(folder, ["study.yaml"])
+    path = folder / "study.yaml"  # the folder is of a study
+    check_study(folder, [path.name])
+    if path.exists() and load_study(path) != study:
+        raise ValueError(f"out is {folder}, whose {path.name} is of another study; choose another --out")
     plans = [plan(study, name, folder) for name in study.arms]
-    write_text(folder / "study.yaml", yaml.safe_dump(study.to_dict(), **STYLE))  # the folder is of a study
+    if not path.exists():
+        write_text(path, yaml.safe_dump(study.to_dict(), **STYLE))
     results = []
     with progress_bars() as bars:
         line = bars.add_task("policy study", total=sum(p.steps() for p in plans), note="")
