@@ -344,6 +344,13 @@ def was_stopped(folder: Path) -> bool:
     return (folder / "selection.csv").exists() or not (folder / "policy.zip").exists()
 
 
+def trained(folder: Path) -> Iterator[Path]:
+    """The files that a training has written into its folder, which may have others of the user."""
+    for name in (*TRAINED, SCENE, "config.yaml"):
+        for path in folder.glob(name):
+            yield from (found for found in (path, *path.rglob("*")) if found.is_file())
+
+
 def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
     """Move what is there of some files of a run into a new folder in the run's; that folder, if any."""
     there = [path for name in names for path in sorted(folder.glob(name))]

@@ -160,7 +160,7 @@ def _run(
             kept = keep(model, folder)
             with suppress(DiskFull):
                 run_folder.write_json(facts_file, {**facts, "stopped": True})
-            for path in [path for path in folder.rglob("*") if path.is_file() and not path.stat().st_size]:
+            for path in [path for path in run_folder.trained(folder) if not path.stat().st_size]:
                 path.unlink()
             raise DiskFull(
                 f"{full}. After {facts['env_steps']} of {config.total_steps} steps {kept}"
