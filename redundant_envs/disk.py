@@ -132,10 +132,25 @@ def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) 
             raise ValueError(f"{path} is a folder; give a file to be written")
         if path.exists() and any(path.resolve().is_relative_to(other.resolve()) for other in read):
             raise ValueError(f"{path} would be replaced, and is what the command reads; choose another place")
+    for path in written:
+        if path.is_file() or not path.exists():  # a device is written itself
+            check_folder(f"the folder of {path.name}", path.parent, "choose another place")
     if there and not force:
         more = f" and {len(there) - 1} more" if len(there) > 1 else ""
         verb, them = ("exist", "them") if more else ("exists", "it")
         raise ValueError(f"{there[0]}{more} {verb}; choose another place, or replace {them} with --force")
+
+
+def check_folder(what: str, folder: Path, fix: str) -> None:
+    """Refuse a folder in which no file can be made: a file, a link to nothing, what is below one of these, or
+    a folder that is not writable; ``what`` names it, and ``fix`` says what to do."""
+    there = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
+    kind = "the file" if there.exists() else "the broken link"
+    if not there.is_dir():
+        found = f"is {kind.replace('the', 'a')}" if there == folder else f"is below {kind} {there}"
+        raise ValueError(f"{what} is {folder}, which {found}; {fix}")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise ValueError(f"{what} is {folder}, and {there} is not writable; {fix}")
 
 
 def add_force(parser: Any) -> None:

@@ -105,6 +105,13 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("scene nowhere --cost", ", ".join(scene_names())),
         ("study effects --config nowhere.yaml", "no such file"),
         ("study effects Wind", "effect is 'Wind'; choose Armature, "),
+        (
+            "simulate --scene four_r_free --out chain.yaml",
+            "the folder of four_r_free.csv is chain.yaml, which",
+        ),
+        ("verify --quick four_r_reach --json broken/a", "is broken, which is a broken link; choose"),
+        ("study throughput --out broken/a", "is broken/a, which is below the broken link"),
+        ("cache", "relative cannot be used (it is not an absolute path); set REDUNDANT_"),
         ("simulate --scene nowhere", ", ".join(scene_names())),
         ("wasm nowhere", ", ".join(scene_names())),
         ("wasm four_r_free", "scene has no EffortLimits"),
@@ -122,7 +129,10 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
 )
 def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("REDUNDANT_ENVS_CACHE", "relative") if words == "cache" else None
     (tmp_path / "chain.yaml").write_text(CHAIN)
+    if "broken" in words:
+        (tmp_path / "broken").symlink_to("nowhere")
     assert main(words.split()) == 2
     out, err = capsys.readouterr()
     assert out == ""

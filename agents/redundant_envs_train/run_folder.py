@@ -5,7 +5,6 @@ For a missing or damaged file the error names the command that writes it. Nothin
 
 import itertools
 import json
-import os
 import shlex
 import sys
 import warnings
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.bounded import read_json, read_lines
-from redundant_envs.disk import check_plain, write_text
+from redundant_envs.disk import check_folder, check_plain, write_text
 from redundant_envs.envs.registration import ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip
@@ -304,13 +303,8 @@ def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_out(folder: Path) -> None:
-    """Refuse an impossible folder for results: a file, a path below a file, or one that is not writable."""
-    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not there.is_dir():
-        what = "is a file" if there == folder else f"is below the file {there}"
-        raise ValueError(f"out is {folder}, which {what}; choose another --out")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise ValueError(f"out is {folder}, and {there} is not writable; choose another --out")
+    """Refuse an impossible folder for results; see :func:`check_folder`."""
+    check_folder("out", folder, "choose another --out")
 
 
 def check_study(folder: Path, marks: Sequence[str]) -> None:

@@ -314,11 +314,14 @@ def _prune(folder: Folder) -> None:
 
 def usage(clear: bool = False) -> str:
     """What the folder of compiled code holds, and, if it is cleared, held; OSError if it is not used."""
-    with opened() as folder:
-        files = _files(folder)
-        if clear:
-            for _, _, name in files:
-                folder.delete(name)
+    try:
+        with opened() as folder:
+            files = _files(folder)
+            if clear:
+                for _, _, name in files:
+                    folder.delete(name)
+    except OSError as error:
+        raise OSError(_unusable(cache_folder(), error)) from None
     size = sum(size for _, size, _ in files)
     kept = sum(not name.endswith(".lock") for _, _, name in files)
     most = f"at most {KEPT_BYTES / 1e6:.0f} MB are kept"
@@ -329,11 +332,11 @@ def _warn_of_memory_only(folder: Path, error: OSError) -> None:
     if str(folder) in _warned:
         return
     _warned.add(str(folder))
-    warnings.warn(
-        f"compiled simulators are kept in memory only: {folder} cannot be used "
-        f"({error}); set {CACHE_VARIABLE} to a folder of yours to keep them",
-        stacklevel=3,
-    )
+    warnings.warn(f"compiled simulators are kept in memory only: {_unusable(folder, error)}", stacklevel=3)
+
+
+def _unusable(folder: Path, error: OSError) -> str:
+    return f"{folder} cannot be used ({error}); set {CACHE_VARIABLE} to a folder of yours to keep them"
 
 
 @contextlib.contextmanager

@@ -482,8 +482,12 @@ def test_the_table_takes_runs_whose_training_is_unknown(run, call):
 
 def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_path, refused):
     (tmp_path / "file").write_text("mine")
+    (tmp_path / "link").symlink_to("nowhere")
     preset, alone = ["train", "rprp_reach_ppo"], ["study", "strength", "--seeds", "none"]
-    for out, word in ((tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file")):
+    for out, word in (
+        (tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file"),
+        (tmp_path / "link", "is a broken link"), (tmp_path / "link" / "x", "is below the broken link"),
+    ):  # fmt: skip
         for command in (preset, [*preset, "--seeds", "0..1"], alone):
             assert refused([*command, "--out", out]).startswith(f"error: out is {out}, which {word}")
     assert (tmp_path / "file").read_text() == "mine"
