@@ -69,6 +69,16 @@ def test_figures_of_derived_equations_are_those_of_the_study():
         assert seconds == row["compile_seconds"]
 
 
+def test_what_an_episode_has_drawn_is_what_the_page_says():
+    told = re.search(r"^print\(info.*# what this episode has drawn: (.*)$", page("scenes"), re.M)[1]
+    (program,) = (b for *_, b in blocks(ROOT / "docs" / "scenes.md", "python") if told in b)
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(program, {})
+    said, drawn = (re.findall(r"\d+\.\d+", text) for text in (told, out.getvalue()))
+    assert len(said) == 2
+    assert [number[: len(x)] for number, x in zip(drawn, said, strict=False)] == said
+
+
 @pytest.mark.long
 def test_the_default_accuracy_is_what_every_id_has():
     stated = float(re.search(r"for the scenes of all four ids it is (\S+) m", page("accuracy"))[1])
