@@ -52,6 +52,7 @@ def test_block_runs_alone(page, line, block, tmp_path, monkeypatch, capsys):
     shown = capsys.readouterr().out.splitlines()
     assert len(shown) <= 30  # an example must not flood the screen
     assert ("print(" in block) == bool(shown)
+    assert "None" not in shown  # of a function that gives nothing
 
 
 @pytest.mark.long
