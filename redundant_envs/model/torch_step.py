@@ -28,9 +28,9 @@ Step = Callable[..., tuple[Any, ...]]
 def torch_step(scene: Scene) -> Step:
     """A differentiable control interval of a scene.
 
-    The steps are those of the compiled simulator, run on tensors of float64; motions agree to rounding.
-    With a tolerance the steps of each lane, and where laws switch, are found first, on plain numbers, and
-    then taken as given.
+    The steps are those of the compiled simulator, run on tensors of float64: motions differ by rounding,
+    which some amplify. With a tolerance the steps of each lane, and where laws switch, are found first, on
+    plain numbers, and then taken as given.
 
     Parameters
     ----------
