@@ -35,6 +35,7 @@ from short_trainings import SMALL, TINY, assert_same_policy
 
 import redundant_envs as rde
 from redundant_envs import __main__ as library
+from redundant_envs.backends import llvm
 from redundant_envs.disk import alone
 from redundant_envs.studies import stops
 from redundant_envs_train import play, report, run_folder
@@ -538,6 +539,7 @@ report.clip, report.plots = (lambda *given, **more: None), (lambda *given: [])
 def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_alone(
     tmp_path, monkeypatch, call, refused, interrupts
 ):
+    monkeypatch.setattr(llvm, "EFFORT", 3)  # that of processes that are no test: a checkpoint has its code
     monkeypatch.chdir(tmp_path)
     Path("waits.py").write_text(WAITS)
     command = ["train", "rprp_reach_ppo", *SMALL, "--out", "runs", "--processes"]

@@ -269,8 +269,8 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
         run_folder(tmp_path / "strong", "4R", 7, 0.9),
         run_folder(tmp_path / "other", "4R", 7, 0.8, scene=weakened("four_r_reach", 0.7)),
     ]
-    strength.run_study((1.0, 0.5), [0, 1], 2, given, None, tmp_path)
+    strength.run_study((1.0, 0.5), [0, 1], 2, given, None, tmp_path / "study")
     assert trained == ["4r_ppo_0.5_seed0", "4r_ppo_0.5_seed1"]
-    rows = [row for row in strength.read_rows(tmp_path / "strength.csv") if row.who == "PPO"]
+    rows = [row for row in strength.read_rows(tmp_path / "study/strength.csv") if row.who == "PPO"]
     found = sorted((row.factor, row.hold_success, row.seeds) for row in rows)
     assert found == [(0.5, 0.25, 2), (1.0, 0.9, 1)]  # 0.7 is none of the factors
