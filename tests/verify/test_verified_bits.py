@@ -54,9 +54,9 @@ def forgetful(self, snapshot, restore=BatchSimulator.restore):
     self._memory.write(tuple(self.simulator.dynamics.effect_states), 0.0)
 
 
-def rounded(self):
+def rounded(self, state=Memory.__getstate__):
     arrays = {name: array.astype(np.float32).astype(float) for name, array in self.arrays.items()}
-    return {**self.__dict__, "arrays": arrays}
+    return {**state(self), "arrays": arrays}
 
 
 def itself(self, memo):
