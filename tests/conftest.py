@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from collections import defaultdict
 from pathlib import Path
 
@@ -53,6 +54,8 @@ FULL = llvm.EFFORT
 def pytest_configure(config):
     if config.getoption("markexpr"):
         llvm.EFFORT = 0
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a script
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # tests interrupt themselves
 
 
 @pytest.fixture(autouse=True, scope="module")
