@@ -230,7 +230,7 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
         ("four_r_free --json .", "is a folder"),
         ("four_r_free --markdown .", "is a folder"),
         ("four_r_free --states 0", "states is 0; give at least 1"),
-        ("four_r_free --json /dev/null/found.json", "cannot be written"),
+        ("four_r_free --json /dev/null/found.json", "which is a file; choose another place"),
         ("four_r_free --bits", "leave out subject"),
         ("--bits all --quick", "leave out mode"),
         ("--quick --full", "not allowed with argument"),
