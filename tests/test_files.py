@@ -298,6 +298,7 @@ def test_bad_effects_say_what_to_write():
 SYNTAX = "ab:-[]{}&*!|>'\"%@`#,? \n\t019.e<\x00\ufeff"
 
 
+@pytest.mark.long
 @ANYTHING
 @given(st.text(alphabet=SYNTAX, max_size=60) | st.text(max_size=30))
 def test_text_is_plain_data_or_a_value_error(text):

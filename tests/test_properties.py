@@ -30,7 +30,7 @@ def missed(trial, checks):
     return [(o.check, o.finding) for o in outcomes if o.verdict is Verdict.MISSED]
 
 
-@pytest.mark.quick("RPRP every effect 1e-6")
+@pytest.mark.quick("RPRP users' play 1e-6")
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]
 )

@@ -149,6 +149,7 @@ def test_a_training_without_checkpoints_is_not_begun_again_in_place_of_what_was_
     assert kept(tmp_path) == before
 
 
+@pytest.mark.long
 def test_a_copy_by_links_of_files_is_not_changed_by_a_resume(killed, tmp_path):
     for place in ("copy", "again"):  # the second time it has no checkpoint any more
         copy = shutil.copytree(killed, tmp_path / place, copy_function=os.link)

@@ -84,6 +84,7 @@ def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
             assert small_key() != before
 
 
+@pytest.mark.long
 def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(monkeypatch):
     """One of each module: what a process puts there leaves nothing for later ones."""
     scene, ran = rde.load_scene("rprp_reach"), {}

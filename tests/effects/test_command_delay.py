@@ -64,7 +64,7 @@ def test_a_delay_has_the_bits_of_commands_that_are_held_back_by_hand(arm, steps,
             assert_same_bits([status.evaluations], [evaluations])
 
 
-@pytest.mark.quick("0-0.001")
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "tolerance"), [(0, 1e-3), (1, 1e-5)])
 def test_an_error_made_before_an_instant_is_small_enough_at_the_end_of_the_interval(seed, tolerance):
     dt, delay, lanes = 0.2, 0.06, 48

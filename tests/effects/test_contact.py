@@ -135,7 +135,7 @@ OBSTACLES = {
 }
 
 
-@pytest.mark.quick("disc-4R")
+@pytest.mark.long
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 @pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
 def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):

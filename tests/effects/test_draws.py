@@ -286,6 +286,7 @@ def test_environments_have_the_same_bits_whatever_their_number_face_threads_and_
     assert len(first)
 
 
+@pytest.mark.long
 def test_a_single_environment_is_a_vector_of_one():
     given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"])}
     one = played(gym.make("redundant_envs/FourRReach-v0", **given))

@@ -56,7 +56,7 @@ def test_smooth_coulomb_friction_takes_its_level_from_fast_joints():
     assert batch.qd[0, 0] == pytest.approx(10.0 - 2.0 * 0.02 / INERTIA, rel=1e-9)
 
 
-@pytest.mark.quick("3-1e-06")
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "tolerance"), [(3, 1e-6), (4, 1e-9)])
 def test_smooth_coulomb_friction_keeps_the_tolerance_where_a_joint_stops_or_turns(seed, tolerance):
     lanes, dt, steps = 4096, 0.02, 800

@@ -276,7 +276,7 @@ IMPACTS = {
 """Arms, effects, scenes, states, efforts, and tips by the account of the studies, which knows no springs."""
 
 
-@pytest.mark.quick("few impacts, and friction")
+@pytest.mark.long
 @pytest.mark.parametrize("name", IMPACTS)
 def test_bounces_that_rest_leaves_out_do_not_change_which_joint_strikes_next(name):
     """An impact came after a joint had been put to rest, and before its bounces were over: they were off by

@@ -31,7 +31,7 @@ def joints_at(arm, phi):
     return np.asarray(phi) @ np.linalg.inv(arm.motor_map)
 
 
-@pytest.mark.quick("0-1e-12")
+@pytest.mark.long
 @pytest.mark.parametrize("how", EXACT.values(), ids=EXACT)
 @pytest.mark.parametrize("case", CASES, ids=range(len(CASES)))
 def test_motions_of_another_program(case, how):
@@ -253,7 +253,7 @@ def test_how_late_a_rest_is_found_costs_no_accuracy():
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.quick("4R-none")
+@pytest.mark.long
 @pytest.mark.parametrize("level", [(0.0,) * 4, (0.2, 0.0, 0.0, 0.0)], ids=["none", "of one joint"])
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):

@@ -73,6 +73,7 @@ def images(env, kind):
     return env.get_images() if kind == "sb3" else np.reshape(env.render(), (-1, 480, 480, 3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
 def test_scenes_with_effects_are_drawn_on_all_faces(kind):
     env = drawn(FOUR_R, kind, scene=SURROUNDED)

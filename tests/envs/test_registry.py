@@ -74,6 +74,10 @@ AS_USERS_WRITE = {
 }  # fmt: skip
 
 
+@pytest.mark.quick(
+    *(f"{given}-single" for given in AS_USERS_WRITE), "names-AutoresetMode.SAME_STEP", "exact numbers-sb3",
+    "what vectors take-sb3",
+)
 @pytest.mark.parametrize("kind", ["single", AutoresetMode.SAME_STEP, "sb3"])
 @pytest.mark.parametrize("given", AS_USERS_WRITE.values(), ids=AS_USERS_WRITE)
 def test_specs_hold_plain_data_of_what_users_give(kind, given):

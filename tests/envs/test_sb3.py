@@ -87,6 +87,7 @@ def test_returns_of_episodes_survive_a_state():
     assert motion(second) == motion(first)
 
 
+@pytest.mark.long
 def test_ppo_and_evaluate_policy_run_without_a_warning():
     env = made("sb3", FOUR_R, 64)
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=1, device="cpu", seed=0)

@@ -73,6 +73,7 @@ def test_27_grazing_within_one_step_is_found(subject):
         yield at_most(f"with {name} the end", abs(motion.q[-1, 0, 1] - exact), 1e-7, "m off")
 
 
+@pytest.mark.long
 @hard_case
 def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     scene = m.stopped(m.HEAVY, gravity=0.0, tolerance=1e-6)
@@ -87,6 +88,7 @@ def test_27b_an_apex_at_the_stop_changes_no_energy(subject):
     yield at_most("the energy", np.abs(total[1] - total[0]).max(), 1e-9, "J off")
 
 
+@pytest.mark.long
 @hard_case
 def test_28_both_sliders_at_once_do_not_know_their_order(subject):
     scene = m.stopped(restitution=0.7, gravity=0.0, tolerance=1e-9)
@@ -118,6 +120,7 @@ def test_29_many_bounces_in_one_step(subject):
         yield at_most(f"with {name} the penetration", m.penetration(motion), 0, "m")
 
 
+@pytest.mark.long
 @hard_case
 def test_30_stops_do_not_pass_their_sliders(subject):
     batch = rde.BatchSimulator(m.stopped(), 3, track_work=True)

@@ -15,7 +15,7 @@ SHORT = ("RP every effect 1e-6", "RPRP users' play 1e-6")
 EVERY = names("4R all*", "RPRP *rk8", "RPRP *1e-6", "RP *", "stops *", "*dop853")
 
 
-@pytest.mark.quick("RP every effect 1e-6")
+@pytest.mark.quick("RPRP users' play 1e-6")
 @pytest.mark.parametrize(
     "name", [*SHORT, *(pytest.param(n, marks=pytest.mark.long) for n in EVERY if n not in SHORT)]
 )

@@ -174,6 +174,7 @@ def test_of_objects_in_static_fields_the_class_is_told_and_the_program_distingui
         first.restore(other.save())
 
 
+@pytest.mark.long
 def test_an_environment_with_stops_that_are_open_on_some_sides_takes_its_state_and_its_numbers_again():
     open_stop = e.PrismaticStop((None, None), (0.3, None), 0.4)
     springs = tuple(e.LimitSpring(slider, 0.0, 0.3) for slider in ("r1", "r2"))  # a task needs some limits

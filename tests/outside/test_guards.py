@@ -81,7 +81,7 @@ def test_locating_a_change_of_law_takes_few_evaluations(effect, lanes, most):
     assert np.mean(counts[3:]) <= most
 
 
-@pytest.mark.quick("0.0001")
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_all_passages_of_a_guard_in_one_step_are_found(tolerance):
     """Up to three: a search that found the last of them left the others out, in 118 of 512 lanes."""

@@ -125,6 +125,7 @@ def test_an_instant_that_is_no_number_does_not_happen():
     assert_same_bits([never.q], [whole.q])
 
 
+@pytest.mark.long
 def test_lanes_have_instants_of_their_own():
     scene = with_effects(bare(RPRP, tolerance=1e-6), LateCommand(0.0))
     times = np.concatenate([np.linspace(-0.005, 0.025, 22), [0.0, LENGTH]])

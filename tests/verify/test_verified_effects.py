@@ -162,6 +162,7 @@ def test_energies_of_every_scale_are_judged_in_their_own_units():
             assert verify(scene_with(hook, k=8.0 * mass, arm=arm), STATES, checks=ENERGIES).good is right
 
 
+@pytest.mark.long
 def test_intervals_that_are_flagged_are_told():
     """Friction that jumps where a joint turns: no number of steps reaches a tolerance."""
     hooks = [Force(k, law.by_sign, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4)]
@@ -173,6 +174,7 @@ def test_intervals_that_are_flagged_are_told():
     assert not misses(rde.Scene(FOUR_R, (e.Gravity(),), tolerance=1e-6), (flagged,))
 
 
+@pytest.mark.long
 def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
     tiny = rde.RPRP((1e-6,) * 4, (1e-6, 1e-6))
     scene = rde.Scene(tiny, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (1e-6, 1e-6), 1.0)), control_dt=1e-3)
