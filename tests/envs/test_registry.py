@@ -75,7 +75,9 @@ AS_USERS_WRITE = {
 
 
 @pytest.mark.quick(
-    *(f"{given}-single" for given in AS_USERS_WRITE), "names-AutoresetMode.SAME_STEP", "exact numbers-sb3",
+    *(f"{given}-single" for given in AS_USERS_WRITE),
+    "names-AutoresetMode.SAME_STEP",
+    "exact numbers-sb3",
     "what vectors take-sb3",
 )
 @pytest.mark.parametrize("kind", ["single", AutoresetMode.SAME_STEP, "sb3"])
