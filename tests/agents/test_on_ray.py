@@ -183,6 +183,7 @@ def test_a_run_whose_machine_is_lost_goes_on_from_its_checkpoint_to_the_same_bit
 
 
 ALONE = """
+import os
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -190,10 +191,14 @@ from redundant_envs_train.training import on_ray
 with on_ray._cluster("local", 1):
     address = on_ray.ray.get_runtime_context().gcs_address
     print(address)
+    file = Path(os.environ["RAY_AUTH_TOKEN_PATH"])
+    print(oct(file.stat().st_mode & 0o777), oct(file.parent.stat().st_mode & 0o777), file.read_text())
     listening, sockets = set(), set()
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            if on_ray.TOKEN.encode() in (folder / "environ").read_bytes():
+            environment = (folder / "environ").read_bytes()
+            assert on_ray.TOKEN.encode() not in environment
+            if bytes(file) in environment:
                 sockets |= {str(path.readlink()) for path in (folder / "fd").iterdir()}
     for table in ("tcp", "tcp6"):
         for line in Path("/proc/net", table).read_text().splitlines()[1:]:
@@ -203,22 +208,27 @@ with on_ray._cluster("local", 1):
     print(*sorted(listening))
     sys.stdout.flush()
     sys.stdin.readline()
+print(file.exists(), os.environ["RAY_AUTH_TOKEN"], "RAY_AUTH_TOKEN_PATH" in os.environ)
 """
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="others do not list sockets in /proc")
 def test_a_cluster_of_this_machine_listens_there_alone_and_asks_for_its_token(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("RAY_AUTH_TOKEN", 64 * "b")  # the user's, for another cluster
     paths = os.pathsep.join([str(ROOT), str(ROOT / "agents")])
     with subprocess.Popen(
         [sys.executable, "-c", ALONE], env=os.environ | {"PYTHONPATH": paths},
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
-        address, listening = process.stdout.readline().strip(), process.stdout.readline().split()
-        assert address.startswith("127.0.0.1:")
+        address, private, found = (process.stdout.readline().split() for _ in range(3))
+        listening = set(found)
+        assert address[0].startswith("127.0.0.1:")
+        assert private[:2] == ["0o600", "0o700"]
+        assert len(private[2]) == 64
         assert listening
-        assert set(listening) <= {"0100007F", "0000000000000000FFFF00000100007F"}
-        process.communicate("\n")
+        assert listening <= {"0100007F", "0000000000000000FFFF00000100007F"}
+        assert process.communicate("\n")[0].split() == ["False", 64 * "b", "False"]
     assert not list(tmp_path.iterdir())
 
 

@@ -14,6 +14,7 @@ import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.algebra import all_of, where
 from redundant_envs.backends import llvm, llvm_text
+from redundant_envs.backends.llvm_lanes import Vectors
 from redundant_envs.model.programs import traced_batch
 from redundant_envs.tracing import graph
 from redundant_envs.tracing.flow import Program
@@ -22,7 +23,10 @@ e = rde.effects
 ARM = rde.Chain("RR", (1.0, 1.0), (1.0, 1.0))
 
 
-def test_a_chain_of_conditions_is_as_long_as_it_likes():
+@pytest.mark.parametrize("order", [Vectors.in_order, lambda vectors, results: []], ids=["ours", "as needed"])
+def test_a_chain_of_conditions_is_as_long_as_it_likes(order, monkeypatch):
+    monkeypatch.setattr(Vectors, "in_order", order)
+
     def every(x):
         return where(all_of(x > float(k) for k in range(2000)), 1.0, 0.0)
 

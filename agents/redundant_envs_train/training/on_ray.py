@@ -47,13 +47,13 @@ LOCAL = "local"  # Ray's name of a cluster of this machine alone
 RETRIES = 2  # number of machines of a cluster that a run may lose before it counts as failed
 CONNECTING = 10.0  # s; time limit for reaching the address of a cluster
 ANSWERING = 10.0  # s; time limit for what the board knows: its machine may be lost, and it then begins anew
-PREFIX = "redundant-envs-"  # of folders in which tasks work
+PREFIX = "redundant-envs-"  # of folders of tasks, and of the token
 ABANDONED = 60.0  # s; age of such a folder that is not locked, and that no task is about to lock
 OF_THIS_MACHINE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
 """Variables of a cluster of this machine alone: it listens at 127.0.0.1, as by default on macOS and Windows,
 and asks everybody for a token."""
 TOKEN = secrets.token_hex(32)
-"""That of the clusters of this process. It stands in no file: only this user can read the environment."""
+"""That of the clusters of this process, as Ray reads its token once."""
 INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
 MOST_CHARACTERS = 300  # most characters of a failure in a message
 
@@ -132,9 +132,7 @@ def _cluster(place: str, count: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _closed_to_others() -> Iterator[None]:
-    """Within this context a cluster that Ray starts is closed to others."""
-    own = {**OF_THIS_MACHINE, "RAY_AUTH_TOKEN": TOKEN}
-    before = {name: os.environ.get(name) for name in own}, ray_constants.ENABLE_RAY_CLUSTER
+    """Within this context a cluster that Ray starts is closed to others; this user alone reads its token."""
 
     def use(variables: Mapping[str, str | None], clusters: bool) -> None:
         for name, value in variables.items():
@@ -144,11 +142,17 @@ def _closed_to_others() -> Iterator[None]:
         ray_constants.ENABLE_RAY_CLUSTER = clusters
         RayConfig.initialize("")  # Ray has read its variables when it was imported
 
-    use(own, False)
-    try:
-        yield
-    finally:
-        use(*before)
+    with _workplace() as private:
+        token = private / "token"
+        with os.fdopen(os.open(token, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(TOKEN)
+        own = {**OF_THIS_MACHINE, "RAY_AUTH_TOKEN_PATH": str(token), "RAY_AUTH_TOKEN": None}
+        before = {name: os.environ.get(name) for name in own}, ray_constants.ENABLE_RAY_CLUSTER
+        use(own, False)
+        try:
+            yield
+        finally:
+            use(*before)
 
 
 class Board:
@@ -349,8 +353,8 @@ def train_one(
 
 @contextlib.contextmanager
 def _workplace() -> Iterator[Path]:
-    """A folder of this task, which ends with it. It is locked, so that the next task on this machine can tell
-    that of a process that was killed, and deletes it."""
+    """A folder of this process, which ends with the context. It is locked, so that the next one on this
+    machine can tell that of a process that was killed, and deletes it."""
     for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):
             if time.time() - path.stat().st_mtime > ABANDONED and (lock := _lock(path)) is not None:
