@@ -49,13 +49,17 @@ def pytest_collection_modifyitems(items):
 
 
 FULL = llvm.EFFORT
+USUAL = {"SIGINT": signal.default_int_handler, "SIGTERM": signal.SIG_DFL, "SIGHUP": signal.SIG_DFL}
 
 
 def pytest_configure(config):
     if config.getoption("markexpr"):
         llvm.EFFORT = 0
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a script
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # tests interrupt themselves
+    # tests interrupt themselves, and signals may be ignored, as in the background of a script or under nohup
+    for name, handler in USUAL.items():
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @pytest.fixture(autouse=True, scope="module")
