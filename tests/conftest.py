@@ -15,6 +15,8 @@ os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(FOLDER))
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 for library in ("OMP", "OPENBLAS", "MKL"):  # sums of torch and NumPy depend on their number of threads
     os.environ[f"{library}_NUM_THREADS"] = "1"
+for variable in ("FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "COLUMNS", "LINES"):
+    os.environ.pop(variable, None)  # rich and argparse would write otherwise than without a terminal
 
 LONG_FILE = "\npytestmark = pytest.mark.long\n"
 COLLECTION_THRESHOLDS = 50_000, 20, 100

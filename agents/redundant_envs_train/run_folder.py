@@ -320,8 +320,8 @@ def check_new(folder: Path) -> None:
     """Refuse a file, or a folder that is not empty, as the folder of a new run."""
     check_out(folder)
     if folder.exists() and any(folder.iterdir()):
-        hint = f"go on with '{command('resume', folder)}', " if find_checkpoint(folder) else ""
-        raise ValueError(f"run folder {folder} is not empty; {hint}choose another --out or delete it")
+        hint = f", or go on with: {command('resume', folder)}" if find_checkpoint(folder) else ""
+        raise ValueError(f"run folder {folder} is not empty; choose another --out or delete it{hint}")
 
 
 def find_checkpoint(folder: Path) -> Path | None:

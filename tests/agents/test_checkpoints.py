@@ -20,7 +20,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from redundant_envs.disk import DiskFull, alone, told
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs_train import policies
+from redundant_envs_train import command, policies
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.pool import Stopped
@@ -172,7 +172,7 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
         with pytest.raises(SystemExit):
             resume(killed)
     assert find_checkpoint(killed).name == "checkpoint.old"
-    refused(["train", killed / "config.yaml", "--out", killed], f"resume {killed}")
+    refused(["train", killed / "config.yaml", "--out", killed], command("resume", killed))
     assert resume(killed)["env_steps"] == 2400
 
 
