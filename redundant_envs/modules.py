@@ -16,8 +16,8 @@ from redundant_envs.values import say, shown
 OPTION = "--import"
 IMPORTED: list[str] = []
 """Modules that the command named: its other processes import them, too."""
-
-
+NOTEBOOK = "module://matplotlib_inline"
+"""How MPLBACKEND begins in the commands of a notebook, whose process they are not: figures become files."""
 CLOSED_PIPE = 141
 """Exit status where nobody reads on, as of a program that SIGPIPE ends: 128 + 13."""
 
@@ -25,6 +25,8 @@ CLOSED_PIPE = 141
 def status_of(run: Callable[[], int | None], name: str) -> int:
     """Run a command to its exit status: its own or 0; after a message that begins with ``name`` 2 for a
     mistake or a missing package, and 130 for Ctrl-C; in silence 141 if the reader of its output is gone."""
+    if os.environ.get("MPLBACKEND", "").startswith(NOTEBOOK):
+        del os.environ["MPLBACKEND"]  # another environment may lack that module: matplotlib would not import
     try:
         try:
             return run() or 0

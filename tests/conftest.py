@@ -17,6 +17,7 @@ for library in ("OMP", "OPENBLAS", "MKL"):  # sums of torch and NumPy depend on 
     os.environ[f"{library}_NUM_THREADS"] = "1"
 for variable in ("FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "COLUMNS", "LINES"):
     os.environ.pop(variable, None)  # rich and argparse would write otherwise than without a terminal
+os.environ.pop("MPLBACKEND", None)  # of a notebook, whose back end may not be here
 
 LONG_FILE = "\npytestmark = pytest.mark.long\n"
 COLLECTION_THRESHOLDS = 50_000, 20, 100

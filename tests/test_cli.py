@@ -176,6 +176,13 @@ def test_the_drawing_of_a_scene_is_the_same_every_time(tmp_path):
         assert pictures[0].read_bytes() == pictures[1].read_bytes()
 
 
+@pytest.mark.parametrize("kept", ["module://matplotlib_inline.backend_inline", "pdf"])
+def test_a_command_of_a_notebook_does_not_take_its_back_end_for_figures(kept, monkeypatch, capsys):
+    monkeypatch.setenv("MPLBACKEND", kept)
+    assert main(["list"]) == 0
+    assert os.environ.get("MPLBACKEND") == (kept if kept == "pdf" else None)
+
+
 def test_list_names_everything(capsys):
     assert main(["list"]) == 0
     registered = {i for i in gym.registry if i.startswith("redundant_envs/")}
