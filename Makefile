@@ -10,6 +10,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+# of a notebook, whose back end for figures is not in this environment
+unexport MPLBACKEND
 
 .PHONY: test test-long test-page docs claims fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
