@@ -130,7 +130,7 @@ def plain_data(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(plain_data, value))
     if isinstance(value, Enum):
-        return value.name
+        return plain_data(value.value) if isinstance(value, str | int | float) else value.name
     if isinstance(value, str | PurePath):
         return str(value)
     if isinstance(value, bool | bytes):

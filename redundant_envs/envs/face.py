@@ -209,8 +209,10 @@ class Face:
         if name in LANE_VALUES:
             raise AttributeError(f"{name} cannot be set: {COPIES}")
         if name == "spec" and value is not None:  # as it was given, a file could not hold it
-            steps = plain_data(value.max_episode_steps)
-            value = dataclasses.replace(value, kwargs=plain_data(value.kwargs), max_episode_steps=steps)
+            kwargs = plain_data(value.kwargs)
+            steps = kwargs.get("max_episode_steps", plain_data(value.max_episode_steps))  # a vector's own
+            steps = None if steps == -1 else steps
+            value = dataclasses.replace(value, kwargs=kwargs, max_episode_steps=steps)
         if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
             object.__setattr__(self, name, value)
         else:

@@ -6,11 +6,12 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.values import whole_number
+from redundant_envs.values import shown, whole_number
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,25 @@ class Tableau:
 
     name: str
     order: int
-    a: tuple[tuple[float, ...], ...]
-    b: tuple[float, ...]
-    c: tuple[float, ...]
-    error6: tuple[float, ...] = ()
-    error5: tuple[float, ...] = ()
-    error3: tuple[float, ...] = ()
+    a: Sequence[Sequence[float]]
+    b: Sequence[float]
+    c: Sequence[float]
+    error6: Sequence[float] = ()
+    error5: Sequence[float] = ()
+    error3: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        for field in ("b", "c", "error6", "error5", "error3"):
+            object.__setattr__(self, field, self._numbers(field, getattr(self, field)))
+        object.__setattr__(self, "a", tuple(self._numbers(f"a[{k}]", row) for k, row in enumerate(self.a)))
+
+    def _numbers(self, field: str, values: Any) -> tuple[float, ...]:
+        try:
+            return tuple(map(float, values))
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"the tableau {self.name!r} has {shown(values)} as {field}; give a sequence of numbers"
+            ) from None
 
     @property
     def stages(self) -> int:

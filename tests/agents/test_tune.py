@@ -24,7 +24,7 @@ from optuna.distributions import FloatDistribution, IntDistribution
 from redundant_envs_train.tuning import study as studies
 from redundant_envs_train.tuning.search import check_arguments, own_parameters, space_of, with_parameters
 from redundant_envs_train.tuning.study import LEAST_AHEAD, tune
-from redundant_envs_train.tuning.trials import STARTUP_TRIALS, score
+from redundant_envs_train.tuning.trials import STARTUP_TRIALS, SharedJudge, score
 from redundant_envs_train.tuning.workers import Worker
 
 pytestmark = pytest.mark.long
@@ -298,6 +298,19 @@ def test_machines_share_a_study_in_a_storage(storage, tmp_path):
         tune(CONFIG, tmp_path / "a", 3, GAMMA, storage=f"{place}2")
     with says("processes is 2 beside a storage"):
         tune(CONFIG, tmp_path / "c", 4, GAMMA, processes=2, storage=place)
+
+
+def test_of_machines_that_begin_a_study_at_once_one_tries_the_values_of_the_configuration(
+    tmp_path, monkeypatch
+):
+    config = load("rprp_reach_ppo", [*SMALL, "ppo.gamma=0.7"])
+    space = space_of(config, GAMMA, [])
+    place = f"sqlite:///{tmp_path}/study.db"
+    both = [studies._open(tmp_path / name, config, space, 0, 1, place) for name in "ab"]
+    monkeypatch.setattr(optuna.Study, "get_trials", lambda *given, **more: [])  # neither knows of the other
+    judges = [SharedJudge(study, config, space) for study in both]
+    assert [judge.order for judge in judges] == [0, 1]
+    assert [judge.trial.params["ppo.gamma"] == 0.7 for judge in judges] == [True, False]
 
 
 @pytest.mark.usefixtures("by_gamma")

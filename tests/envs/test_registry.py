@@ -1,5 +1,6 @@
 """Every registered id: checkers, spec, page, and the values that users may read in every kind."""
 
+import enum
 import pydoc
 import subprocess
 import sys
@@ -54,6 +55,20 @@ def test_specs_are_json_and_make_the_same_environment(env_id):
     assert "accuracy" not in gym.spec(env_id).kwargs
 
 
+class Name(enum.StrEnum):
+    SCENE = "four_r_weak"
+    DISTANCE = "distance"
+
+
+class Goal(float, enum.Enum):
+    NEAR = 0.03
+
+
+class Steps(enum.IntEnum):
+    FEW = 3
+    WIDE = 64
+
+
 FREE = rde.load_scene("four_r_reach").to_dict()
 AS_USERS_WRITE = {
     "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},
@@ -67,6 +82,10 @@ AS_USERS_WRITE = {
         "accuracy": np.float64(1e-5), "render_width": np.int16(64),
     },
     "exact numbers": {"task": {"goal_tolerance": Decimal("0.03"), "hold_speed": Fraction(1, 5)}},
+    "members of enumerations": {
+        "scene": Name.SCENE, "task": {"goal_tolerance": Goal.NEAR, "hold_steps": Steps.FEW},
+        "render_width": Steps.WIDE, "info_keys": [Name.DISTANCE],
+    },
     "names": {"observe_parameters": deque(["gravity.g"]), "info_keys": ["distance"]},
     "keys": {"observe_parameters": {"gravity.g": 0}.keys()},
     "an array of names": {"observe_parameters": np.array(["gravity.g", "masses"])},
@@ -79,6 +98,7 @@ AS_USERS_WRITE = {
     "names-AutoresetMode.SAME_STEP",
     "exact numbers-sb3",
     "what vectors take-sb3",
+    "what vectors take-AutoresetMode.SAME_STEP",
 )
 @pytest.mark.parametrize("kind", ["single", AutoresetMode.SAME_STEP, "sb3"])
 @pytest.mark.parametrize("given", AS_USERS_WRITE.values(), ids=AS_USERS_WRITE)
@@ -87,6 +107,7 @@ def test_specs_hold_plain_data_of_what_users_give(kind, given):
         pytest.skip("the limit of a single environment is Gymnasium's wrapper")
     env = made(kind, FOUR_R, 2, **given)
     if isinstance(kind, AutoresetMode):
+        assert env.spec.max_episode_steps == given.get("max_episode_steps", 100)
         again = gym.make_vec(EnvSpec.from_json(env.spec.to_json()))
         assert again.metadata["autoreset_mode"] is kind
         assert again.spec.to_json() == env.spec.to_json()

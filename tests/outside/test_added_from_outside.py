@@ -128,8 +128,11 @@ def test_registering_again_does_nothing_and_other_methods_of_the_name_are_refuse
     rde.register_arm(three_r.ThreeR, three_r.SCENE)
     rde.register_task(track.TrackTask)
     rde.register_integrator(heun.HEUN)
+    lists = dataclasses.replace(heun.HEUN, a=[[], [1]], b=np.array([0.5, 0.5]), c=[0, 1])
+    assert (lists, hash(lists)) == (heun.HEUN, hash(heun.HEUN))
     for change, said in (
         ({"name": "rk4"}, "'rk4' is taken"), ({"name": "wrong", "b": (0.5, 0.6)}, "weights of the tableau"),
+        ({"b": "no"}, "has 'no' as b"), ({"a": [[], [None]]}, r"has \[None\] as a\[1\]"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=said):
             rde.register_integrator(dataclasses.replace(heun.HEUN, **change))

@@ -29,6 +29,7 @@ from .trials import (
     STARTUP_TRIALS,
     WARMUP,
     Judge,
+    OwnFirst,
     SharedJudge,
     complete,
     ended,
@@ -121,7 +122,7 @@ def _open(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     settings = _settings(config, space, seed)
     path: Any = storage or folder / JOURNAL
-    sampler = optuna.samplers.TPESampler(seed=None if storage else seed, constant_liar=storage is not None)
+    sampler = OwnFirst(config, space) if storage else optuna.samplers.TPESampler(seed=seed)
     pruner = optuna.pruners.MedianPruner(STARTUP_TRIALS, int(WARMUP * config.total_steps))
     try:
         for left in reversed(range(ATTEMPTS if storage else 1)):

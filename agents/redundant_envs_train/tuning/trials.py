@@ -220,14 +220,30 @@ class Judge:
         return {int(steps): score(hold, returned, episodes) for steps, hold, returned in points}
 
 
+class OwnFirst(optuna.samplers.TPESampler):
+    """Optuna's sampler for machines that share a study, whose first trial has the configuration's own values.
+
+    The storage numbers trials one by one; a queued trial may be taken by two machines at once.
+    """
+
+    def __init__(self, config: Config, space: Space) -> None:
+        super().__init__(constant_liar=True)
+        self._own = own_parameters(config, space)
+
+    def sample_independent(
+        self, study: optuna.Study, trial: FrozenTrial, param_name: str, param_distribution: Any
+    ) -> Any:
+        if trial.number == 0 and param_name in self._own:
+            return self._own[param_name]
+        return super().sample_independent(study, trial, param_name, param_distribution)
+
+
 class SharedJudge(Judge):
     """One trial of a study that other machines share: Optuna's own sampler and pruner judge it by all trials
     that have ended by then, so its settings depend on which end first."""
 
     def __init__(self, study: optuna.Study, config: Config, space: Space) -> None:
         self.config, self.points = config, []
-        if not study.get_trials(deepcopy=False):
-            study.enqueue_trial(own_parameters(config, space))
         self.trial = study.ask(space)
         self.order = self.trial.number
         self.trial.set_user_attr(ORDER, self.order)
