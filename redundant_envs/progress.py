@@ -8,7 +8,7 @@ import itertools
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from redundant_envs.extras import needs
 from redundant_envs.values import printable, say
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 
 EVERY = 10.0  # s; time between two lines of progress where there is no terminal
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a stream, None if it is closed, is a terminal."""
+    return stream is not None and stream.isatty()
 
 
 def progress_bars() -> Progress:
@@ -37,7 +42,7 @@ def progress_bars() -> Progress:
     return Progress(
         Plain("{task.description}"), BarColumn(), Plain("{task.percentage:3.0f} %"),
         Plain("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=console, redirect_stdout=sys.stdout.isatty(),
+        console=console, redirect_stdout=is_terminal(sys.stdout),
     )  # fmt: skip
 
 
@@ -70,7 +75,7 @@ def _line(task: Any) -> str:
 def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
     """A function that counts one more finished part of ``total`` and takes its description: it moves a bar on
     a terminal, if rich is installed, or writes a line every ``each`` counts."""
-    if sys.stderr.isatty() and importlib.util.find_spec("rich"):
+    if is_terminal(sys.stderr) and importlib.util.find_spec("rich"):
         with progress_bars() as bars:
             task = bars.add_task(name, total=total, note="")
             yield lambda what: bars.update(task, advance=1, note=what)

@@ -7,6 +7,7 @@ import functools
 import importlib.util
 import os
 import shutil
+import shlex
 import subprocess
 import sys
 import time
@@ -282,6 +283,16 @@ def test_a_command_ends_in_silence_where_nobody_reads_on(words, buffered):
     progress = ("redundant-envs: compiling", "verify ")
     said = [line for line in done.stderr.splitlines() if not line.startswith(progress)]
     assert (done.returncode, said) == (141, [])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the shell is that of Unix")
+@pytest.mark.parametrize(
+    ("words", "closed", "status"), [("list", ">&-", 0), ("scene nope", "2>&-", 2), ("list", "<&- >&- 2>&-", 0)]
+)
+def test_a_command_whose_streams_are_closed_does_its_work_and_ends_with_its_own_status(words, closed, status):
+    command = f"{shlex.quote(sys.executable)} -m redundant_envs {words} {closed}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
