@@ -287,7 +287,8 @@ def test_a_command_ends_in_silence_where_nobody_reads_on(words, buffered):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the shell is that of Unix")
 @pytest.mark.parametrize(
-    ("words", "closed", "status"), [("list", ">&-", 0), ("scene nope", "2>&-", 2), ("list", "<&- >&- 2>&-", 0)]
+    ("words", "closed", "status"),
+    [("list", ">&-", 0), ("scene nope", "2>&-", 2), ("list", "<&- >&- 2>&-", 0)],
 )
 def test_a_command_whose_streams_are_closed_does_its_work_and_ends_with_its_own_status(words, closed, status):
     command = f"{shlex.quote(sys.executable)} -m redundant_envs {words} {closed}"

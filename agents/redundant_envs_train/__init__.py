@@ -4,12 +4,14 @@ A wheel has this module beside ``redundant_envs``, under the same name. ``python
 checkout, ``redundant-envs-train`` where the package is installed.
 """
 
+import os
 import shlex
 from pathlib import Path
 
 from redundant_envs import modules
 
-COMMAND = "python -m agents" if Path.cwd() == Path(__file__).parents[2] else "redundant-envs-train"
+IN_CHECKOUT = os.path.samestat(os.stat("."), os.stat(Path(__file__).parents[2]))
+COMMAND = "python -m agents" if IN_CHECKOUT else "redundant-envs-train"
 """The command with which users run it, the same in all messages: in a checkout nothing need be installed."""
 
 

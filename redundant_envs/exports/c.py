@@ -49,7 +49,8 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
 
 def identifier(name: str) -> str:
     """A name of C, so that the functions of several scenes fit into one program."""
-    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    letters = (x if x.isascii() or not x.isalnum() else f"u{ord(x):x}" for x in name)
+    word = re.sub(r"\W", "_", "".join(letters), flags=re.ASCII)
     return word if word[:1].isalpha() else f"scene_{word}"
 
 

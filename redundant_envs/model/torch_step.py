@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 import sys
@@ -58,18 +59,14 @@ def torch_step(scene: Scene) -> Step:
     check_scene(scene)
     dynamics = Dynamics(scene)
     interval = Interval(dynamics)
-    if dynamics.stops:
-        owner = dynamics.stops[0].owner
-        stop = next(type(effect).__name__ for effect in scene.effects if effect.key == owner)
-        raise ValueError(
-            f"scene has a {stop}, whose impacts have no meaningful derivative; use a "
-            "LimitSpring for its joints"
-        )
-    if dynamics.sticking:
-        raise ValueError(
-            "scene has dry friction, whose joints stick and slip at events without a meaningful derivative; "
-            "use SmoothCoulombFriction"
-        )
+    for boundary in (*dynamics.stops, *dynamics.sticking):
+        owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
+        if boundary in dynamics.stops:
+            said = "whose impacts have no meaningful derivative; use a LimitSpring for its joints"
+        else:
+            said = "whose joints stick and slip at events without a meaningful derivative; use "
+            said += "SmoothCoulombFriction"
+        raise ValueError(f"scene has a {owner}, {said}")
     if dynamics.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
@@ -127,7 +124,7 @@ def torch_step(scene: Scene) -> Step:
             fields.update(lane.written())
 
         pieces = _steps(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))})
-        fields |= dict.fromkeys(dynamics.sides, number(0.0))
+        fields |= dict.fromkeys(dynamics.sides, tensors[0].new_zeros(()))
         if dynamics.instants:
             run(interval.step.clear)
         else:
@@ -156,8 +153,11 @@ def torch_step(scene: Scene) -> Step:
 
     @functools.wraps(step)
     def uncompiled(*given: Any, **more: Any) -> tuple[Any, ...]:
-        """The same within torch.compile, whose module takes seconds to import: only if somebody has."""
-        return (plain if "torch._dynamo" in sys.modules else step)(*given, **more)  # type: ignore[no-any-return]
+        """The same within torch.compile, whose module takes seconds to import: only if somebody has. Numbers
+        are made on the processor, whatever the device of new tensors is: there they go with all devices."""
+        made_there = torch.get_default_device().type == "cpu"
+        with contextlib.nullcontext() if made_there else torch.device("cpu"):
+            return (plain if "torch._dynamo" in sys.modules else step)(*given, **more)  # type: ignore[no-any-return]
 
     return uncompiled
 
@@ -166,17 +166,25 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
     """The steps in each piece of an interval, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed
     ones in units of their own length."""
     dynamics = interval.dynamics
+    device = next(x.device for x in fields.values() if isinstance(x, torch.Tensor))
     if dynamics.scene.tolerance is None:
-        return [torch.ones(1, dynamics.scene.substeps, dtype=torch.float64)] * dynamics.pieces
+        steps = torch.ones(1, dynamics.scene.substeps, dtype=torch.float64, device=device)
+        return [steps] * dynamics.pieces
+    if device.type == "meta":
+        raise ValueError(
+            "q is on the device meta, which has no numbers, and steps with a tolerance follow from them; "
+            "leave out scene.tolerance"
+        )
 
     def found(*values: Any) -> tuple[torch.Tensor, ...]:
         tensors = [x for x in values if isinstance(x, torch.Tensor)]
         shape = torch.broadcast_shapes(*(x.shape for x in tensors))
         lanes = (
-            x.expand(shape).reshape(-1).cpu().numpy() if isinstance(x, torch.Tensor) else x for x in values
+            x.resolve_neg().expand(shape).reshape(-1).cpu().numpy() if isinstance(x, torch.Tensor) else x
+            for x in values
         )
         pieces = steps_taken(interval, dict(zip(fields, lanes, strict=True)))
-        return tuple(torch.tensor(x, device=tensors[0].device).reshape(*x.shape[:2], *shape) for x in pieces)
+        return tuple(torch.tensor(x, device=device).reshape(*x.shape[:2], *shape) for x in pieces)
 
     return on_plain_numbers(found, *fields.values())
 
@@ -206,7 +214,7 @@ def _real(name: str, value: Any) -> torch.Tensor:
         tensor = number(value)
     except (TypeError, ValueError, RuntimeError):
         tensor = None
-    if tensor is None or tensor.dtype is torch.bool:
+    if tensor is None or tensor.dtype is torch.bool or tensor.layout is not torch.strided:
         raise ValueError(f"{name} is {shown(value)}; give a tensor of real numbers")
     return tensor
 

@@ -235,7 +235,7 @@ def test_what_serves_a_motor_is_left_out_with_it_and_the_head_has_the_units_of_c
 
 def test_functions_of_several_scenes_have_names_of_their_own(tmp_path):
     scene = SCENES["4R gravity rk4"]
-    for name, found in {"": "FourR", "four_r_reach": "four_r_reach", "4r-ü.b": "scene_4r___b"}.items():
+    for name, found in {"": "FourR", "four_r_reach": "four_r_reach", "4r-ü.b": "scene_4r_ufc_b"}.items():
         assert f"void {found}_accelerations(const double q[4]" in document(scene, "c", name=name).content
     for file in ("one.c", "other.c"):  # of one scene, or of two whose files have one name
         write(scene, "c", tmp_path / file, name="lab")

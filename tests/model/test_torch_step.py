@@ -105,10 +105,28 @@ def test_what_has_no_derivative_is_refused_with_what_to_use():
         rde.torch_step(rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)))
     with pytest.raises(ValueError, match=r"a JointStop, whose impacts have no meaningful"):
         rde.torch_step(rde.Scene(FOUR_R, (e.JointStop([-1.0] * 4, [1.0] * 4),)))
-    with pytest.raises(ValueError, match=r"stick and slip at events .* use SmoothCoulombFriction"):
+    with pytest.raises(ValueError, match=r"a CoulombFriction, whose joints stick .* SmoothCoulombFriction"):
         rde.torch_step(rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)))
     with pytest.raises(ValueError, match=r"'dop853', which chooses each step while it runs; use 'rk8'"):
         rde.torch_step(rde.Scene(RPRP, (), "dop853"))
+
+
+@pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
+def test_where_and_how_torch_keeps_tensors_does_not_matter(steps):
+    given, step = start(FOUR_R), rde.torch_step(scene_of(FOUR_R, steps))
+    ends = step(*given)
+    q, *rest = given
+    lazy = torch.complex(q, -q).conj().imag  # torch notes the sign, and changes no number
+    assert lazy.is_neg()
+    assert torch.equal(step(lazy, *rest)[0], ends[0])
+    with torch.device("meta"):  # as the device of new tensors
+        assert torch.equal(step(*given)[0], ends[0])
+    away = [x.to("meta") for x in given]
+    if steps == "1e-9":
+        with pytest.raises(ValueError, match=r"q is on the device meta, .* leave out scene.tolerance"):
+            step(*away)
+    else:
+        assert step(*away)[0].shape == q.shape
 
 
 @pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
@@ -166,6 +184,7 @@ def test_shapes_that_do_not_fit_are_named():
     for wrong in (
         torch.ones(4, dtype=torch.bool),
         torch.ones(4, dtype=torch.complex64),
+        torch.ones(12, 4).to_sparse(),
         "1234",
         [[1.0], [2, 3]],
     ):
