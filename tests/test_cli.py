@@ -6,8 +6,8 @@ import csv
 import functools
 import importlib.util
 import os
-import shutil
 import shlex
+import shutil
 import subprocess
 import sys
 import time
