@@ -58,11 +58,10 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         self._lane = SingleLane(self.core)
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "_lane": None}
+    made_anew = (*Face.made_anew, "_lane")
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        super().__setstate__(state)
         self._lane = SingleLane(self.core)
 
     @first
@@ -150,7 +149,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         if self.render_mode == "human":
             self._pictures().show(0)
 
-    @alone
+    @first
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human".
 

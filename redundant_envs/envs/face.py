@@ -189,8 +189,24 @@ class Face:
             seen = spaces.Dict({"observation": seen, "achieved_goal": place, "desired_goal": place})
         return seen, spaces.Box(-1.0, 1.0, (len(core.actions),), np.float32)
 
+    made_anew: ClassVar[tuple[str, ...]] = ("_renderer",)
+    """Attributes that copies do not take over."""
+
+    @first
+    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
+        """Copies of all attributes: another thread may go on while they are written somewhere."""
+        return copy.deepcopy({**self.__dict__, **dict.fromkeys(self.made_anew)}, memo)
+
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_renderer": None}
+        return self._snapshot({})
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        made = memo[id(self)] = object.__new__(type(self))
+        made.__setstate__(self._snapshot(memo))
+        return made
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -248,7 +264,7 @@ class Face:
         return self.core.scene
 
     @property
-    @alone
+    @first
     def parameters(self) -> Parameters:
         """Names, values and units of all numbers, of arm, effects and task."""
         return parameters_of(self.core).of_lane(self._lanes)
@@ -274,6 +290,7 @@ class Face:
         """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
         return Copy.of(self.core.goals())[self._lanes]
 
+    @first
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included; wrappers (TimeLimit) count for themselves."""
         return self.core.get_state()

@@ -24,7 +24,7 @@ from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
 from redundant_envs.extras import needs
-from redundant_envs.model.memory import alone, first
+from redundant_envs.model.memory import first
 from redundant_envs.scene import Scene
 from redundant_envs.tasks import make_task
 from redundant_envs.values import shown, whole_number
@@ -129,7 +129,7 @@ class SB3VecEnv(VectorFace, VecEnv):
             )
         super()._set_states(state)
 
-    @alone
+    @first
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
         if self.render_mode is None:

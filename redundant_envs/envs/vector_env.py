@@ -16,7 +16,7 @@ from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.variation import Variation
-from redundant_envs.model.memory import alone, first
+from redundant_envs.model.memory import first
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scene_numbers import names_of
 from redundant_envs.values import shown, whole_number
@@ -158,11 +158,11 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         value = self._attribute(name)
         return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 
-    @alone
+    @first
     def get_state(self) -> dict[str, Any]:
         """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
-        return {**super().get_state(), **own}
+        return {**self.core.get_state(), **own}
 
     def _is_of_one(self, state: Any) -> bool:
         return isinstance(state, Mapping) and {*state} == {*STATE_KEYS}
@@ -185,7 +185,7 @@ class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
         super()._set_states(of_core)
         self._ended = state["ended"].copy()
 
-    @alone
+    @first
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:

@@ -252,7 +252,11 @@ class BatchSimulator(Copied):
         if any(name.startswith(f"{key}.") for key in stops for name in values):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
-    @alone
+    @first
+    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
+        return super()._snapshot(memo)
+
+    @first
     def save(self) -> dict[str, Any]:
         """A snapshot of everything: states, parameters and modes of all lanes.
 

@@ -79,10 +79,10 @@ def first(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P],
 
     @functools.wraps(method)
     def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
-        memory = self._memory
+        memory, thread = self._memory, get_ident()
         if memory.free == IN_USE:
             raise InUse
-        memory.free, memory.user = IN_USE, get_ident()
+        memory.free, memory.user = IN_USE, thread
         try:
             return method(self, *args, **kwargs)
         finally:

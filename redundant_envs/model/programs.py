@@ -416,10 +416,14 @@ class Copied(ABC):
         """Create the attributes that copies do not take over."""
 
     @alone
-    def __getstate__(self) -> dict[str, Any]:
+    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
+        """Copies of all that a copy needs: another thread may go on while they are written somewhere."""
         left = ("simulator", *self.made_anew)
         kept = {name: value for name, value in self.__dict__.items() if name not in left}
-        return {**kept, "_identity": self.simulator.identity}
+        return {**copy.deepcopy(kept, memo), "_identity": self.simulator.identity}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self._snapshot({})
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
@@ -432,10 +436,9 @@ class Copied(ABC):
             )
         self._take(state, simulator)
 
-    @alone
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         made = memo[id(self)] = object.__new__(type(self))
-        made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
+        made._take(self._snapshot(memo), self.simulator)
         return made
 
     def __copy__(self) -> Self:

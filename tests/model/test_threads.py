@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import io
 import os
 import pickle
 import threading
@@ -87,24 +88,28 @@ def test_an_environment_in_use_refuses_other_threads_and_goes_on(kind):
 
 
 def interrupted(call, kind, inner, monkeypatch):
-    """What a call gives in whose first call of machine code a handler of a signal calls ``inner``, and what
+    """What a call gives around whose first call of machine code handlers of signals call ``inner``, and what
     these raise."""
     found, plain = [], kind.__call__
 
-    def first(self):
-        monkeypatch.setattr(kind, "__call__", plain)
+    def handle():
         for one in inner:
             try:
                 found.append(one())
             except InUse:
                 found.append(InUse)
+
+    def first(self):
+        monkeypatch.setattr(kind, "__call__", plain)
+        handle()
         plain(self)
+        handle()
 
     monkeypatch.setattr(kind, "__call__", first)
     return call(), found
 
 
-CHANGES = "step", "reset", "set_state"
+OF_USERS = "step", "reset", "get_state", "set_state", "parameters", "copy", "pickle", "set_options", "render"
 
 
 @pytest.mark.parametrize("kind", FACES)
@@ -113,30 +118,55 @@ def test_a_signal_handler_in_the_middle_of_a_call_is_refused(kind, monkeypatch):
     for one in (env, other):
         begin(one, seed=3)
     STATES[type(env)] = env.get_state()
-    names = CHANGES if kind == "single" else [*OF_ENV]
+    names = [name for name in OF_USERS if (kind, name) != ("single", "set_options")]
     inner = [lambda call=OF_ENV[name]: call(env) for name in names]
     (action,) = actions(env, 1)
     for call in (lambda e: begin(e, seed=4), lambda e: e.step(action))[: 1 if kind == "single" else 2]:
         made_by, found = interrupted(lambda call=call: call(env), Team, inner, monkeypatch)
-        assert found == [InUse] * len(names)
+        assert found == [InUse] * 2 * len(names)
         assert flat(made_by) == flat(call(other))
     zeros, far = np.zeros((1, 2)), np.ones((1, 2))
     reward, found = interrupted(
         lambda: env.compute_reward(zeros, zeros, [{}]), Call, [lambda: env.compute_reward(zeros, far, [{}])],
         monkeypatch,
     )  # fmt: skip
-    assert [*reward, *found[0]] == [1.0, 0.0]
+    assert [*reward, *found[0], *found[1]] == [1.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("name", ["advance", "advance_partly"])
 def test_a_signal_handler_in_the_middle_of_a_batch_is_refused(name, monkeypatch):
     used, other = batch(), batch()
-    names = ["advance", "advance_partly", "set_state", "set_parameters", "restore"]
+    names = ["advance", "advance_partly", "set_state", "set_parameters", "restore", "save", "copy", "pickle"]
     inner = [lambda call=OF_BATCH[name]: call(used) for name in names]
     _, found = interrupted(lambda: OF_BATCH[name](used), Team, inner, monkeypatch)
     OF_BATCH[name](other)
-    assert found == [InUse] * len(names)
+    assert found == [InUse] * 2 * len(names)
     assert (used.q == other.q).all()
+
+
+@pytest.mark.parametrize("kind", [*FACES, "batch"])
+def test_a_copy_is_of_one_moment_though_another_thread_goes_on_while_it_is_written(kind):
+    env = batch() if kind == "batch" else made(kind)
+    going_on = env.advance if kind == "batch" else lambda: env.step(actions(env, 1)[0])
+    begin(env, seed=3) if kind != "batch" else None
+    before = pickle.dumps(env)
+
+    class Slow(pickle.Pickler):
+        def reducer_override(self, thing):
+            assert thing is env or told(going_on) is None
+            return NotImplemented
+
+    slow = io.BytesIO()
+    Slow(slow).dump(env)
+    slow.seek(0)
+    one, other = pickle.loads(before), pickle.load(slow)
+    if kind == "batch":
+        for each in (one, other):
+            each.advance()
+        assert (one.q == other.q).all()
+        return
+    for action in actions(one, 3):
+        assert flat(one.step(action)) == flat(other.step(action))
 
 
 def test_a_thread_is_refused_while_another_one_is_in_machine_code():
