@@ -42,7 +42,9 @@ INERT = frozenset((
     "typing",
 ))  # fmt: skip
 """Modules of objects that are known by their texts; so are a few of Python's own."""
-DESCRIPTORS = frozenset(["GenericAlias", "UnionType", "ellipsis", "member_descriptor", "wrapper_descriptor"])
+DESCRIPTORS = frozenset((
+    "GenericAlias", "UnionType", "_tuplegetter", "ellipsis", "member_descriptor", "wrapper_descriptor",
+))  # fmt: skip
 ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 KNOWN = frozenset((ROOT, "numpy", *sys.stdlib_module_names)) - {"unittest"}
 """Packages whose functions are known by their names, if they lie where Python or NumPy does; those of

@@ -239,7 +239,7 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
             for e in scene.effects
         ]
         made = dataclasses.replace(scene, robot=other, effects=tuple(effects))
-    except ValueError:
+    except (TypeError, ValueError):  # delays have their numbers of intervals from the scene, and keep theirs
         return None
     return made if made.parameters().keys() == scene.parameters().keys() else None
 
