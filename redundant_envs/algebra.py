@@ -254,14 +254,10 @@ def arguments_of(function: Callable[..., Any]) -> tuple[str, ...]:
     """Names of a function's arguments, in order."""
     if hasattr(function, "physics_takes"):
         return function.physics_takes  # type: ignore[no-any-return]
-    return _arguments_of(function, getattr(function, "__code__", None))
-
-
-@functools.lru_cache(maxsize=4096)  # functions created for each environment must not stay for ever
-def _arguments_of(function: Callable[..., Any], code: Any) -> tuple[str, ...]:
-    """Valid as long as the function has this code, which tools that reload modules replace."""
-    if isinstance(function, FunctionType) and not (vars(function).keys() & OTHERS or code.co_flags & MANY):
-        return code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]  # type: ignore[no-any-return]
+    if type(function) is FunctionType:
+        code = function.__code__
+        if not (code.co_flags & MANY or function.__dict__.keys() & OTHERS):
+            return code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     return tuple(inspect.signature(function).parameters)  # of whatever can be called, in 0.1 ms
 
 

@@ -114,15 +114,40 @@ def test_a_helper_or_a_constant_that_is_defined_again_is_the_new_one_in_motion_a
     assert acts_as(names["force"], -3.0 * PHI2)
 
 
-def test_a_function_whose_code_is_replaced_is_the_new_one():
+class Callable:
+    """What a tool that reloads modules keeps, while it replaces the method of the class."""
+
+    def __call__(self, x):
+        return x
+
+
+def wrapped():
+    """A function of another one, whose arguments it shows."""
+    function = functools.wraps(lambda x: x)(lambda *given: function.__wrapped__(*given))
+    return function
+
+
+REPLACED = {
+    "code": (lambda: lambda x: x, lambda f, new, method: setattr(f, "__code__", new.__code__)),
+    "call": (Callable, lambda f, new, method: setattr(Callable, "__call__", method)),
+    "wrapped": (wrapped, lambda f, new, method: setattr(f, "__wrapped__", new)),
+}
+
+
+@pytest.mark.parametrize(("made", "replace"), REPLACED.values(), ids=REPLACED)
+def test_a_function_whose_code_is_replaced_is_the_new_one(made, replace, monkeypatch):
     """Tools that reload modules keep the function and replace its code, and its arguments."""
-    shape = physics(lambda x: x)
+    monkeypatch.setattr(Callable, "__call__", Callable.__call__)  # to be as it was
+    shape = physics(made())
     assert acts_as(shape, PHI2)
-    for replaced, bind, force in (
-        (lambda x: 7.0 * x, {"x": "phi2"}, 7.0 * PHI2),
-        (lambda rate, x: rate - x, {"x": "phi2", "rate": "phid2"}, QD0[1] - QD0[0] - PHI2),
-    ):
-        shape.__code__ = replaced.__code__
+    for new, method, bind, force in (
+        (lambda x: 7.0 * x, lambda self, x: 7.0 * x, {"x": "phi2"}, 7.0 * PHI2),
+        (
+            lambda rate, x: rate - x, lambda self, rate, x: rate - x, {"x": "phi2", "rate": "phid2"},
+            QD0[1] - QD0[0] - PHI2,
+        ),
+    ):  # fmt: skip
+        replace(shape, new, method)
         assert acts_as(shape, force, bind)
 
 
