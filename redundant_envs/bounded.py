@@ -6,15 +6,19 @@ Every refusal is a ValueError that names the file, what it holds or claims, and 
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import math
 import os
+import shutil
 import stat
+import struct
 from collections.abc import Iterable, Iterator, Sequence
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from redundant_envs.disk import FULL
 from redundant_envs.values import shown
 
 # Nothing large is imported here: scenes are read by every program.
@@ -153,14 +157,29 @@ def read_members(
         return found
 
 
-def stored_members(file: BinaryIO, where: str, most: int) -> list[str]:
-    """The names of the members of a zip file for another reader; ValueError as for :func:`read_members`, or
-    if one is compressed."""
-    with _archive(file, where) as archive:
-        if any(entry.compress_type for entry in archive.infolist()):
-            raise ValueError(f"{where} is compressed")
-        _check_unpacked(archive.infolist(), where, most)
-        return archive.namelist()
+@contextlib.contextmanager
+def members_again(
+    file: BinaryIO, where: str, most: int, folder: Path
+) -> Iterator[tuple[BinaryIO, list[str]]]:
+    """The members of a zip file in one that is written anew, without a name, in a folder, and their names: in
+    the file as it is another reader may find others. ValueError as for :func:`read_members`, or if one is
+    compressed."""
+    import tempfile
+    import zipfile
+
+    with tempfile.TemporaryFile(dir=folder) as copy:
+        with _archive(file, where) as archive, zipfile.ZipFile(copy, "w") as again:
+            entries = archive.infolist()
+            if any(entry.compress_type for entry in entries):
+                raise ValueError(f"{where} is compressed")
+            _check_unpacked(entries, where, most)
+            for entry in entries:
+                new = zipfile.ZipInfo(entry.filename)
+                new.file_size = entry.file_size
+                with archive.open(entry) as member, again.open(new, "w") as written:
+                    shutil.copyfileobj(member, written)
+        copy.seek(0)
+        yield copy, [entry.filename for entry in entries]
 
 
 @contextlib.contextmanager
@@ -176,7 +195,12 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
             if len(set(archive.namelist())) < len(archive.namelist()):
                 raise ValueError(f"{where} has two members of one name")
             yield archive
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
+    except (
+        zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
+        OverflowError, UnicodeError,
+    ) as error:  # fmt: skip
+        if getattr(error, "errno", None) in {*FULL, errno.EFBIG}:
+            raise  # a copy of it cannot be written
         raise ValueError(f"{where} is damaged ({error}); it is not a complete zip file") from None
 
 

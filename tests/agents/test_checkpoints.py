@@ -3,11 +3,14 @@
 import contextlib
 import csv
 import errno
+import io
 import json
 import os
 import shutil
 import signal
+import struct
 import sys
+import zipfile
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -174,6 +177,30 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
     assert find_checkpoint(killed).name == "checkpoint.old"
     refused(["train", killed / "config.yaml", "--out", killed], command("resume", killed))
     assert resume(killed)["env_steps"] == 2400
+
+
+def test_a_checkpoint_is_read_from_the_members_that_were_checked(tmp_path):
+    """Readers of zip files disagree about where the directory is: at its offset, or before its end."""
+    archives = []
+    for number in (1.0, 2.0):
+        memory = io.BytesIO()
+        torch.save(checkpoint.plain({"x": torch.full((3,), number)}), memory)
+        with zipfile.ZipFile(memory) as archive:
+            count, start = len(archive.namelist()), archive.start_dir
+        whole = memory.getvalue()
+        size = whole.index(zipfile.stringEndArchive64) - start
+        archives.append((whole[:start], whole[start : start + size]))
+    (first, its_directory), (second, directory) = archives
+    assert len(first) == len(second)  # zipfile corrects the places of members: it finds those of the second
+    data = b"".join([first, its_directory, second, directory])
+    end = (zipfile.stringEndArchive, 0, 0, count, count, len(directory), len(first), 0)
+    path = tmp_path / "state.pt"
+    path.write_bytes(data + struct.pack(zipfile.structEndArchive, *end))
+    assert checkpoint.unplain(torch.load(path))["x"].tolist() == [1.0] * 3
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+    assert checkpoint._load(path, 10**6)["x"].tolist() == [2.0] * 3
+    assert [*tmp_path.iterdir()] == [path]
 
 
 @pytest.mark.long
