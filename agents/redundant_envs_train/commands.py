@@ -227,6 +227,7 @@ def tune(
     from .tuning.study import tune
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
+    check_kept([folder / name for name in ("best.yaml", "trials.csv", "tune.md")], True, [Path(config)])
     path = tune(base, folder, trials, search or (), overrides or (), seed, processes, storage)
     say(path.read_text(encoding="utf-8"))
     say("written:", *(folder / name for name in ("trials.csv", "tune.md")), sep="\n  ")

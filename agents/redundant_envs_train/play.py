@@ -1,6 +1,7 @@
 """Watch an environment: a trained policy, or zero, random or expert actions."""
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
 MOST_EPISODES = 1_000_000
 MOST_SEED = 2**63
 CLIP_EVERY = 2  # control steps from frame to frame
+LARGEST_CLIP = 1 << 29
+"""Bytes of the frames of a clip, which all are in memory until it is written: half a minute by default."""
 
 
 def play(
@@ -90,7 +93,8 @@ def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, A
 
 
 def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
-    """Run an episode, and say how it ended; ``after_step`` is called with the number of its steps so far."""
+    """Run an episode, and say how it ended; ``after_step`` is called with the number of its steps so far, and
+    ends it if it returns True."""
     obs, info = env.reset(seed=seed)
     done, step, returned = False, 0, 0.0
     while not done:
@@ -98,7 +102,7 @@ def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int
         done = terminated or truncated
         returned += float(reward)
         step += 1
-        after_step(step)
+        done = bool(after_step(step)) or done
     parts = []
     if "is_success" in info:
         parts.append("held" if info["is_success"] else "touched" if info.get("touch_success") else "missed")
@@ -113,13 +117,28 @@ def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **k
     core = env.unwrapped.core  # type: ignore[attr-defined]
     frames: list[NDArray[np.uint8]] = []
 
-    def keep(step: int) -> None:
+    is_full = False
+
+    def keep(step: int) -> bool:
+        nonlocal is_full
         if step % CLIP_EVERY == 0:
-            frames.append(np.asarray(env.render()))
+            frame = np.asarray(env.render())
+            is_full = (len(frames) + 1) * frame.nbytes > LARGEST_CLIP
+            if not is_full:
+                frames.append(frame)
+        return is_full
 
     for episode in range(episodes):
-        _episode(env, core, act, seed + episode, keep)
+        if not is_full:
+            _episode(env, core, act, seed + episode, keep)
     env.close()
+    if is_full:
+        names = " and ".join(path.name for path in paths)
+        say(
+            f"{names} show {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory; a smaller "
+            "render_width has room for more",
+            file=sys.stderr,
+        )
     for path in paths:
         write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * core.scene.control_dt)), 1))
 

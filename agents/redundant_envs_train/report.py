@@ -281,7 +281,7 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     if not all((folder / name).is_file() for name in run_folder.EVALUATED):
         evaluated = out
         write_evaluation(evaluate(folder, trust), out)
-    result = run_folder.read_evaluation(evaluated)
+    result = run_folder.UNKNOWN | run_folder.read_evaluation(evaluated)
     pictures = plots(folder, config, result, evaluated, out)
     clip(clips, config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"

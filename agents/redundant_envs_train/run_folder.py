@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.bounded import read_json, read_lines
 from redundant_envs.disk import check_folder, check_plain, write_text
-from redundant_envs.envs.registration import ids
+from redundant_envs.envs.registration import check_arm, check_motors, ids
 from redundant_envs.extras import needs
 from redundant_envs.figures import check_clip
 from redundant_envs.files import exists
@@ -54,6 +54,8 @@ UNSURE = {
     "expert_touch_success": 1, "passed": MOST, "stopped": MOST, "missed_by_both": MOST,
 }  # fmt: skip
 """The same of numbers that may be unknown, as in folders of older versions."""
+UNKNOWN = {**dict.fromkeys(UNSURE), "faults": {}}
+"""What an evaluation of an older version lacks."""
 LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
 MOST_CHARACTERS = 200  # most characters of the name of a machine
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
@@ -250,8 +252,13 @@ def with_scene(config: Config, scene: Scene) -> Config:
 
 def own_config(folder: Path) -> Config:
     """The configuration of a run folder, in the scene that it was trained in."""
-    config = read_config(folder)
-    return with_scene(config, read_scene(folder))
+    config, scene = read_config(folder), read_scene(folder)
+    try:
+        check_arm(config.env, scene.robot.kind)
+        check_motors(scene)
+    except ValueError as error:
+        raise ValueError(f"{folder / SCENE}: {error}") from None
+    return with_scene(config, scene)
 
 
 def named_scene(config: Config) -> Any:

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium as gym
+import imageio.v2 as imageio
 import numpy as np
 import pytest
 import yaml
@@ -161,7 +162,6 @@ def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_pa
         "The task tells no is_success, so whether an episode succeeded is unknown. It has no goal, which "
         "computed torque needs: the policy is compared with nothing.",
     ]
-    assert many.result_of(folder) == "mean return -3.0"
     out, _ = call("table", folder, "--out", tmp_path / "a.csv")
     assert "tells no success: the mean return of PPO is -3." in out
     (again,) = read_groups([tmp_path / "a.csv"])
@@ -208,6 +208,13 @@ def test_play_works_without_a_policy(actions, tmp_path, monkeypatch, call):
     monkeypatch.setattr(play, "CLIP_EVERY", 25)
     call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
     assert (tmp_path / "play.gif").stat().st_size > 1000
+
+
+def test_a_clip_has_as_many_frames_as_memory_has_room_for(tmp_path, monkeypatch, call):
+    monkeypatch.setattr(play, "LARGEST_CLIP", 3 * 480 * 480 * 3 + 1)
+    words = ["play", "FourRReach-v0", "--actions", "zero", "--episodes", 9, "--clip", tmp_path / "a.gif"]
+    assert "a.gif show 3 frames alone" in call(*words)[1]
+    assert len(imageio.mimread(tmp_path / "a.gif")) == 3
 
 
 # ---- the scene -----------------------------------------------------------------------------------
@@ -473,6 +480,16 @@ def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, valu
     change(folder / "evaluation.json", **{field: value})
     with says(f"{folder}/evaluation.json has ", f"as {field!r}; make it again"):
         read_evaluation(folder)
+
+
+def test_what_an_older_evaluation_lacks_is_unknown(tmp_path):
+    folder = write_run(tmp_path / "run")
+    path = folder / "evaluation.json"
+    told = json.loads(path.read_text())
+    path.write_text(json.dumps({k: v for k, v in told.items() if k not in {*run_folder.UNSURE, "faults"}}))
+    change(path, hold_success=None, interval=None)
+    result = run_folder.UNKNOWN | read_evaluation(folder)
+    assert report.untold(result).startswith("The task tells no is_success")
 
 
 def test_the_table_takes_runs_whose_training_is_unknown(run, call):

@@ -4,6 +4,7 @@ import contextlib
 import re
 
 import pytest
+import yaml
 from run_folders import REFUSALS, csv_rows, says
 from short_trainings import TINY
 
@@ -298,6 +299,13 @@ def test_machines_share_a_study_in_a_storage(storage, tmp_path):
         tune(CONFIG, tmp_path / "a", 3, GAMMA, storage=f"{place}2")
     with says("processes is 2 beside a storage"):
         tune(CONFIG, tmp_path / "c", 4, GAMMA, processes=2, storage=place)
+
+
+def test_a_study_does_not_replace_the_configuration_that_it_searches(tmp_path, refused):
+    best = tmp_path / "best.yaml"
+    best.write_text(yaml.safe_dump(CONFIG.to_dict()))
+    refused(["tune", best, "--trials", "1", "--out", tmp_path], "best.yaml", "is what the command reads")
+    assert [*tmp_path.iterdir()] == [best]
 
 
 def test_of_machines_that_begin_a_study_at_once_one_tries_the_values_of_the_configuration(

@@ -184,7 +184,7 @@ def test_processes_killed_while_they_compile_or_write_leave_nothing_that_hurts(t
         slow = f"""
 import os, sys, time
 import redundant_envs.backends.cache as cache
-def wait(*_):
+def wait(*_, **__):
     print("now", file=sys.stderr, flush=True)
     while True:
         time.sleep(1)
@@ -193,7 +193,9 @@ def wait(*_):
         process = started(slow + PROGRAM, tmp_path)
         told = ""
         while not told.endswith("now\n"):
-            told += process.stderr.read(1)
+            letter = process.stderr.read(1)
+            assert letter, told  # it ended
+            told += letter
         process.send_signal(signal.SIGKILL)
         process.communicate()
         assert not list(tmp_path.glob(f"*{SUFFIX}"))

@@ -248,9 +248,9 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
             if pattern == "." or fnmatch.fnmatchcase(name, pattern):
                 runs.append(_run(path / name, row))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        reason = str(error).partition(";")[0]
+        reason = str(error).partition(";")[0][:300]
         raise ValueError(
-            f"{path} is no table of runs, or its run {name!r} is damaged ({reason}); write it again: "
+            f"{path} is no table of runs, or its run {shown(name)} is damaged ({reason}); write it again: "
             f"{command('table', 'RUNS', '--out', path)}"
         ) from error
     if not runs:
