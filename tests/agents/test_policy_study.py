@@ -265,7 +265,7 @@ def test_training_under_cheap_physics(tmp_path, call, refused):
     before = policy.stat().st_mtime_ns
     call(*command)  # what is trained stays
     assert policy.stat().st_mtime_ns == before
-    refused([*command, "train_overrides=[total_steps=2048]"], "another configuration")
+    refused([*command, "train_overrides=[total_steps=2048]"], "study.yaml is of another study")
 
 
 @pytest.mark.parametrize(
