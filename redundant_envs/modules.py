@@ -27,7 +27,7 @@ def status_of(run: Callable[[], int | None], name: str) -> int:
     mistake or a missing package, and 130 for Ctrl-C; in silence 141 if the reader of its output is gone."""
     for stream, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, stream) is None:  # closed by whoever began the command
-            setattr(sys, stream, open(os.devnull, mode, encoding="utf-8"))
+            setattr(sys, stream, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
     if os.environ.get("MPLBACKEND", "").startswith(NOTEBOOK):
         del os.environ["MPLBACKEND"]  # another environment may lack that module: matplotlib would not import
     try:

@@ -54,7 +54,7 @@ UNSURE = {
     "expert_touch_success": 1, "passed": MOST, "stopped": MOST, "missed_by_both": MOST,
 }  # fmt: skip
 """The same of numbers that may be unknown, as in folders of older versions."""
-UNKNOWN = {**dict.fromkeys(UNSURE), "faults": {}}
+UNKNOWN: dict[str, Any] = {**dict.fromkeys(UNSURE), "faults": {}}
 """What an evaluation of an older version lacks."""
 LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
 MOST_CHARACTERS = 200  # most characters of the name of a machine

@@ -5,6 +5,7 @@ import dataclasses
 import io
 import os
 import pickle
+import sys
 import threading
 import time
 
@@ -131,6 +132,31 @@ def test_a_signal_handler_in_the_middle_of_a_call_is_refused(kind, monkeypatch):
         monkeypatch,
     )  # fmt: skip
     assert [*reward, *found[0], *found[1]] == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("kind", FACES)
+def test_at_no_line_of_a_call_a_signal_handler_gets_a_state(kind):
+    env, found, before = made(kind), [], sys.gettrace()
+    begin(env)
+    (action,) = actions(env, 1)
+
+    def trace(frame, event, argument):
+        if env._memory.free == IN_USE:
+            for call in (env.get_state, lambda: pickle.dumps(env)):
+                try:
+                    found.append(call())
+                except InUse:
+                    found.append(InUse)
+        return trace
+
+    for call in (lambda: env.step(action), lambda: begin(env, seed=4)):
+        sys.settrace(trace)
+        try:
+            call()
+        finally:
+            sys.settrace(before)
+    assert len(found) > 20
+    assert {*found} == {InUse}
 
 
 @pytest.mark.parametrize("name", ["advance", "advance_partly"])
