@@ -198,7 +198,9 @@ class Face:
         return copy.deepcopy({**self.__dict__, **dict.fromkeys(self.made_anew)}, memo)
 
     def __getstate__(self) -> dict[str, Any]:
-        return self._snapshot({})
+        state = self._snapshot({})
+        state["core"].is_snapshot = True
+        return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

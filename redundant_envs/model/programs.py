@@ -403,6 +403,8 @@ class Copied(ABC):
 
     made_anew: ClassVar[tuple[str, ...]]
     """Attributes that copies do not take over: compiled code, threads, and views of other arrays."""
+    is_snapshot = False
+    """Whether this is a copy that nobody else has, so that it need not be copied again."""
     simulator: Simulator
     _memory: Memory
 
@@ -418,9 +420,10 @@ class Copied(ABC):
     @alone
     def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
         """Copies of all that a copy needs: another thread may go on while they are written somewhere."""
-        left = ("simulator", *self.made_anew)
+        left = ("simulator", "is_snapshot", *self.made_anew)
         kept = {name: value for name, value in self.__dict__.items() if name not in left}
-        return {**copy.deepcopy(kept, memo), "_identity": self.simulator.identity}
+        kept = kept if self.is_snapshot else copy.deepcopy(kept, memo)
+        return {**kept, "_identity": self.simulator.identity}
 
     def __getstate__(self) -> dict[str, Any]:
         return self._snapshot({})

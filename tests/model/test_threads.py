@@ -170,6 +170,15 @@ def test_a_signal_handler_in_the_middle_of_a_batch_is_refused(name, monkeypatch)
     assert (used.q == other.q).all()
 
 
+@pytest.mark.parametrize("kind", FACES)
+def test_a_copy_has_one_memory(kind):
+    env = made(kind)
+    for again in (copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))):
+        one = again(again(env))
+        assert one._memory is one.core.memory is not env.core.memory
+        assert not one.core.is_snapshot
+
+
 @pytest.mark.parametrize("kind", [*FACES, "batch"])
 def test_a_copy_is_of_one_moment_though_another_thread_goes_on_while_it_is_written(kind):
     env = batch() if kind == "batch" else made(kind)
