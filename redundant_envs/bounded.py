@@ -6,11 +6,9 @@ Every refusal is a ValueError that names the file, what it holds or claims, and 
 from __future__ import annotations
 
 import contextlib
-import errno
 import io
 import math
 import os
-import shutil
 import stat
 import struct
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +16,6 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from redundant_envs.disk import FULL
 from redundant_envs.values import shown
 
 # Nothing large is imported here: scenes are read by every program.
@@ -33,6 +30,8 @@ MOST_TABLE = 1 << 24
 """Bytes of a table whose cells are JSON: some thousand runs with their learning curves."""
 LONGEST_LINE = 1 << 20
 MOST_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
+END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
+"""Records at the end of a zip file, with length and place of its directory, the latter two for 64 bits."""
 ENTRY = b"PK\x01\x02"
 """The beginning of a member's entry in the directory of a zip file."""
 
@@ -157,29 +156,37 @@ def read_members(
         return found
 
 
-@contextlib.contextmanager
-def members_again(
-    file: BinaryIO, where: str, most: int, folder: Path
-) -> Iterator[tuple[BinaryIO, list[str]]]:
-    """The members of a zip file in one that is written anew, without a name, in a folder, and their names: in
-    the file as it is another reader may find others. ValueError as for :func:`read_members`, or if one is
-    compressed."""
-    import tempfile
-    import zipfile
+def stored_members(file: BinaryIO, where: str, most: int) -> list[str]:
+    """The names of the members of a zip file for another reader; ValueError as for :func:`read_members`, or
+    if one is compressed, or if another reader may find another directory in it."""
+    with _archive(file, where) as archive:
+        if any(entry.compress_type for entry in archive.infolist()):
+            raise ValueError(f"{where} is compressed")
+        if archive.start_dir != _start_of_directory(file):
+            raise ValueError(f"{where} has something between its members and their directory")
+        _check_unpacked(archive.infolist(), where, most)
+        return archive.namelist()
 
-    with tempfile.TemporaryFile(dir=folder) as copy:
-        with _archive(file, where) as archive, zipfile.ZipFile(copy, "w") as again:
-            entries = archive.infolist()
-            if any(entry.compress_type for entry in entries):
-                raise ValueError(f"{where} is compressed")
-            _check_unpacked(entries, where, most)
-            for entry in entries:
-                new = zipfile.ZipInfo(entry.filename)
-                new.file_size = entry.file_size
-                with archive.open(entry) as member, again.open(new, "w") as written:
-                    shutil.copyfileobj(member, written)
-        copy.seek(0)
-        yield copy, [entry.filename for entry in entries]
+
+def _start_of_directory(file: BinaryIO) -> int | None:
+    """Where a zip file says that its directory begins; None unless that ends where the records of the end
+    begin, which are whole, without a comment, and at the end."""
+    sizes = [struct.calcsize(record) for record in (END_64, LOCATOR, END)]
+    before = file.seek(0, os.SEEK_END) - sizes[-1]
+    file.seek(max(before - sum(sizes[:-1]), 0))
+    end_64, locator, end = map(file.read, sizes)
+    if len(end) < sizes[-1] or not end.startswith(b"PK\x05\x06") or end[-2:] != b"\0\0":
+        return None
+    *_, length, start, _ = struct.unpack(END, end)
+    if locator.startswith(b"PK\x06\x07"):
+        before -= sum(sizes[:-1])
+        if struct.unpack(LOCATOR, locator)[2] != before or not end_64.startswith(b"PK\x06\x06"):
+            return None
+        *_, length_64, start_64 = struct.unpack(END_64, end_64)
+        if (length, start) not in ((length_64, start_64), (2**32 - 1, 2**32 - 1)):
+            return None
+        length, start = length_64, start_64
+    return start if start + length == before else None
 
 
 @contextlib.contextmanager
@@ -192,15 +199,15 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
         raise ValueError(f"{where} has more than the {MOST_MEMBERS} members that are read")
     try:
         with zipfile.ZipFile(file) as archive:
-            if len(set(archive.namelist())) < len(archive.namelist()):
+            if len({name.lower() for name in archive.namelist()}) < len(
+                archive.namelist()
+            ):  # to some readers
                 raise ValueError(f"{where} has two members of one name")
             yield archive
     except (
         zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
         OverflowError, UnicodeError,
     ) as error:  # fmt: skip
-        if getattr(error, "errno", None) in {*FULL, errno.EFBIG}:
-            raise  # a copy of it cannot be written
         raise ValueError(f"{where} is damaged ({error}); it is not a complete zip file") from None
 
 

@@ -129,9 +129,11 @@ def plain_data(value: Any) -> Any:
         return {plain_data(k): plain_data(v) for k, v in value.items()}
     if isinstance(value, tuple):
         return tuple(map(plain_data, value))
-    if isinstance(value, Enum):
-        return plain_data(value.value) if isinstance(value, str | int | float) else value.name
-    if isinstance(value, str | PurePath):
+    if isinstance(value, Enum) and not isinstance(value, str | int | float):
+        return value.name
+    if isinstance(value, str):
+        return str.__str__(value)  # of a member of an enumeration its own text
+    if isinstance(value, PurePath):
         return str(value)
     if isinstance(value, bool | bytes):
         return value

@@ -437,6 +437,12 @@ class Core(Copied):
         return self.memory.read(self.goal_fields)
 
     @alone
+    def numbers(self) -> list[bytes]:
+        """All that a step or a reset changes, as bytes."""
+        own = [getattr(self, name) for name in OF_KEYS]
+        return [array.tobytes() for array in (*self.memory.arrays.values(), *own)]
+
+    @alone
     def get_state(self) -> dict[str, Any]:
         """Everything that determines the continuation: numbers, keys and generators."""
         return {

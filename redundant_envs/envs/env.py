@@ -58,7 +58,8 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         self._lane = SingleLane(self.core)
         self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
 
-    made_anew = (*Face.made_anew, "_lane")
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_lane": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)

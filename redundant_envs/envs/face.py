@@ -21,7 +21,7 @@ from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.lane.episode import TIP
-from redundant_envs.model.memory import alone, first
+from redundant_envs.model.memory import InUse, alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scene import Scene
 from redundant_envs.scene_numbers import names_of
@@ -29,6 +29,23 @@ from redundant_envs.tables import table
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
 from redundant_envs.values import plain_data, shown, whole_number
+
+
+class Moment:
+    """The numbers of an environment when it is pickled or copied: InUse where another thread has changed them
+    until the rest of it is written, so that a copy is of one moment. In the copy it is None."""
+
+    def __init__(self, core: Core) -> None:
+        self._core, self._numbers = core, core.numbers()
+
+    def __reduce__(self) -> tuple[type[None], tuple[()]]:
+        if self._core.numbers() != self._numbers:
+            raise InUse
+        return type(None), ()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> None:
+        self.__reduce__()
+
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 """Properties of :class:`Face` that lanes have each for itself."""
@@ -189,26 +206,13 @@ class Face:
             seen = spaces.Dict({"observation": seen, "achieved_goal": place, "desired_goal": place})
         return seen, spaces.Box(-1.0, 1.0, (len(core.actions),), np.float32)
 
-    made_anew: ClassVar[tuple[str, ...]] = ("_renderer",)
-    """Attributes that copies do not take over."""
-
     @first
-    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
-        """Copies of all attributes: another thread may go on while they are written somewhere."""
-        return copy.deepcopy({**self.__dict__, **dict.fromkeys(self.made_anew)}, memo)
-
     def __getstate__(self) -> dict[str, Any]:
-        state = self._snapshot({})
-        state["core"].is_snapshot = True
-        return state
+        kept = {name: value for name, value in self.__dict__.items() if name != "_moment"}
+        return {**kept, "_renderer": None, "_moment": Moment(self.core)}  # which is written last
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        made = memo[id(self)] = object.__new__(type(self))
-        made.__setstate__(self._snapshot(memo))
-        return made
+        self.__dict__.update({name: value for name, value in state.items() if name != "_moment"})
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)

@@ -253,8 +253,8 @@ class BatchSimulator(Copied):
             self._memory.forget(lanes)  # a stop that holds a slider may be gone
 
     @first
-    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
-        return super()._snapshot(memo)
+    def __getstate__(self) -> dict[str, Any]:
+        return super().__getstate__()
 
     @first
     def save(self) -> dict[str, Any]:

@@ -403,8 +403,6 @@ class Copied(ABC):
 
     made_anew: ClassVar[tuple[str, ...]]
     """Attributes that copies do not take over: compiled code, threads, and views of other arrays."""
-    is_snapshot = False
-    """Whether this is a copy that nobody else has, so that it need not be copied again."""
     simulator: Simulator
     _memory: Memory
 
@@ -418,15 +416,10 @@ class Copied(ABC):
         """Create the attributes that copies do not take over."""
 
     @alone
-    def _snapshot(self, memo: dict[int, Any]) -> dict[str, Any]:
-        """Copies of all that a copy needs: another thread may go on while they are written somewhere."""
-        left = ("simulator", "is_snapshot", *self.made_anew)
-        kept = {name: value for name, value in self.__dict__.items() if name not in left}
-        kept = kept if self.is_snapshot else copy.deepcopy(kept, memo)
-        return {**kept, "_identity": self.simulator.identity}
-
     def __getstate__(self) -> dict[str, Any]:
-        return self._snapshot({})
+        left = ("simulator", *self.made_anew)
+        kept = {name: value for name, value in self.__dict__.items() if name not in left}
+        return {**kept, "_identity": self.simulator.identity}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
@@ -441,7 +434,7 @@ class Copied(ABC):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         made = memo[id(self)] = object.__new__(type(self))
-        made._take(self._snapshot(memo), self.simulator)
+        made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
         return made
 
     def __copy__(self) -> Self:

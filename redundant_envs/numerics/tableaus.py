@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from redundant_envs.values import shown, whole_number
 
 
@@ -34,15 +36,19 @@ class Tableau:
     def __post_init__(self) -> None:
         for field in ("b", "c", "error6", "error5", "error3"):
             object.__setattr__(self, field, self._numbers(field, getattr(self, field)))
+        if not isinstance(self.a, list | tuple | np.ndarray):
+            raise ValueError(f"the tableau {self.name!r} has {shown(self.a)} as a; give a sequence of rows")
         object.__setattr__(self, "a", tuple(self._numbers(f"a[{k}]", row) for k, row in enumerate(self.a)))
 
     def _numbers(self, field: str, values: Any) -> tuple[float, ...]:
         try:
-            return tuple(map(float, values))
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"the tableau {self.name!r} has {shown(values)} as {field}; give a sequence of numbers"
-            ) from None
+            if isinstance(values, list | tuple | np.ndarray):
+                return tuple(map(float, values))
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise ValueError(
+            f"the tableau {self.name!r} has {shown(values)} as {field}; give a sequence of numbers"
+        )
 
     @property
     def stages(self) -> int:

@@ -17,7 +17,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import torch
-from run_folders import POLICIES, TUNES, Evil, change, kept, members, write_members
+from run_folders import POLICIES, TUNES, Evil, change, kept, members, says, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -179,8 +179,8 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
     assert resume(killed)["env_steps"] == 2400
 
 
-def test_a_checkpoint_is_read_from_the_members_that_were_checked(tmp_path):
-    """Readers of zip files disagree about where the directory is: at its offset, or before its end."""
+def test_a_checkpoint_in_which_readers_find_different_members_is_refused(tmp_path):
+    """They look for the directory at its offset, or before its end, and some take names for equal."""
     archives = []
     for number in (1.0, 2.0):
         memory = io.BytesIO()
@@ -199,8 +199,20 @@ def test_a_checkpoint_is_read_from_the_members_that_were_checked(tmp_path):
     assert checkpoint.unplain(torch.load(path))["x"].tolist() == [1.0] * 3
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
+    with says("state.pt has something between its members and their directory"):
+        checkpoint._load(path, 10**6)
+    path.write_bytes(whole)
     assert checkpoint._load(path, 10**6)["x"].tolist() == [2.0] * 3
-    assert [*tmp_path.iterdir()] == [path]
+    for wrong in (whole + b"\0", whole[:-2] + b"\1\0\0", b"\0" + whole, whole[:-42] + whole[-22:]):
+        path.write_bytes(wrong)
+        with says("state.pt"):
+            checkpoint._load(path, 10**6)
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive, zipfile.ZipFile(path, "w") as twice:
+        for name in archive.namelist():
+            twice.writestr(name, archive.read(name))
+        twice.writestr(archive.namelist()[0].upper(), b"")
+    with says("two members of one name"):
+        checkpoint._load(path, 10**6)
 
 
 @pytest.mark.long

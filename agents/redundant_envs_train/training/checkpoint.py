@@ -131,14 +131,12 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
 
 def _load(path: Path, most: int) -> dict[str, Any]:
     """Plain data of a file, of at most so many bytes, which cannot expand to more than its size."""
-    with (
-        bounded.opened(path, "checkpoint", most) as file,
-        bounded.members_again(file, path.name, most, path.parent) as (copy, names),
-    ):
+    with bounded.opened(path, "checkpoint", most) as file:
+        names = bounded.stored_members(file, path.name, most)
         (table,) = (name for name in names if name.endswith("/data.pkl"))
-        check_table(bounded.read_members(copy, path.name, [table])[table], TENSOR_NAMES)
-        copy.seek(0)
-        plain = torch.load(copy, weights_only=True)
+        check_table(bounded.read_members(file, path.name, [table])[table], TENSOR_NAMES)
+        file.seek(0)
+        plain = torch.load(file, weights_only=True)
     if (found := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
         raise ValueError(f"{path.name} claims {found} bytes, more than the {most} that this training has")
     data: dict[str, Any] = unplain(plain)
