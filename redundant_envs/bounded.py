@@ -199,9 +199,8 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
         raise ValueError(f"{where} has more than the {MOST_MEMBERS} members that are read")
     try:
         with zipfile.ZipFile(file) as archive:
-            if len({name.lower() for name in archive.namelist()}) < len(
-                archive.namelist()
-            ):  # to some readers
+            names = [name.lower() for name in archive.namelist()]  # which some readers take for equal
+            if len(set(names)) < len(names):
                 raise ValueError(f"{where} has two members of one name")
             yield archive
     except (
