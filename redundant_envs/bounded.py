@@ -197,17 +197,30 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
 
     if _count(file, ENTRY) > MOST_MEMBERS:
         raise ValueError(f"{where} has more than the {MOST_MEMBERS} members that are read")
-    try:
-        with zipfile.ZipFile(file) as archive:
-            names = [name.lower() for name in archive.namelist()]  # which some readers take for equal
-            if len(set(names)) < len(names):
-                raise ValueError(f"{where} has two members of one name")
-            yield archive
-    except (
+    errors: tuple[type[Exception], ...] = (
         zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
-        OverflowError, UnicodeError,
-    ) as error:  # fmt: skip
-        raise ValueError(f"{where} is damaged ({error}); it is not a complete zip file") from None
+        OverflowError,
+    )  # fmt: skip
+    at_once = (*errors, ValueError)  # a place beyond any file, or a name that is no text
+    try:
+        archive = zipfile.ZipFile(file)
+    except at_once as error:
+        raise _damaged(where, error) from None
+    size = file.seek(0, os.SEEK_END)
+    with archive:
+        names = [name.lower() for name in archive.namelist()]  # which some readers take for equal
+        if len(set(names)) < len(names):
+            raise ValueError(f"{where} has two members of one name")
+        if not all(0 <= entry.header_offset < size for entry in archive.infolist()):
+            raise _damaged(where, "a member begins elsewhere")
+        try:
+            yield archive
+        except errors as error:
+            raise _damaged(where, error) from None
+
+
+def _damaged(where: str, why: object) -> ValueError:
+    return ValueError(f"{where} is damaged ({why}); it is not a complete zip file")
 
 
 def _entry(archive: Any, name: str, where: str) -> Any:

@@ -71,6 +71,27 @@ def beyond_its_size(path):
     path.write_bytes(data)
 
 
+def of_no_text(path):
+    """The last member's name is no UTF-8, as which it is marked."""
+    data = bytearray(path.read_bytes())
+    start = data.rindex(b"PK\x01\x02")
+    data[start + 9] |= 8
+    data[start + 46 : start + 48] = b"\xff\xfe"
+    path.write_bytes(data)
+
+
+def far_away(path):
+    """A member that is read begins after 2^64 - 1 bytes."""
+    data = bytearray(path.read_bytes())
+    name, end = data.rindex(b"data", data.index(b"PK\x01\x02")), data.rindex(b"PK\x05\x06")
+    assert data[name - 46 : name - 42] == b"PK\x01\x02"
+    data[name - 16 : name - 14], data[name - 4 : name] = (12).to_bytes(2, "little"), b"\xff" * 4
+    size = int.from_bytes(data[end + 12 : end + 16], "little") + 12
+    data[end + 12 : end + 16] = size.to_bytes(4, "little")
+    data[name + 4 : name + 4] = b"\1\0\x08\0" + b"\xff" * 8
+    path.write_bytes(data)
+
+
 def inner(path, change):
     """policy.pth with other members."""
     memory = io.BytesIO()
@@ -88,7 +109,8 @@ def table(parts, data):
         "bzip2": (lambda p: bomb(p, "data", zipfile.ZIP_BZIP2, 2 * MIB), "neither stored nor deflated"),
         "lzma": (lambda p: bomb(p, "policy.pth", zipfile.ZIP_LZMA, 2 * MIB), "neither stored nor deflated"),
         "deflated": (lambda p: bomb(p, "data", zipfile.ZIP_DEFLATED), "67108864"),
-        "beyond its size": (beyond_its_size, "damaged"),
+        "beyond its size": (beyond_its_size, "damaged"), "of no text": (of_no_text, "damaged"),
+        "far away": (far_away, "damaged"),
         "sparse": (sparse, "has 2147483648 bytes, more than the 268435456"),
         "many members": (
             lambda p: write_members(p, members(p) | {f"{k}": b"" for k in range(5000)}), "1000 members",

@@ -482,14 +482,16 @@ def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, valu
         read_evaluation(folder)
 
 
-def test_what_an_older_evaluation_lacks_is_unknown(tmp_path):
-    folder = write_run(tmp_path / "run")
-    path = folder / "evaluation.json"
-    told = json.loads(path.read_text())
-    path.write_text(json.dumps({k: v for k, v in told.items() if k not in {*run_folder.UNSURE, "faults"}}))
-    change(path, hold_success=None, interval=None)
-    result = run_folder.UNKNOWN | read_evaluation(folder)
-    assert report.untold(result).startswith("The task tells no is_success")
+@pytest.mark.parametrize(
+    "told", [{}, {"hold_success": None, "interval": None}], ids=["success", "no success"]
+)
+def test_an_evaluation_of_an_older_version_is_reported(told, run, call):
+    path = run / "evaluation.json"
+    known = json.loads(path.read_text())
+    path.write_text(json.dumps({k: v for k, v in known.items() if k not in {*run_folder.UNSURE, "faults"}}))
+    change(path, **told)
+    call("report", run, "--force")
+    assert ("The task tells no is_success" in (run / "report.md").read_text()) == bool(told)
 
 
 def test_the_table_takes_runs_whose_training_is_unknown(run, call):
