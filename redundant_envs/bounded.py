@@ -201,7 +201,8 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
         zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
         OverflowError,
     )  # fmt: skip
-    at_once = (*errors, ValueError)  # a place beyond any file, or a name that is no text
+    # a place beyond any file, or a name that is no text
+    at_once: tuple[type[Exception], ...] = (*errors, ValueError)
     try:
         archive = zipfile.ZipFile(file)
     except at_once as error:
