@@ -76,6 +76,10 @@ class Layout:
         lifetime = self.fields[name].lifetime
         return str(lifetime), self.rows[lifetime][name]
 
+    def places(self) -> dict[str, tuple[str, int]]:
+        """Memory and row of each field, by name."""
+        return {name: self.row_of(name) for name in self.fields}
+
     def size(self, lifetime: Lifetime) -> int:
         """Number of rows of a memory."""
         return len(self.rows[lifetime])

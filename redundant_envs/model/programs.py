@@ -53,25 +53,29 @@ class Simulator:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
         facts = cache.facts(name, self._facts)
         self.identity: str = facts["identity"]
-        """A digest of the program: equal for scenes that differ in numbers only, and on every machine."""
+        """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
         self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
         self.scratch_size, self.queue_size = facts["scratch_size"], facts["queue_size"]
 
     def _facts(self) -> dict[str, Any]:
         with uncollected():
             return {
-                "identity": cache.identity(self.program),
+                "identity": self._identity(*self._traced),
                 "arguments": {kernel.name: [*kernel.arguments] for kernel in self.program.kernels},
                 "scratch_size": self.blocks.scratch_size,
                 "queue_size": self.blocks.queue_size,
             }
+
+    @staticmethod
+    def _identity(program: Program, blocks: Blocks) -> str:
+        return cache.identity(program, blocks.layout.places())
 
     @functools.cached_property
     def _traced(self) -> Traced:
         with uncollected():
             program, blocks = self._trace()
             known = self.__dict__.get("identity")  # none yet if this trace is to find it
-            if known not in (None, cache.identity(program)):  # its code would be kept under a wrong name
+            if known not in (None, self._identity(program, blocks)):  # else code is kept by a wrong name
                 raise RuntimeError(
                     "a function, a class or a number that this simulator follows from was replaced since it "
                     "was made; make a new simulator or environment"

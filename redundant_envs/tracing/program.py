@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import functools
 import itertools
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import any_of, logical_not, where
@@ -20,11 +20,14 @@ from redundant_envs.tracing.ways import Exclusive, Fork, Tree, Way, Ways, every_
 
 ENDED = -1.0
 """The number of a state in which a program has ended."""
-PLAIN = (int, float, str, enum.Enum)
-"""Types of local variables that hold no numbers of lanes: a way may depend on them."""
+MISSING = "unset"
 
 Program = Callable[[Any], Generator[enum.Enum, None, None]]
 Writes = dict[str, Any]
+
+
+class OnlyNumbers:
+    """In place of a local variable that holds nothing but numbers of lanes."""
 
 
 class State(NamedTuple):
@@ -78,11 +81,16 @@ class Machine:
         """Number of the state in which the program waits now."""
         place: list[tuple[Any, ...]] = []
         values: dict[tuple[str, str], Any] = {}
-        while running is not None and getattr(running, "gi_frame", None) is not None:
-            frame = running.gi_frame
+        while running is not None:
+            frame = getattr(running, "gi_frame", None)
+            if frame is None:
+                raise TypeError(
+                    f"{place[-1][0]} yields from {type(running).__name__}, which does not tell where it "
+                    "waits; yield from a generator function"
+                )
             place.append(_place(frame))
-            plain = {n: v for n, v in frame.f_locals.items() if v is None or isinstance(v, PLAIN)}
-            values |= {(frame.f_code.co_qualname, n): v for n, v in plain.items()}
+            kept = ((n, _without_numbers(v)) for n, v in frame.f_locals.items())
+            values |= {(frame.f_code.co_qualname, n): v for n, v in kept if v is not OnlyNumbers}
             running = running.gi_yieldfrom
         key = tuple(place)
         if key not in self._found:
@@ -91,11 +99,12 @@ class Machine:
             self.states.append(self._found[key][0])
         state, known = self._found[key]
         for where_, name in {*known, *values}:
-            a, b = known.get((where_, name), "unset"), values.get((where_, name), "unset")
-            if a != b or type(a) is not type(b):
+            a, b = known.get((where_, name), MISSING), values.get((where_, name), MISSING)
+            if not _alike(a, b):
                 raise TypeError(
                     f"{where_} reaches one yield with different local variables: {name} is {a!r} in one way "
-                    f"and {b!r} in another; keep it in a field of the lane, or ask at two places"
+                    f"and {b!r} in another; keep it in a field of the lane, or ask at two places, not in a "
+                    "loop"
                 )
         return float(state.number)
 
@@ -144,6 +153,29 @@ def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
         if len(written) == len(ends) and all(same(w, written[0]) for w in written):
             return end, ends[0], rest  # type: ignore[return-value]
     return None
+
+
+def _without_numbers(value: Any) -> Any:
+    """What of a local variable a way may not depend on: all but numbers of lanes, and objects that hold them.
+
+    Without objects, a loop over some would wait at one place for each, as one state that never ends.
+    """
+    if isinstance(value, Traced | Iterator):
+        return OnlyNumbers
+    if isinstance(value, tuple | list | set | frozenset | dict):
+        items = value.items() if isinstance(value, dict) else value
+        kept = [_without_numbers(v) for v in items if not isinstance(v, int | float)]
+        return tuple(v for v in kept if v is not OnlyNumbers and v != ()) or OnlyNumbers
+    return value
+
+
+def _alike(a: Any, b: Any) -> bool:
+    """Whether two values of a local variable are the same in all ways."""
+    if a is MISSING or b is MISSING:
+        return isinstance(b if a is MISSING else a, tuple)  # results of a function, mostly numbers
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_alike, a, b))
+    return a is b or (type(a) is type(b) and (a == b) is True)
 
 
 def _place(frame: Any) -> tuple[Any, ...]:

@@ -161,10 +161,21 @@ def test_a_program_on_floats_and_its_traced_graph_agree_on_all_lanes(program, wa
 
 def program_of(body, optimize=-1):
     """A program from the text of its body."""
-    found = {"Ask": Ask, "inner": inner}
+    found = {"Ask": Ask, "inner": inner, "PARTS": (Part("x"), Part("y")), "itertools": itertools}
     source = f"def program(lane):\n{textwrap.indent(body, '    ')}"
     exec(compile(source, "program.py", "exec", optimize=optimize), found)
     return found["program"]
+
+
+class Part:
+    """One of several objects that ask alike."""
+
+    def __init__(self, field):
+        self.field = field
+
+    def ask(self, lane):
+        yield Ask.ADD
+        lane[self.field] = 1.0
 
 
 def inner(lane, kind):
@@ -176,8 +187,8 @@ OUTLIVES = (
     r"outlives a yield .*; keep it in a field before \(lane.name = x\) and read that after \(lane.name\)"
 )
 DIFFERENT = (
-    r"reaches one yield with different local variables: k\w* is .* in one way and .* in another; "
-    "keep it in a field of the lane, or ask at two places"
+    r"reaches one yield with different local variables: \w+ is .* in one way and .* in another; "
+    "keep it in a field of the lane, or ask at two places, not in a loop"
 )
 REFUSED = {
     "a number in a variable": ("x = lane.x + 1.0\nyield Ask.ADD\nlane.y = x", OUTLIVES),
@@ -189,6 +200,19 @@ REFUSED = {
     ),
     "words": ("kind = 'near' if lane.x < 1.0 else 'far'\nyield Ask.ADD", DIFFERENT),
     "counts": ("for k in range(3):\n    yield Ask.ADD", DIFFERENT),
+    "objects": ("for part in PARTS:\n    yield from part.ask(lane)", DIFFERENT),
+    "objects with numbers": (
+        "for pair in zip(PARTS, (lane.x, lane.y)):\n    yield Ask.ADD\n    lane[pair[0].field] = 1.0",
+        DIFFERENT,
+    ),
+    "objects of a list": ("rest = [*PARTS]\nwhile rest:\n    yield from rest.pop().ask(lane)", DIFFERENT),
+    "objects after the first": (
+        "rest = iter(PARTS)\nwhile lane.x < 9.0:\n    yield Ask.ADD\n    part = next(rest)", DIFFERENT
+    ),
+    "parts in a chain": (
+        "yield from itertools.chain(*(part.ask(lane) for part in PARTS))",
+        "program yields from chain, which does not tell where it waits; yield from a generator function",
+    ),
     "set in one way": ("if lane.x < 1.0:\n    kind = 1\nyield Ask.ADD", DIFFERENT),
     "of two kinds": ("k = 1 if lane.x < 1.0 else 1.0\nyield Ask.ADD", DIFFERENT),
     "in a part": ("yield from inner(lane, 1.0 if lane.x < 1.0 else 2.0)", DIFFERENT),
