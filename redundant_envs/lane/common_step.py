@@ -53,7 +53,7 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
         others = zip(states[count:], results, strict=False)
         results = [change for name, change in others if name not in alone] + results[width - count :]
         results += [watched_acceleration(dynamics, b, x) for b in dynamics.bounded]
-        pulls = dynamics.pulls(x) if dynamics.guards else {}
+        pulls = dynamics.pulls(x)
         results += [pulls[b.name] for b in dynamics.guards]
         results += kink_values(dynamics.scene.attached, dynamics.kinks, x)
         return [*results, *(known[states[count + k]] for k in sliders)]
@@ -89,11 +89,9 @@ def lane_step(dynamics: Dynamics, lane: Lane, h: Any) -> Step:
 def _start_of_closed_forms(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
     """States in closed form, and what else their forms take, at the start of a step."""
     found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
-    if dynamics.varying:
-        at_start = StepStart(dynamics.varying)
-        dynamics.close(coordinates.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
-        found |= at_start.found
-    return found
+    at_start = StepStart(dynamics.varying)
+    dynamics.close(coordinates.contact_quantities(dynamics, lane.get(dynamics.states), numbers), at_start)
+    return found | at_start.found
 
 
 def watched_acceleration(dynamics: Dynamics, b: Boundary, x: Quantities) -> Any:
@@ -299,11 +297,9 @@ class CommonStep:
         if self.dynamics.doubts:
             self._doubt(lane, step, h, moving)
         new = [*step.positions, *step.velocities, *step.others]
-        if dynamics.sticking:
-            before = dict(zip(dynamics.states, lane.get(dynamics.states), strict=True))
-            now = dict(zip(dynamics.states, new, strict=True))
-            self.boundaries.guards.keep_sticking(lane, before, now)
-            new = list(now.values())
+        before, now = (dict(zip(dynamics.states, x, strict=True)) for x in (lane.get(dynamics.states), new))
+        self.boundaries.guards.keep_sticking(lane, before, now)
+        new = list(now.values())
         if moving is not None:
             new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
         lane.set(dynamics.states, new)
@@ -347,19 +343,15 @@ class CommonStep:
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
-        reason: Any = Reason.NONE
-        if self.dynamics.bounded:
-            moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot
-            pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
-            near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
-            reason = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
-        if self.dynamics.guards:
-            passes = [
-                (lane[b.pull] > 0.0)
-                | crossings.may_pass(self.boundaries.watched(lane, b), self.dynamics.overshoot)
-                for b in self.dynamics.guards
-            ]
-            reason = where(any_of(passes), Reason.EVENT, reason)
+        moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.dynamics.overshoot
+        pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
+        near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
+        reason: Any = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
+        passes = [
+            (lane[b.pull] > 0.0) | crossings.may_pass(self.boundaries.watched(lane, b), overshoot)
+            for b in self.dynamics.guards
+        ]
+        reason = where(any_of(passes), Reason.EVENT, reason)
         goes_on = pieces.goes_on(lane) if self.dynamics.instants else True
         if not self.dynamics.controlled:
             self._count(lane, goes_on)

@@ -114,9 +114,8 @@ def side_of_stop(dynamics: Dynamics, stop: Boundary, lane: Lane, form: str = "{}
 def contact_quantities(dynamics: Dynamics, states: Sequence[Any], numbers: dict[str, Any]) -> Quantities:
     """Quantities in a step, in which sliders may rest at their stops: "held1", ... are 1 while they do."""
     x = dynamics.quantities(states, numbers, held=bool(dynamics.holding or dynamics.sticking))
-    if dynamics.holding:
-        x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
-        x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
+    x.update({f"held{k + 1}": 0.0 for k in dynamics.arm.sliders()})
+    x.update({f"held{b.number}": abs(numbers[b.active]) for b in dynamics.holding})
     x.update({f"held{b.number}": where(numbers[b.side] == 0.0, 1.0, 0.0) for b in dynamics.sticking})
     return x
 

@@ -276,6 +276,5 @@ class Episode:
 
     def begin_states(self, lane: Lane) -> None:
         """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
-        if self.dynamics.effect_states.computed:
-            for name, value in self.interval.initial_states(lane).items():
-                lane[name] = where(lane.resetting, value, lane[name])
+        for name, value in self.interval.initial_states(lane).items():
+            lane[name] = where(lane.resetting, value, lane[name])

@@ -24,10 +24,8 @@ class Guards:
         for b in self.dynamics.laws:
             position, _ = motion(self.dynamics, b, lane)
             lane[b.side] = lane[f"{b.side}_start"] = side_beyond(position, lane[b.lower], lane[b.upper])
-        if self.dynamics.guarded:
-            self.settle(lane, True)
-        if self.dynamics.sticking:
-            self._begin_modes(lane)
+        self.settle(lane, True)
+        self._begin_modes(lane)
         lane.copy(self.dynamics.rests, to="{}_start")
         for b in self.dynamics.guards:
             lane.copy((b.side, b.pull), to="{}_start")
@@ -58,12 +56,11 @@ class Guards:
     def record_pulls(self, lane: Lane) -> None:
         """After a step: the values of guards in the present state; those of joints that stick are from the
         last stage."""
-        if self.dynamics.guards:
-            numbers = known_numbers(self.dynamics, lane)
-            x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
-            held = {b.name: lane[f"last_{b.name}"] for b in self.dynamics.sticking}
-            for name, value in self.dynamics.pulls(x, held).items():
-                lane[f"pull_{name}"] = value
+        numbers = known_numbers(self.dynamics, lane)
+        x = self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+        held = {b.name: lane[f"last_{b.name}"] for b in self.dynamics.sticking}
+        for name, value in self.dynamics.pulls(x, held).items():
+            lane[f"pull_{name}"] = value
 
     # ---- joints that stick -------------------------------------------------------------------------------
 

@@ -103,12 +103,11 @@ class Interval:
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
-        if dynamics.effect_states.updated:
-            x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-            dynamics.set_field(x)
-            changes = dynamics.changes(x, "update", lane)
-            lane.set(changes, changes.values())
-            jumps.exchange(dynamics, lane, x)
+        x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+        dynamics.set_field(x)
+        changes = dynamics.changes(x, "update", lane)
+        lane.set(changes, changes.values())
+        jumps.exchange(dynamics, lane, x)
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 

@@ -56,11 +56,10 @@ def begin(dynamics: Dynamics, lane: Lane, numbers: dict[str, Any]) -> None:
         time, here = lane[a.instant], lane[a.passed] == 0.0
         happens[a.passed] = here & (time >= 0.0) & (time <= start) & (time < interval)
         end = where((time > start) & (time < end), time, end)
-    if dynamics.renewed:
-        x = dynamics.quantities(lane.get(dynamics.states), numbers)
-        dynamics.guard_values(x, begins=True)  # the laws of the piece before need not hold any more
-        for name, value in dynamics.changes(x, RENEWAL, lane).items():
-            lane[name] = where(happens[dynamics.renewed[name]], value, lane[name])
+    x = dynamics.quantities(lane.get(dynamics.states), numbers)
+    dynamics.guard_values(x, begins=True)  # the laws of the piece before need not hold any more
+    for name, value in dynamics.changes(x, RENEWAL, lane).items():
+        lane[name] = where(happens[dynamics.renewed[name]], value, lane[name])
     jumps.strike(dynamics, lane, happens)
     for passed, now in happens.items():
         lane[passed] = where(now, 1.0, lane[passed])

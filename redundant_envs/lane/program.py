@@ -334,8 +334,7 @@ class LaneProgram:
                     lane[b.left] = passed
             else:
                 lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
-        if self.dynamics.sticking:
-            self.boundaries.guards.stick(lane)
+        self.boundaries.guards.stick(lane)
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
