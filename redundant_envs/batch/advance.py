@@ -8,7 +8,7 @@ from redundant_envs.algebra import where
 from redundant_envs.batch.blocks import MEMORY, Block, Blocks, Ends, limited
 from redundant_envs.batch.slots import advance
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import GIVEN_UP, Control, Fault
+from redundant_envs.lane.faults import GIVEN_UP, Control, Fault, angle_fault
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.tracing.flow import LANES, Kernel
@@ -38,15 +38,16 @@ def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
 def advance_kernel(dynamics: Dynamics, lanes: int = LANES) -> tuple[Kernel, Blocks]:
     """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`; ``lanes`` are those of a
     block. ValueError if the scene has too many operations."""
-    with limited(dynamics):
-        return _advance_kernel(dynamics, lanes)
-
-
-def _advance_kernel(dynamics: Dynamics, lanes: int) -> tuple[Kernel, Blocks]:
     interval = Interval(dynamics)
+    with limited(interval.features):
+        return _advance_kernel(interval, lanes)
+
+
+def _advance_kernel(interval: Interval, lanes: int) -> tuple[Kernel, Blocks]:
+    dynamics, features = interval.dynamics, interval.features
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS}, lanes)
     blocks = Blocks(p, interval, interval.layout())
-    gives_up = dynamics.local and (bool(dynamics.boundaries) or dynamics.control is Control.ADAPTIVE)
+    gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
     told: dict[str, Any] = {}
 
     def end(lane: Lane) -> dict[Any, Any]:
@@ -54,22 +55,22 @@ def _advance_kernel(dynamics: Dynamics, lanes: int) -> tuple[Kernel, Blocks]:
         motion = lane.get((*dynamics.states[: 2 * dynamics.count], *dynamics.effect_states))
         defect = interval.step.defect(motion)
         fault: Any = 0.0
-        if dynamics.local:
+        given_up: Any = False
+        if features.local:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
             defect = where(given_up, 0.0, defect)
-        if dynamics.counts_evaluations:
+        if features.counts_evaluations:
             told["evaluations"] = lane.evaluations
-        if dynamics.stops:
+        if features.stops:
             told["events"] = where(given_up, 0.0, lane.impacts)
         if gives_up:
             interval.undo(lane, given_up)
-        if dynamics.logs:
-            lane.logged = where(given_up, 0.0, lane.logged)
+        features.log.end(lane, given_up)
         if dynamics.method.error5:
             told["error"] = lane.error
         told["finite"] = defect == 0.0
         non_finite = where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
-        told["numerics"] = non_finite + fault + dynamics.angle_fault(lane)
+        told["numerics"] = non_finite + fault + angle_fault(dynamics.arm, lane)
         return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
 
     def outputs(block: Block) -> dict[str, Any]:

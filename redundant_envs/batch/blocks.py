@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Scalar
@@ -47,14 +47,14 @@ class Ends:
 
 
 @contextlib.contextmanager
-def limited(dynamics: Dynamics) -> Iterator[None]:
+def limited(features: Features) -> Iterator[None]:
     """ValueError if what is recorded within this context would take too long to compile."""
     try:
         with counted():
             yield
     except TooManyOperations as error:
-        counts, effects = error.counts, dynamics.scene.effects
-        boundaries = Counter(b.owner for b in dynamics.boundaries)
+        counts, effects = error.counts, features.scene.effects
+        boundaries = Counter(b.owner for b in features.boundaries)
         shared = counts[""] / max(1, boundaries.total())
         of_effects = {e.key: counts[e.key] + round(shared * boundaries[e.key]) for e in effects}
         largest = max(of_effects, key=lambda key: of_effects[key], default="arm")
@@ -95,7 +95,7 @@ class Blocks:
     def scratch_size(self) -> int:
         """Count of numbers of the scratch memory: two groups of blocks, and entry and slots with all their
         fields."""
-        if not self.interval.dynamics.local:
+        if not self.interval.features.local:
             return self.width(SCRATCH)
         return 2 * GROUP * self.width(SCRATCH) + 2 * self.seats_size
 
@@ -108,7 +108,7 @@ class Blocks:
     def queue_size(self) -> int:
         """Length of the queue, in whole numbers: the waiting lanes, the homes of entry and slots, and whether
         to stop."""
-        return 1 + (GROUP * self.lanes + 2 * self.lanes if self.interval.dynamics.local else 0)
+        return 1 + (GROUP * self.lanes + 2 * self.lanes if self.interval.features.local else 0)
 
     def stop_if_asked(self) -> None:
         """Return from the kernel if it is asked to stop; its memories are of no use then."""
@@ -169,7 +169,7 @@ class Blocks:
         """Advance all lanes by a control interval."""
         p, interval = self.p, self.interval
         parts = ends.begin, interval.step.clear, interval.step.common_step, ends.end
-        if not interval.dynamics.repeats_common_step:
+        if not interval.features.repeats_common_step:
             whole = self.function("interval", *parts, inputs=ends.inputs)
             with p.each(self.count) as number:
                 block = self.block(number, 0)
@@ -179,13 +179,13 @@ class Blocks:
             return
         first = self.function("begin", *parts[:2], inputs=ends.inputs)
         step, last = self.function("step", parts[2]), self.function("end", parts[3])
-        pieces = [self.function("next_piece", interval.step.next_piece)] if interval.dynamics.instants else []
+        pieces = [self.function("next_piece", begin) for begin in interval.pieces.begins]
         with p.each(self.count) as number:
             block = self.block(number, 0)
             self.call(first, block)
             with contextlib.ExitStack() as each:
                 for piece in pieces:
-                    each.enter_context(p.each(interval.dynamics.pieces))
+                    each.enter_context(p.each(interval.pieces.count))
                     p.call(piece, **block.pointers)
                     each.enter_context(self.going_on(block))
                 each.enter_context(p.each(p["substeps"]))
@@ -197,7 +197,7 @@ class Blocks:
     @contextlib.contextmanager
     def going_on(self, block: Block) -> Iterator[None]:
         """Where a lane of a block has a piece of the interval before it: others wait at its end."""
-        if not self.interval.dynamics.instants:
+        if not self.interval.pieces.begins:
             yield
             return
         with self.p.when(self.mask(block.pointers, "h") & self.valid(block) != 0):

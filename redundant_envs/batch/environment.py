@@ -60,7 +60,7 @@ class EnvironmentKernel:
     scene has too many operations."""
 
     def __init__(self, episode: Episode, lanes: int = LANES) -> None:
-        with limited(episode.dynamics):
+        with limited(episode.features):
             self._record(episode, lanes)
 
     def _record(self, episode: Episode, lanes: int) -> None:

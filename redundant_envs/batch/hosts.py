@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.algebra import entries, numbered
-from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, traced
 from redundant_envs.robots.arm import Arm
 from redundant_envs.tracing.flow import Kernel, LaneFunction
@@ -22,7 +22,7 @@ def prepare_kernel(dynamics: Dynamics, layout: Layout, lanes: int) -> Kernel:
     :meth:`~redundant_envs.model.memory.Memory.prepare`."""
 
     def prepare(lane: Lane) -> None:
-        made = dynamics.prepare({name: lane[name] for name in dynamics.parameters})
+        made = dynamics.parameters.prepare({name: lane[name] for name in dynamics.parameters.values})
         lane.set(made, made.values())
 
     return _of_a_block(traced("prepare", layout, prepare, joins=False), lanes)
@@ -36,14 +36,14 @@ def arm_quantities(arm: Arm) -> tuple[str, ...]:
     return (*points, *of_tip, *entries("M", n, n), *forces)
 
 
-def arm_kernel(dynamics: Dynamics, layout: Layout, lanes: int) -> Kernel:
+def arm_kernel(features: Features, layout: Layout, lanes: int) -> Kernel:
     """A kernel that fills ``out`` (lanes, quantities) with :func:`arm_quantities` in the present state, with
     the inertias and the fields of effects."""
-    names = arm_quantities(dynamics.arm)
+    names = arm_quantities(features.arm)
 
     def tell(lane: Lane) -> Mapping[Any, Any]:
-        x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-        dynamics.set_field(x)
+        x = features.quantities(lane)
+        features.dynamics.set_field(x)
         return {("out", "f64", k, len(names)): x[name] for k, name in enumerate(names)}
 
     return _of_a_block(traced("arm", layout, tell), lanes, out="f64")

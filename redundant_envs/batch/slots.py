@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from redundant_envs.batch.blocks import GROUP, Block, Blocks, Ends, Procedure
-from redundant_envs.events.contacts import Happening
-from redundant_envs.lane.features import MOST_LOGGED, Control
+from redundant_envs.batch.recorder import NoRecorder, Recorder, Seats
+from redundant_envs.lane.event_log import EventLog
+from redundant_envs.lane.faults import Control
 from redundant_envs.lane.interval import FIRST
 from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.lane.program import Request
@@ -16,13 +17,6 @@ from redundant_envs.tracing.flow import LaneFunction, Scalar
 
 IDLE = -2.0
 """State of a slot without a lane."""
-
-
-class Seats(NamedTuple):
-    """A block of lanes that have left their own."""
-
-    pointers: dict[str, Scalar]  # the addresses of its memories
-    homes: Scalar  # the address of the numbers of its lanes
 
 
 class Slots:
@@ -34,7 +28,9 @@ class Slots:
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
-        self.layout, self.dynamics, self.ends = blocks.layout, blocks.interval.dynamics, ends
+        self.layout, self.features, self.ends = blocks.layout, blocks.interval.features, ends
+        kept = isinstance(self.features.log, EventLog)
+        self.recorder = (Recorder if kept else NoRecorder)(blocks)
         self.trace()  # before any address: the program of a lane declares fields
         p, lanes, homes = self.p, blocks.lanes, self.p["queue"] + GROUP * blocks.lanes
         self.shared = p["parameter_stride"] == 0
@@ -71,7 +67,7 @@ class Slots:
         groups = (count + (GROUP - 1)) >> 6
         # Slots never wait for the last lanes of a group: these continue beside those of the next one, but
         # for intervals of several common steps.
-        repeated = self.dynamics.repeats_common_step
+        repeated = self.features.repeats_common_step
         with p.each(groups if repeated else groups + 1) as group:
             first = group * GROUP
             end = p.select(first + GROUP < count, first + GROUP, count)
@@ -93,20 +89,20 @@ class Slots:
 
     def pieces(self, first: Scalar, end: Scalar) -> None:
         """Cross an interval that has several common steps with a group of blocks."""
-        p, i = self.p, self.dynamics
+        p, pieces = self.p, self.interval.pieces
         with contextlib.ExitStack() as each:
-            if i.attempts > 1:
+            if pieces.attempts > 1:
                 self.again.value = 1
                 each.enter_context(p.loop_while(lambda: self.again.value != 0))
             with contextlib.ExitStack() as steps:
-                if i.instants:
-                    steps.enter_context(p.each(i.pieces))
+                for begun in self.begun:
+                    steps.enter_context(p.each(pieces.count))
                     with p.each(end, start=first) as number:
-                        p.call(self.begun, **self.block(number).pointers)
+                        p.call(begun, **self.block(number).pointers)
                 steps.enter_context(p.each(p["substeps"]))
                 self.group(first, end)
                 self.run(first, lambda: self.busy.value > 0)
-            if i.attempts > 1:
+            if pieces.attempts > 1:
                 self.settle(first, end)
 
     def settle(self, first: Scalar, end: Scalar) -> None:
@@ -123,17 +119,15 @@ class Slots:
     def trace(self) -> None:
         """The functions of blocks, and those of slots."""
         make, step, boundaries = self.blocks.function, self.interval.step, self.interval.boundaries
-        i, inputs = self.dynamics, self.ends.inputs
+        i, pieces, inputs = self.features, self.interval.pieces, self.ends.inputs
         begin: tuple[Procedure, ...] = (self.ends.begin, step.clear)
         self.goes_on = self.blocks.program()
         if i.repeats_common_step:
             self.cleared = make("clear", *begin, inputs=inputs)
             begin, inputs = (), {}
-        if i.instants:
-            self.begun = make("next_piece", step.next_piece)
-        if i.attempts > 1:
-            self.doubted = make("doubt", self.interval.doubt)
-            self.settled = make("settle", self.interval.settle)
+        self.begun = [make("next_piece", begin) for begin in pieces.begins]
+        if pieces.attempts > 1:
+            self.doubted, self.settled = make("doubt", pieces.doubt), make("settle", pieces.settle)
         # Under error control it is known before the common step which lanes it may serve, and with stops,
         # which sliders rest.
         self.started = make("start", *begin, step.start, inputs=inputs)
@@ -164,13 +158,11 @@ class Slots:
         in_blocks, in_entry, in_slots = (
             {(space, row) for f in some for space, row, _ in f.stores} for some in functions
         )
-        if self.dynamics.logs:
-            read_in_slots.add(self.layout.row_of("span_start"))  # by the log of events, and by no function
+        read_in_slots |= {self.layout.row_of(name) for name in self.features.log.read}  # by no function
         at_end = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
-        if self.dynamics.attempts > 1:
-            at_end = at_end.union(
-                *(self.blocks.reads[f.name] for f in (self.begun, self.doubted, self.settled))
-            )
+        if self.interval.pieces.attempts > 1:
+            again = (*self.begun, self.doubted, self.settled)
+            at_end = at_end.union(*(self.blocks.reads[f.name] for f in again))
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
@@ -209,7 +201,7 @@ class Slots:
                 self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
-        p, i, pointers = self.p, self.dynamics, block.pointers
+        p, i, pointers = self.p, self.features, block.pointers
         if i.control is Control.ADAPTIVE:
             p.call(self.skipped, **pointers)
             return
@@ -231,27 +223,25 @@ class Slots:
         """A common step, in a faster form for blocks in which no slider rests."""
         p, pointers = self.p, block.pointers
         resting = p.variable(0)
-        for name in self.dynamics.active:
+        for name in self.features.active:
             resting.value = resting.value | self.blocks.mask(pointers, name)
         with p.when(resting.value == 0):
             p.call(self.common, **pointers)
         with p.when(resting.value != 0):
             p.call(self.released, **pointers)
-            if self.dynamics.logs:
-                self.log_released(block)
+            self.recorder.log_released(block)
             p.call(self.common_held, **pointers)
 
     def trial(self) -> None:
         """Take a trial step with all slots, and let their programs go on."""
-        p, i, slots, mask = self.p, self.dynamics, self.slots.pointers, self.blocks.mask
+        p, i, slots, mask = self.p, self.features, self.slots.pointers, self.blocks.mask
         if not i.boundaries:
             self.begin(self.slots)
         if i.resolves:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)
                 p.call(self.goes_on[Request.FORCES], **slots)
-                if i.logs:
-                    self.log()
+                self.recorder.log(self.slots, lambda: self.free.value ^ self.all)
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
         if i.resolves:
@@ -274,7 +264,7 @@ class Slots:
     def fill(self, slot: Scalar) -> None:
         """Give a free slot to the next lane, if one waits."""
         p, waits = self.p, lambda: self.head.value < self.tail.value
-        if not self.dynamics.boundaries:
+        if not self.features.boundaries:
             with p.when(waits()):
                 self.take(self.slots, slot)
                 self.free.value = self.free.value & ~p.record("<<", 1, slot)
@@ -323,44 +313,10 @@ class Slots:
         self.blocks.store(slots, slot, "complete", 0.0)
         self.blocks.store(slots, slot, "state", IDLE)
 
-    # ---- the log of events -----------------------------------------------------------------------------
-
-    def _append(self, log: Scalar, lane: Any, counts: Any, slot: Any, event: tuple[Any, ...]) -> None:
-        """Append an event, with its time, kind and speed, to the log of a lane, if there is room."""
-        p, count = self.p, self.blocks.load(counts, slot, "logged")
-        with p.when(count < float(MOST_LOGGED)):
-            at = p.whole(count) * (3 * self.blocks.lanes) + lane
-            for k, value in enumerate(event):
-                p.store(log, at + k * self.blocks.lanes, value)
-            self.blocks.store(counts, slot, "logged", count + 1.0)
-
-    def log(self) -> None:
-        """Log the events of the sliders in the slots."""
-        p, load, slots = self.p, self.blocks.load, self.slots.pointers
-        with p.each_set(self.free.value ^ self.all) as slot:
-            lane = p.load(self.slots.homes, slot)
-            log = p["log"] + self.blocks.block_of(lane) * self.blocks.width(LOG)
-            for k, s in enumerate(self.dynamics.stops):
-                happened = load(slots, slot, f"happened_{s.name}")
-                with p.when(happened > 0.0):
-                    time = load(slots, slot, "span_start") + load(slots, slot, "elapsed")
-                    event = time, happened + 10.0 * k, load(slots, slot, f"speed_{s.name}")
-                    self._append(log, self.blocks.in_block(lane), slots, slot, event)
-                    self.blocks.store(slots, slot, f"happened_{s.name}", 0.0)
-
-    def log_released(self, block: Block) -> None:
-        """Log the sliders that were released before the common step."""
-        p, load, pointers = self.p, self.blocks.load, block.pointers
-        with p.each(self.blocks.lanes) as lane:
-            for k, name in enumerate(self.dynamics.active):
-                with p.when(load(pointers, lane, name) != load(pointers, lane, f"{name}_start")):
-                    event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0
-                    self._append(pointers[str(LOG)], lane, pointers, lane, event)
-
 
 def advance(blocks: Blocks, ends: Ends) -> None:
     """Advance all lanes by a control interval."""
-    if blocks.interval.dynamics.local:
+    if blocks.interval.features.local:
         Slots(blocks, ends).advance()
     else:
         blocks.advance(ends)

@@ -228,7 +228,7 @@ class Core(Copied):
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
         scene, task, variation = state["scene"], state["task"], state["variation"]
         simulated = variation.simulated(scene)
-        fields = map(Dynamics(simulated).field_of, variation.entries(scene, task))
+        fields = map(Dynamics(simulated).parameters.field_of, variation.entries(scene, task))
         return environment_simulator(simulated, task, tuple(fields))
 
     def start_ranges(self) -> list[tuple[float, float]]:

@@ -141,7 +141,7 @@ def parameters_of(core: Core) -> Parameters:
     named.update({name: [name] for name in task.parameters()})
     found = {}
     for name, entries in named.items():
-        fields = [core.memory.dynamics.field_of(entry) for entry in entries]
+        fields = [core.memory.dynamics.parameters.field_of(entry) for entry in entries]
         value = core.memory.read(fields)
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
         alone = entries == [name]
@@ -223,7 +223,9 @@ class Face:
         if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
             return getattr(self, name)
         core = self.core
-        fields = map(core.memory.dynamics.field_of, names_of(core.scene, name, core.task.parameters()))
+        fields = map(
+            core.memory.dynamics.parameters.field_of, names_of(core.scene, name, core.task.parameters())
+        )
         value = core.memory.read([*fields])
         return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
 

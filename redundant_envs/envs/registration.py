@@ -202,7 +202,7 @@ def _check_scene(scene: Scene, kind: str) -> None:
         raise ValueError(
             f"scene leaves {', '.join(loose)} without limits; add a PrismaticStop with both ends"
         )
-    Dynamics(scene).prepared  # noqa: B018 - it says what error control lacks
+    Dynamics(scene).parameters.prepared  # noqa: B018 - it says what error control lacks
 
 
 def register_task(task: type[Task]) -> None:

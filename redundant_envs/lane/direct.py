@@ -12,7 +12,7 @@ import numpy as np
 
 from redundant_envs import algebra
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Control, Reason
+from redundant_envs.lane.faults import Control, Reason
 from redundant_envs.lane.interval import FIRST, Interval
 from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.lane.program import Request
@@ -34,9 +34,9 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
     scene = dynamics.scene
-    values = {**dynamics.parameters, **(parameters or {})}
+    values = {**dynamics.parameters.values, **(parameters or {})}
     steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-    return {**values, **dynamics.prepare(values), **steps}
+    return {**values, **dynamics.parameters.prepare(values), **steps}
 
 
 def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -62,11 +62,11 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
     lane = Lane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)), declares=True)
     interval.step.clear(lane)
-    for _ in range(interval.dynamics.attempts):
+    for _ in range(interval.pieces.attempts):
         for begins in common_steps(interval):
             for procedure in (*begins, *common_procedures(interval)):
                 procedure(lane)
-            if not interval.dynamics.local or lane.reason == Reason.NONE:
+            if not interval.features.local or lane.reason == Reason.NONE:
                 yield lane
                 continue
             for request in interval.program.cross(lane):
@@ -78,9 +78,9 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
                         procedure(lane)
                 lane.due = False
             yield lane
-        if interval.dynamics.attempts > 1:
-            interval.doubt(lane)
-            interval.settle(lane)
+        if interval.pieces.attempts > 1:
+            interval.pieces.doubt(lane)
+            interval.pieces.settle(lane)
             if not lane.again:
                 break
     interval.end(lane)
@@ -89,28 +89,27 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
 
 def common_steps(interval: Interval) -> Iterator[list[Procedure]]:
     """The common steps of an interval: for each what a lane does before it, if a piece begins there."""
-    dynamics = interval.dynamics
-    for _ in range(dynamics.pieces):
-        for substep in range(dynamics.scene.substeps):
-            yield [interval.step.next_piece] if dynamics.instants and substep == 0 else []
+    for _ in range(interval.pieces.count):
+        for substep in range(interval.dynamics.scene.substeps):
+            yield [*interval.pieces.begins] if substep == 0 else []
 
 
 def common_procedures(interval: Interval) -> list[Procedure]:
     """What a lane does with all others in a common step."""
-    dynamics, step, boundaries = interval.dynamics, interval.step, interval.boundaries
-    if not dynamics.local:
+    features, step, boundaries = interval.features, interval.step, interval.boundaries
+    if not features.local:
         return [step.common_step]
-    if dynamics.control is Control.ADAPTIVE:
+    if features.control is Control.ADAPTIVE:
         return [step.start, step.skip_common_step]
-    held = [boundaries.release] if dynamics.holding else []
-    forces = [boundaries.update_constraint_forces] if dynamics.holding else []
-    confirm = [boundaries.confirm_crossings] if dynamics.bounded else []
+    held = [boundaries.release] if features.holding else []
+    forces = [boundaries.update_constraint_forces] if features.holding else []
+    confirm = [boundaries.confirm_crossings] if features.bounded else []
     return [step.start, *held, step.common_step, *forces, step.judge, *confirm]
 
 
 def trial_procedures(interval: Interval) -> list[Procedure]:
     """What all slots do together in a trial step."""
-    forces = [interval.boundaries.find_contact_forces] if interval.dynamics.resolves else []
+    forces = [interval.boundaries.find_contact_forces] if interval.features.resolves else []
     return [interval.step.trial_step, interval.step.record_step, *forces]
 
 
@@ -138,7 +137,7 @@ def evaluate(
 def graphs_of(interval: Interval) -> tuple[Any, ...]:
     """Procedures and the program of an interval as graphs with whole functions; and the names of all rows."""
     layout = interval.layout()
-    program = interval.traced_program(layout, whole=True) if interval.dynamics.local else {}
+    program = interval.traced_program(layout, whole=True) if interval.features.local else {}
     procedure = functools.cache(lambda procedure: traced("procedure", layout, procedure, whole=True))
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
@@ -178,14 +177,14 @@ def several_in_steps(
             record.tried(before, fields)
 
     call(interval.step.clear)
-    for _ in range(interval.dynamics.attempts):
+    for _ in range(interval.pieces.attempts):
         for begins, record in itertools.zip_longest(common_steps(interval), records):
             call(*begins)
-            if interval.dynamics.instants and not some("h"):  # all wait at the end; numbers may divide by h
+            if interval.pieces.begins and not some("h"):  # all wait at the end; numbers may divide by h
                 yield fields
                 continue
             call(*common_procedures(interval))
-            if not interval.dynamics.local:
+            if not interval.features.local:
                 yield fields
                 continue
             served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
@@ -205,8 +204,8 @@ def several_in_steps(
             if record:
                 record.crossed(fields)
             yield fields
-        if interval.dynamics.attempts > 1:
-            call(interval.doubt, interval.settle)
+        if interval.pieces.attempts > 1:
+            call(interval.pieces.doubt, interval.pieces.settle)
             if not some("again"):
                 break
     call(interval.end)

@@ -4,56 +4,65 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, maximum, numbered, physics, total, where
+from redundant_envs.algebra import gives_of, numbered, physics, total
 from redundant_envs.draws import KEY_WORDS, Draw, drawn
-from redundant_envs.effects.attached import RENEWAL, Attached, EffectStates, field_of
-from redundant_envs.effects.hooks import (
-    CONTROL_DT,
-    Actuation,
-    Field,
-    Force,
-    Impulse,
-    Instant,
-    Point,
-    Sensing,
-)
-from redundant_envs.events.crossings import Overshoot
-from redundant_envs.lane import kinks, required_steps, sensing
+from redundant_envs.effects.attached import Attached, EffectStates, field_of
+from redundant_envs.effects.hooks import SPEED, Actuation, Field, Force, Friction, Impact, Point, Sensing
+from redundant_envs.lane import sensing
 from redundant_envs.lane.closed_forms import InStep, StepStart, varying_arguments
-from redundant_envs.lane.features import LARGEST_ANGLE, Control, Fault
-from redundant_envs.lane.scene_boundaries import SceneBoundaries
-from redundant_envs.numerics.error_control import MOST_DOUBLINGS
+from redundant_envs.lane.parameters import Parameters
 from redundant_envs.numerics.tableaus import METHODS, Tableau
 from redundant_envs.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
 from redundant_envs.robots.held_joints import held_joint_dynamics
+from redundant_envs.scene import Scene
 from redundant_envs.tracing.graph import owned
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
 INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
-NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
-"""Numbers of error control and of pieces, which no function takes."""
 
 
 @dataclass(frozen=True)
-class Dynamics(SceneBoundaries):
-    """The equations of motion of a scene, and what is decided about its lanes before anything runs."""
+class Dynamics:
+    """The equations of motion of a scene."""
+
+    scene: Scene
+    track_work: bool = False  # the work of motors and of forces without a potential is a state, too
+    located: bool = True
+    """Whether changes of a force's law are located in time under error control; otherwise the law follows
+    from the position at each evaluation."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what follows from these: it has functions of effects, which need not be picklable."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
 
     @property
+    def arm(self) -> Any:
+        return self.scene.robot
+
+    @property
+    def count(self) -> int:
+        """Joints of the arm."""
+        return len(self.arm.coordinates)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether error control chooses the steps."""
+        return self.scene.controlled
+
+    @property
     def method(self) -> Tableau:
         return METHODS[self.scene.integrator]
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        return Parameters(self.scene)
 
     @property
     def effect_states(self) -> EffectStates:
@@ -75,7 +84,9 @@ class Dynamics(SceneBoundaries):
     @cached_property
     def constant(self) -> frozenset[str]:
         """Quantities that are constant in a step."""
-        return frozenset((*self.numbers, *self.commands, *self.effect_states.updated, *self.passed))
+        return frozenset(
+            (*self.parameters.numbers, *self.commands, *self.effect_states.updated, *self.passed)
+        )
 
     @cached_property
     def varying(self) -> dict[str, tuple[str, ...]]:
@@ -110,84 +121,10 @@ class Dynamics(SceneBoundaries):
         """Fields of the commanded efforts."""
         return self.scene.attached.commands
 
-    # ---- steps ---------------------------------------------------------------------------------------
-
-    @cached_property
-    def kinks(self) -> kinks.Watches:
-        """Kinks that are watched, but not located, if an estimate decides on steps."""
-        if self.scene.tolerance is None or not self.located:
-            return {}
-        constant = (*self.numbers, *self.effect_states.updated, *self.sides, *self.passed)
-        return kinks.kinks_of(self.scene.attached, self.arm, constant, self.states)
-
-    @cached_property
-    def control(self) -> Control:
-        if self.scene.integrator == "dop853":
-            return Control.ADAPTIVE
-        return Control.FIXED if self.scene.tolerance is None else Control.EQUAL
-
-    @property
-    def local(self) -> bool:
-        """Whether lanes may take local steps."""
-        return bool(self.stops or self.sticking) or self.controlled
-
-    @property
-    def logs(self) -> bool:
-        """Whether events are kept."""
-        return bool(self.stops) and self.track_work
-
-    @property
-    def counted(self) -> tuple[str, ...]:
-        """Fields with counts of an interval, which are restored when it is crossed again or given up."""
-        return (*(["impacts"] if self.stops else []), *(["logged"] if self.logs else []))
-
-    @property
-    def instants(self) -> tuple[Attached[Instant], ...]:
-        """Instants that divide an interval into pieces."""
-        return self.scene.attached.instants
-
     @property
     def passed(self) -> tuple[str, ...]:
         """Fields that say which instants have passed."""
-        return tuple(a.passed for a in self.instants)
-
-    @cached_property
-    def renewed(self) -> dict[str, str]:
-        """States of effects that are updated at an instant, and the fields that say whether it has passed."""
-        every = ((field, own, a.passed) for a in self.scene.attached for field, own in a.states.items())
-        return {field: passed for field, own, passed in every if RENEWAL in own}
-
-    @property
-    def pieces(self) -> int:
-        """Most pieces of an interval."""
-        return len(self.instants) + 1
-
-    @property
-    def attempts(self) -> int:
-        """Most times that an interval is crossed in all its pieces."""
-        return MOST_DOUBLINGS + 2 if self.instants and self.control is Control.EQUAL else 1
-
-    @property
-    def counts_evaluations(self) -> bool:
-        """Whether lanes may need different numbers of evaluations."""
-        return self.local or bool(self.instants)
-
-    @property
-    def repeats_common_step(self) -> bool:
-        """Whether an interval has several common steps."""
-        return bool(self.instants) or (not self.controlled and self.scene.substeps > 1)
-
-    @property
-    def origin(self) -> str:
-        """Form of the fields that hold a lane's values at the start of the interval."""
-        repeats = self.repeats_common_step or bool(self.scene.attached.of(Impulse))
-        return "{}_interval" if self.local and repeats else "{}_start"
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Fields that are kept at the start of an interval, and restored when it is given up."""
-        count = (INTERVALS,) if self.draws else ()
-        return (*self.states, *self.effect_states.updated, *count, *self.active, *self.rests)
+        return tuple(a.passed for a in self.scene.attached.instants)
 
     @property
     def draws(self) -> Mapping[str, Draw]:
@@ -199,107 +136,59 @@ class Dynamics(SceneBoundaries):
         """Fields from which draws follow; none in a scene without draws."""
         return (*DRAW_KEY, INTERVALS) if self.draws else ()
 
-    @property
-    def rests(self) -> tuple[str, ...]:
-        """Fields of the positions at which joints stick."""
-        return tuple(b.rest for b in self.sticking)
-
-    @cached_property
-    def overshoot(self) -> Overshoot:
-        """How far accelerations may leave the range of their values at the stages."""
-        return Overshoot(*(self.method.overshoot_between_nodes(at_ends=ends) for ends in (False, True)))
+    # ---- laws, and joints that stick ---------------------------------------------------------------
 
     @property
-    def pose_tells_distances(self) -> bool:
-        """Whether the distances of the tip from the joints follow from the pose."""
-        return not set(arguments_of(self.arm.column_norms)) <= {*self.arm.parameter_values()}
+    def locates_laws(self) -> bool:
+        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
+        return self.controlled and self.located
 
     @cached_property
-    def watched_sliders(self) -> tuple[int, ...]:
-        """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
-        watched = self.scene.tolerance is not None and self.located and self.pose_tells_distances
-        return tuple(self.arm.sliders()) if watched else ()
+    def guarded(self) -> tuple[Attached[Any], ...]:
+        """Forces and links with guards whose changes of sign are located."""
+        return tuple(a for a in self.scene.attached if a.guards) if self.locates_laws else ()
 
-    @cached_property
-    def doubts(self) -> dict[str, str]:
-        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
-        if self.control is not Control.EQUAL:
-            return {}
-        found = {}
-        if self.kinks:
-            found["kinked"] = "a step of the interval may have met a kink"
-            found["hidden_kink"] = "it may have met one that no stage has seen"
-        if self.effect_states.integrated or self.pose_tells_distances:
-            found["doubtful"] = "a step of the interval makes its estimate doubtful"
+    @property
+    def bounds_late_switch(self) -> bool:
+        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
+        return bool(self.guarded) and self.scene.tolerance is not None
+
+    def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
+        the sides in ``x``."""
+        found: dict[str, Any] = {}
+        for a in self.scene.attached.along(x, self.guarded):
+            if a in self.guarded:
+                if begins:
+                    a.settle_law(x)
+                found |= zip(a.guards, a.guard_values(x), strict=True)
         return found
 
-    def largest_angle(self, lane: Any) -> Any:
-        """The largest of the coordinates that are angles, rad."""
-        joints = zip(self.arm.coordinates, self.arm.prismatic, strict=True)
-        return reduce(maximum, [abs(lane[q]) for q, slides in joints if not slides] or [0.0])
+    @cached_property
+    def frictions(self) -> dict[int, list[Attached[Friction]]]:
+        """Dry friction by the numbers of its joints."""
+        found: dict[int, list[Attached[Friction]]] = {}
+        for a in self.scene.attached.of(Friction):
+            found.setdefault(a.hook.joint, []).append(a)
+        return found
 
-    def angle_fault(self, lane: Any) -> Any:
-        """A fault if an angle is so large that its last digits are lost."""
-        return where(self.largest_angle(lane) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)
-
-    # ---- parameters, and fields that follow from them alone ---------------------------------------
-
-    def field_of(self, parameter: str) -> str:
-        """The field of a parameter of the scene; "m4" is the total moving mass, with all that it carries."""
-        return f"own_{parameter}" if parameter in self.scene.attached.carried else parameter
+    def friction_limit(self, joint: int, x: Quantities, speed: Any) -> Any:
+        """Largest force of the friction of a joint at a speed, N m or N."""
+        limits = []
+        for a in self.frictions.get(joint, ()):
+            function = a.functions["limit"]
+            limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
+        return total(limits or [0.0])
 
     @cached_property
-    def parameters(self) -> dict[str, float]:
-        """Numbers of the scene: field -> nominal value."""
-        values = {self.field_of(k): v for k, v in self.scene.parameters().items()}
-        if self.scene.tolerance is not None:
-            values["tip_tolerance"] = self.scene.tolerance
-        if self.scene.attached.take(CONTROL_DT):
-            values[CONTROL_DT] = self.scene.control_dt
-        return values
+    def slipping(self) -> tuple[int, ...]:
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
+        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
+        stopped = {a.hook.joint for a in self.scene.attached.of(Impact)}
+        turning = any(not self.arm.prismatic[k] for k in stopped)
+        return tuple(sorted({*self.frictions, *stopped})) if self.frictions or turning else ()
 
-    def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Quantities that follow from the parameters alone, to be computed when these are set."""
-        bounds = self.arm.mobility_bounds
-        functions = self.arm.prepared if bounds is None else (*self.arm.prepared, bounds)
-        changing = self.scene.attached.changing
-        # Without the masses that may come: with these no joint is more mobile.
-        made: dict[str, Any] = {
-            mass: total(parameters[n] for n in (self.field_of(mass), *loads) if n in parameters)
-            for mass, loads in self.scene.attached.carried.items()
-        }
-        x = Quantities({**parameters, **made}, functions, {})
-        made = {mass: value for mass, value in made.items() if mass not in changing}
-        if not changing:
-            made |= {name: x[name] for f in self.arm.prepared for name in gives_of(f)}
-        fields, known = self.scene.attached.constant_fields, {*parameters, *made}
-        if fields and all({*a.functions["function"].names} <= known for a in fields):
-            made |= zip(self.steady_field, field_of(fields, x), strict=True)
-        made |= {a.instant: a.functions["after"](x) for a in self.instants}
-        if not self.controlled:
-            return made
-        rates = required_steps.rates_of_parameters(self.scene, x)
-        made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
-        dampers = required_steps.dampers(self.scene)
-        return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
-
-    @property
-    def steady_field(self) -> tuple[str, str]:
-        """Fields of the lane with the uniform field that follows from parameters alone."""
-        return ("steady_ax", "steady_ay") if self.scene.attached.moving_fields else ("ax", "ay")
-
-    @cached_property
-    def prepared(self) -> tuple[str, ...]:
-        """Names of :meth:`prepare`."""
-        return tuple(self.prepare(self.parameters))
-
-    @cached_property
-    def numbers(self) -> tuple[str, ...]:
-        """Quantities that are constant in a step: parameters, what is prepared from them, and masses that
-        change between intervals; without :data:`NO_QUANTITIES`."""
-        masses = itertools.chain.from_iterable(self.scene.attached.changing.values())
-        found = (*self.parameters, *self.prepared, *masses)
-        return tuple(n for n in found if not NO_QUANTITIES.match(n))
+    # ---- actuation, and states of effects ----------------------------------------------------------
 
     def efforts(
         self, x: Quantities, change: str, time: InStep | StepStart | None = None
@@ -376,7 +265,7 @@ class Dynamics(SceneBoundaries):
         carried, changing = self.scene.attached.carried, self.scene.attached.changing
         if not changing:
             return tuple(self.arm.functions)
-        sums = [total_mass(mass, (self.field_of(mass), *carried[mass])) for mass in changing]
+        sums = [total_mass(mass, (self.parameters.field_of(mass), *carried[mass])) for mass in changing]
         prepared = [f for f in self.arm.prepared if f not in self.arm.functions]
         return (*self.arm.functions, *prepared, *sums)
 
@@ -386,15 +275,10 @@ class Dynamics(SceneBoundaries):
         arm = self.arm
         added = self.scene.attached.inertias
         held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
-        if self.sticking:
+        if self.slipping:
             mobility = held[1:] if self.arm.sliders() else ()
-            held = held_joint_dynamics(arm.__class__, self.held_joints), *mobility
+            held = held_joint_dynamics(arm.__class__, self.slipping), *mobility
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
-
-    @property
-    def held_joints(self) -> tuple[int, ...]:
-        """Joints that friction or a stop may hold."""
-        return tuple(sorted({b.joint for b in (*self.sticking, *self.holding) if b.joint is not None}))
 
     def close(self, x: Quantities, time: InStep | StepStart) -> None:
         """Give quantities at a ``time`` in a step the states that are in closed form."""
@@ -409,10 +293,10 @@ class Dynamics(SceneBoundaries):
 
     def set_field(self, x: Quantities) -> None:
         """The field of the scene, where it does not follow from parameters alone."""
-        if "ax" in self.prepared:
+        if "ax" in self.parameters.prepared:
             return
-        attached, steady = self.scene.attached, self.steady_field
-        known = steady[0] in self.prepared
+        attached, steady = self.scene.attached, self.parameters.steady_field
+        known = steady[0] in self.parameters.prepared
         constant = x.each(steady) if known else field_of(attached.constant_fields, x)
         moving = field_of(attached.moving_fields, x)
         x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
@@ -448,9 +332,9 @@ class Dynamics(SceneBoundaries):
             if a.hook.conservative is not None and self.track_work:
                 for rate, component in _components(a, "conservative", x).items():
                     working[rate] = working[rate] + (-component)
-        for b in (b for b in self.sticking if b.joint in self.frictions):
-            rate = f"phid{b.number}"
-            friction = -(x[b.side] * self.friction_limit(b, x, x[b.side] * x[rate]))
+        for k in sorted(self.frictions):
+            rate, side = f"phid{k + 1}", x[f"side_friction{k + 1}"]
+            friction = -(side * self.friction_limit(k, x, side * x[rate]))
             acting[rate] = _plus(acting[rate], friction)
             working[rate] = _plus(working[rate], friction)
         torques = [acting[f"phid{k + 1}"] for k in joints]
@@ -478,7 +362,7 @@ class Dynamics(SceneBoundaries):
         if not fields:
             return []
         known = {name: x[name] for name in (*self.arm.coordinates, *self.arm.rates)}
-        known |= {name: x[name] for name in self.numbers if name not in ("ax", "ay")}
+        known |= {name: x[name] for name in self.parameters.numbers if name not in ("ax", "ay")}
         known["ax"], known["ay"] = field_of(fields, x)
         alone = Quantities(known, self.functions, self.arm.sincos)
         return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]

@@ -19,8 +19,16 @@ from redundant_envs.algebra import (
 )
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.lane.dynamics import INTERVALS
-from redundant_envs.lane.features import GIVEN_UP, OBSERVED_ANGLE, OBSERVED_RATE, Fault
-from redundant_envs.lane.interval import Interval, copies
+from redundant_envs.lane.faults import (
+    GIVEN_UP,
+    OBSERVED_ANGLE,
+    OBSERVED_RATE,
+    Fault,
+    angle_fault,
+    largest_angle,
+)
+from redundant_envs.lane.fields import copies
+from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
 from redundant_envs.lane.randomized import Randomized
 from redundant_envs.lane.sensing import measured, reads_nonsense
@@ -55,6 +63,7 @@ class Episode:
         """``observed_numbers`` are fields that an observation shows after the quantities of the task."""
         dynamics, scene = interval.dynamics, interval.dynamics.scene
         self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
+        self.features = interval.features
         self.actions = tuple(numbered("action{}", dynamics.count))
         self.draws = (*numbered("u{}", dynamics.count), *numbered("draw{}", task.draws))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
@@ -67,9 +76,11 @@ class Episode:
         self.observed = (*task.observation(scene), *observed_numbers)
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
-        has = {"events_sum": bool(dynamics.stops), "error_most": scene.tolerance is not None}
+        has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
         spent = {
-            name: doc for name, doc in SPENT.items() if dynamics.counts_evaluations and has.get(name, True)
+            name: doc
+            for name, doc in SPENT.items()
+            if interval.features.counts_evaluations and has.get(name, True)
         }
         sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
         self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
@@ -105,8 +116,8 @@ class Episode:
         """Fields of the lanes, those of the interval included."""
         task, owner = self.task, f"the task {type(self.task).__name__}"
         yield from self.interval.fields()
-        if not self.dynamics.local:
-            yield from copies(self.dynamics.kept, "{}_start", "when the interval began")
+        if not self.features.local:
+            yield from copies(self.features.kept, "{}_start", "when the interval began")
         for name in task.parameters():
             yield Field(name, "", "number", PARAMETER, owner=owner)
         yield Field("limit", "", "control steps of an episode", PARAMETER)
@@ -136,7 +147,7 @@ class Episode:
         """Quantities of the arm and the task."""
         if functions is None:
             functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
-        names = (*self.dynamics.numbers, *self.task.parameters(), "interval", "steps")
+        names = (*self.dynamics.parameters.numbers, *self.task.parameters(), "interval", "steps")
         numbers, angles = {n: lane[n] for n in names}, {**self.arm.sincos, **self.task.angles}
         return Quantities({**numbers, **known}, functions, angles, (), self.aliases)
 
@@ -150,8 +161,8 @@ class Episode:
 
     def command(self, lane: Lane) -> None:
         """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
-        if not self.dynamics.local:
-            lane.copy(self.dynamics.kept, to="{}_start")
+        if not self.features.local:
+            lane.copy(self.features.kept, to="{}_start")
         count: Any = 0.0
         defect: Any = 0.0
         units = tuple(self.dynamics.scene.action_units())
@@ -176,9 +187,9 @@ class Episode:
             defect = defect + where(reads_nonsense(self.dynamics.scene.attached, x), math.nan, 0.0)
             lane.next_part()
         fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
-        observable = (self.dynamics.largest_angle(lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        observable = (largest_angle(self.arm, lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
         code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
-        if self.dynamics.local:
+        if self.features.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
         too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
         fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
@@ -204,9 +215,9 @@ class Episode:
         for name, value in new.items():
             lane[name] = value
         told = code if task.speed_bound_ends else code + fast
-        if self.dynamics.local:
+        if self.features.local:
             told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
-        lane.numerics = told + self.dynamics.angle_fault(lane)
+        lane.numerics = told + angle_fault(self.arm, lane)
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
@@ -266,7 +277,7 @@ class Episode:
         x = self.quantities(lane, draws, functions)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
-        zero = [*arm.rates, *remembered, *self.dynamics.active, *self.held_outputs]
+        zero = [*arm.rates, *remembered, *self.features.active, *self.held_outputs]
         zero += ["next_step"] if "next_step" in lane else []
         zero += [INTERVALS] if self.dynamics.draws else []
         values |= self.dynamics.effect_states.initial

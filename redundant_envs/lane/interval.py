@@ -6,18 +6,30 @@ the integrator dop853, whose steps are always local.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.algebra import gives_of, where
 from redundant_envs.effects.hooks import CONTROL_DT
-from redundant_envs.lane import attempts, jumps
+from redundant_envs.lane import jumps
+from redundant_envs.lane.attempts import pieces_of
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
-from redundant_envs.lane.coordinates import known_numbers
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.lane.features import GIVEN_UP, MOST_LOGGED, WATCHED, Control
-from redundant_envs.lane.memory import ENGINE, LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout, TracedLane
+from redundant_envs.lane.faults import GIVEN_UP, Control
+from redundant_envs.lane.features import Features
+from redundant_envs.lane.fields import copies
+from redundant_envs.lane.memory import (
+    ENGINE,
+    PARAMETER,
+    SCRATCH,
+    STATE,
+    Field,
+    Lane,
+    Layout,
+    Lifetime,
+    TracedLane,
+)
 from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
@@ -46,94 +58,92 @@ class Interval:
     """The lanes of a scene in a control interval: their procedures and fields."""
 
     def __init__(self, dynamics: Dynamics) -> None:
-        self.dynamics = dynamics
-        self.boundaries = Boundaries(dynamics)
-        self.step = CommonStep(dynamics, self.boundaries)
-        self.program = LaneProgram(self.boundaries, CLASSES[dynamics.control](self.step))
+        self.dynamics, self.features = dynamics, Features(dynamics)
+        self.pieces = pieces_of(self.features)
+        self.boundaries = Boundaries(self.features, self.pieces)
+        self.step = CommonStep(self.boundaries)
+        self.program = LaneProgram(self.boundaries, CLASSES[self.features.control](self.step))
 
     def fields(self) -> Iterator[Field]:
         """Fields of the lanes, without those that only the program of a lane sets."""
-        dynamics = self.dynamics
-        yield from motion_fields(dynamics)
-        if dynamics.instants:
-            yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
-            for a in dynamics.instants:
-                yield Field(a.passed, "", "1 from the instant on, 0 before", SCRATCH)
-        if dynamics.attempts > 1:
-            yield from attempts.fields(dynamics)
+        dynamics, features = self.dynamics, self.features
+        yield from motion_fields(dynamics, self.pieces.length)
+        yield from self.pieces.fields()
         evaluations = Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
-        if not dynamics.local:
-            if dynamics.counts_evaluations:
+        if not features.local:
+            if features.counts_evaluations:
                 yield evaluations
             return
-        for name in dynamics.active:
-            yield Field(name, "", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
-        if dynamics.control is Control.ADAPTIVE:
+        for stop in features.holding:
+            yield from stop.own("active_stop")
+        if features.control is Control.ADAPTIVE:
             yield Field("next_step", "s", "length of the next step", STATE)
-        yield from copies(dynamics.kept, "{}_start", "before the common step")
-        if dynamics.origin != "{}_start":
-            yield from copies(dynamics.kept, dynamics.origin, "when the interval began")
+        yield from copies(features.kept, "{}_start", "before the common step")
+        if features.origin != "{}_start":
+            yield from copies(features.kept, features.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield evaluations
         yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
         yield Field("error_start", "m", "error before the common step", SCRATCH)
         yield Field("min_steps", "", "least number of steps allowed; 0 where one may serve", SCRATCH)
         yield Field("state", "", "where the program of the lane waits", SCRATCH)
-        for name, doc in (CONDITIONS | dynamics.doubts).items():
+        for name, doc in (CONDITIONS | features.doubts).items():
             yield Field(name, "", doc, SCRATCH, truth=True)
-        if dynamics.logs:
-            yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
-        for b in dynamics.boundaries:
-            for name in WATCHED:
-                doc = f"{name} acceleration at the stages, or pull of the stop"
-                yield Field(f"{name}_{b.name}", "m/s^2 or N", doc, SCRATCH)
-            if b.guards:
-                continue
-            yield Field(f"crossing_{b.name}", "", "how the trial step meets a limit (Crossing)", SCRATCH)
-            yield Field(f"turning_{b.name}", "s", "when the coordinate turns in the trial step", SCRATCH)
-        for b in dynamics.laws:
-            yield Field(b.side, "", "which law of a force holds: 1 above, -1 below, 0 between", SCRATCH)
-            yield Field(f"{b.side}_start", "", f"{b.side} before the common step", SCRATCH)
-        yield from guard_fields(dynamics)
-        if dynamics.stops:
-            yield from stop_fields(dynamics)
-        elif dynamics.sticking:
-            yield from slopes(dynamics)
+        yield from self.fields_of_boundaries()
+
+    def fields_of_boundaries(self) -> Iterator[Field]:
+        """Fields about boundaries, and the log of events."""
+        features = self.features
+        yield from features.log.fields()
+        for b in features.boundaries:
+            yield from b.watched_fields()
+        for law in features.laws:
+            yield from law.fields()
+        yield from features.stiction.fields()
+        for guard in features.guards:
+            yield from guard.fields()
+        if self.dynamics.bounds_late_switch:
+            yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
+            yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)
+            for guard in features.guards:
+                yield from guard.own("left")
+        if features.impulses_change_laws:
+            yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
+        if features.stops:
+            yield Field("impacts", "", "impacts of the interval", SCRATCH)
+            yield Field("impacts_start", "", "before the common step", SCRATCH)
+        if features.resolves:
+            for v in self.dynamics.states[self.dynamics.count :]:
+                yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+        for stop in features.stops:
+            yield from stop.fields()
+        yield from features.bounces.fields()
+        yield from features.log.fields_of_events()
 
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
         dynamics = self.dynamics
-        x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+        x = self.features.quantities(lane)
         dynamics.set_field(x)
         changes = dynamics.changes(x, "update", lane)
         lane.set(changes, changes.values())
-        jumps.exchange(dynamics, lane, x)
+        jumps.exchange(self.features, lane, x)
         if dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 
-    def doubt(self, lane: Lane) -> None:
-        """After the last piece: whether the lane has to be judged."""
-        attempts.doubt(self.dynamics, lane)
-
-    def settle(self, lane: Lane) -> None:
-        """Then: whether the interval is crossed, or has to be crossed again."""
-        attempts.settle(self.dynamics, lane)
-
     def initial_states(self, lane: Lane) -> dict[str, Any]:
         """Values that states of effects have at the start of a motion, of those whose values are computed."""
-        dynamics = self.dynamics
-        x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-        return dynamics.initial_states(x, lane)
+        return self.dynamics.initial_states(self.features.quantities(lane), lane)
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
-        for name in self.dynamics.kept:
-            lane[name] = where(failed, lane[self.dynamics.origin.format(name)], lane[name])
+        for name in self.features.kept:
+            lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
 
     def end(self, lane: Lane) -> None:
         """End an interval; a lane that has given it up returns to its state at the start."""
         self.update_effect_states(lane)
-        if self.dynamics.local:
+        if self.features.local:
             self.undo(lane, lane.fault >= GIVEN_UP)
 
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
@@ -153,8 +163,8 @@ class Interval:
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
             made[request] = layout.function(name, written)
-        skips = self.dynamics.control is Control.ADAPTIVE and self.dynamics.sticking
-        if self.dynamics.boundaries and not skips:  # what sticks is decided before any first step then
+        skips = self.features.control is Control.ADAPTIVE and self.features.sticking
+        if self.features.boundaries and not skips:  # what sticks is decided before any first step then
             written = machine.after(Request.STEP, "due", first=True)
             made[FIRST] = layout.function("after_common_step", {**written, "due": 0.0})
         return made
@@ -162,7 +172,7 @@ class Interval:
     def layout(self) -> Layout:
         """The fields of the lanes, and the rows that hold them."""
         dynamics, layout = self.dynamics, Layout(self.fields())
-        known = (*dynamics.states, *dynamics.numbers, *dynamics.commands)
+        known = (*dynamics.states, *dynamics.parameters.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
         arm = dynamics.arm
         more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
@@ -173,10 +183,12 @@ class Interval:
         return layout
 
 
-def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
+def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Field]:
     """State, parameters and what every interval has."""
     arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
-    owners = dict.fromkeys(dynamics.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
+    owners = dict.fromkeys(dynamics.parameters.numbers, of_arm) | dict.fromkeys(
+        (*ARGUMENTS, CONTROL_DT), ENGINE
+    )
     for effect in dynamics.scene.effects:
         names = (*effect.parameters(), *effect.states(arm))
         owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
@@ -192,79 +204,16 @@ def motion_fields(dynamics: Dynamics) -> Iterator[Field]:
         yield Field(name, "", doc, STATE)
     if dynamics.track_work:
         yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
-    yield Field("h", "s", "length of the common step", SCRATCH if dynamics.instants else PARAMETER)
+    yield Field("h", "s", "length of the common step", length)
     yield Field("interval", "s", "control interval", PARAMETER)
-    for name in (*dynamics.parameters, *dynamics.prepared):
-        doc = "parameter of the scene" if name in dynamics.parameters else "follows from parameters alone"
+    for name in (*dynamics.parameters.values, *dynamics.parameters.prepared):
+        doc = (
+            "parameter of the scene"
+            if name in dynamics.parameters.values
+            else "follows from parameters alone"
+        )
         yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
     for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
         yield Field(name, unit, "command of a motor", SCRATCH)
     yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
     yield Field("fault", "", "faults of the interval", SCRATCH)
-
-
-def stop_fields(dynamics: Dynamics) -> Iterator[Field]:
-    """Impacts, and the contacts with stops."""
-    rates = dynamics.arm.rates
-    yield Field("impacts", "", "impacts of the interval", SCRATCH)
-    yield Field("impacts_start", "", "before the common step", SCRATCH)
-    yield from slopes(dynamics)
-    for b in dynamics.stops:
-        if b in dynamics.holding:
-            yield Field(f"force_{b.name}", "N", "that holds the slider", SCRATCH)
-            yield Field(f"force_trial_{b.name}", "N", "at the start of the trial step", SCRATCH)
-        elif b.joint is None:
-            yield Field(f"acceleration_{b.name}", "m/s^2", "of the gap", SCRATCH)
-            yield Field(f"arrived_{b.name}", "", "is at its stop, but for rounding", SCRATCH, truth=True)
-            for v in rates:
-                yield Field(f"normal_{v}_{b.name}", "", f"rate of the gap per {v}", SCRATCH)
-        for v in rates:
-            yield Field(f"mobility_{v}_{b.name}", "", f"{v} per impulse along {b.name}", SCRATCH)
-        yield Field(f"happened_{b.name}", "", "resolution of the contact (Happening)", SCRATCH, book=True)
-        yield Field(f"speed_{b.name}", "m/s", "into the stop, before an impact", SCRATCH, book=True)
-    if dynamics.compares_bounces:
-        yield Field("lowest_bounce", "m", "height of a bounce below which it ends in rest", SCRATCH)
-        yield Field("bounces_end", "s", "when all bounces that were left out would be over", SCRATCH)
-        yield Field("bounce_missed", "", "there was an impact before", SCRATCH, truth=True)
-    if dynamics.logs:
-        yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
-        yield Field("logged", "", "events kept", STATE, book=True)
-        for n in range(MOST_LOGGED):
-            for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
-                yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
-
-
-def slopes(dynamics: Dynamics) -> Iterator[Field]:
-    """How fast states change where forces at stops, or those that hold joints, have been asked for."""
-    for v in dynamics.states[dynamics.count :]:
-        yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
-
-
-def guard_fields(dynamics: Dynamics) -> Iterator[Field]:
-    """Which laws of guards hold, and which joints stick."""
-    for b in dynamics.sticking:
-        yield Field(b.rest, "", f"position at which {b.name} sticks", STATE)
-        yield Field(f"force_{b.name}", "N m or N", "that holds the joint", SCRATCH)
-        yield Field(f"alpha_{b.name}", "", "acceleration of the joint", SCRATCH)
-    for b, _ in dynamics.gripped:
-        yield Field(f"limit_{b.name}", "N m or N", "of the friction at rest", SCRATCH)
-    for b in dynamics.guards:
-        yield Field(b.side, "", "which law holds: 1 or -1; 0 of a joint that sticks", SCRATCH)
-        yield Field(b.pull, "", "value of the guard, positive where the law does not hold", SCRATCH)
-        yield from copies((b.side, b.pull), "{}_start", "before the common step")
-        yield Field(f"{b.pull}_trial", "", "at the start of the trial step", SCRATCH)
-        yield Field(f"middle_{b.name}", "", "in the middle of the step", SCRATCH)
-        yield Field(f"inner_{b.name}", "", "the greatest at a stage between the ends of the step", SCRATCH)
-    if dynamics.weighs_laws:
-        yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
-        yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)
-        for b in dynamics.guards:
-            yield Field(b.left, "", "has passed 0 where the trial step starts", SCRATCH, truth=True)
-    if dynamics.impulses_change_laws:
-        yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
-
-
-def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Field]:
-    """Scratch fields that hold earlier values of others."""
-    for name in names:
-        yield Field(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")

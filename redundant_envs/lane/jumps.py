@@ -8,20 +8,22 @@ from typing import Any
 from redundant_envs.algebra import any_of, logical_not, maximum, total, where
 from redundant_envs.effects.attached import field_of
 from redundant_envs.effects.hooks import Impulse, Point, PointMass
-from redundant_envs.lane.coordinates import known_numbers, response
+from redundant_envs.lane.coordinates import response
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
 
 
-def strike(dynamics: Dynamics, lane: Lane, happens: Mapping[str, Any] | None = None) -> None:
+def strike(features: Features, lane: Lane, happens: Mapping[str, Any] | None = None) -> None:
     """The impulses at the start of an interval, or those at instants that happen now, by the fields that say
     whether they have passed; their work is that of the mean velocity, before and after."""
     when = "interval" if happens is None else "instant"
+    dynamics = features.dynamics
     impulses = [a for a in dynamics.scene.attached.of(Impulse) if a.hook.when == when]
     if not impulses:
         return
-    x = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+    x = features.quantities(lane)
     dynamics.set_field(x)
     pushes: dict[str, Any] = {}
     at_coordinates: list[Any] = [0.0] * dynamics.count
@@ -36,18 +38,19 @@ def strike(dynamics: Dynamics, lane: Lane, happens: Mapping[str, Any] | None = N
         for row, p in zip(slopes, components, strict=True):
             at_coordinates = [q + slope * p for q, slope in zip(at_coordinates, row, strict=True)]
     struck = any_of(logical_not(p == 0.0) for p in pushes.values())
-    after = _jump(dynamics, lane, x, at_coordinates, struck)
+    after = _jump(features, lane, x, at_coordinates, struck)
     if "work" in dynamics.states:
         gained = 0.5 * total(p * (x[rate] + after[rate]) for rate, p in pushes.items())
         lane.work = where(struck, lane.work + gained, lane.work)
 
 
-def exchange(dynamics: Dynamics, lane: Lane, before: Quantities) -> None:
+def exchange(features: Features, lane: Lane, before: Quantities) -> None:
     """After states have been updated: masses come from rest, or leave with the velocities of their points.
 
     ``before`` are the quantities with the masses before. M qd stays the same where masses come: the impulse
     on each of these points is minus the mass times its velocity.
     """
+    dynamics = features.dynamics
     at_coordinates: list[Any] = [0.0] * dynamics.count
     points: list[tuple[int, Any, Any]] = []  # its number, masses that come and that leave
     for a in dynamics.scene.attached.of(PointMass):
@@ -63,8 +66,8 @@ def exchange(dynamics: Dynamics, lane: Lane, before: Quantities) -> None:
             at_coordinates = [q + slope * p for q, slope in zip(at_coordinates, row, strict=True)]
     if not points:
         return
-    now = dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
-    after = _jump(dynamics, lane, now, at_coordinates, any_of(gain > 0.0 for _, gain, _ in points))
+    now = features.quantities(lane)
+    after = _jump(features, lane, now, at_coordinates, any_of(gain > 0.0 for _, gain, _ in points))
     if "work" not in dynamics.states:
         return
     ax, ay = field_of(dynamics.scene.attached.constant_fields, before)
@@ -76,15 +79,15 @@ def exchange(dynamics: Dynamics, lane: Lane, before: Quantities) -> None:
         lane.work = where(changed, lane.work + (kinetic + potential), lane.work)
 
 
-def _jump(dynamics: Dynamics, lane: Lane, x: Quantities, push: Iterable[Any], where_to: Any) -> Quantities:
+def _jump(features: Features, lane: Lane, x: Quantities, push: Iterable[Any], happens: Any) -> Quantities:
     """Let the velocities jump by M^-1 of a generalized impulse where a condition holds, and let go of sliders
     at rest; the quantities after it."""
-    rates = dynamics.arm.rates
-    jumps = response(dynamics, list(push), x)
-    lane.set(rates, [where(where_to, lane[v] + dv, lane[v]) for v, dv in zip(rates, jumps, strict=True)])
-    for name in dynamics.active:
-        lane[name] = where(where_to, 0.0, lane[name])
-    return dynamics.quantities(lane.get(dynamics.states), known_numbers(dynamics, lane))
+    rates = features.arm.rates
+    jumps = response(features.dynamics, list(push), x)
+    lane.set(rates, [where(happens, lane[v] + dv, lane[v]) for v, dv in zip(rates, jumps, strict=True)])
+    for name in features.active:
+        lane[name] = where(happens, 0.0, lane[name])
+    return features.quantities(lane)
 
 
 def _slopes(dynamics: Dynamics, joint: int | Point, x: Quantities) -> list[list[Any]]:

@@ -12,34 +12,19 @@ import math
 from collections.abc import Callable, Generator
 from typing import Any
 
-from redundant_envs.algebra import any_of, logical_not, maximum, minimum, sqrt, where
+from redundant_envs.algebra import any_of, logical_not, where
 from redundant_envs.events import contacts, search
-from redundant_envs.events.boundary import Boundary, guarded, law_behind, leaves_stop, starts_at_stop
-from redundant_envs.events.first_event import Encounter, first_event, first_passage
+from redundant_envs.events.boundary import starts_at_stop
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep
-from redundant_envs.lane.features import Fault
+from redundant_envs.lane.faults import Fault
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, StepControl
 
 MOST_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 SEARCH = Search._fields
-SMALLEST_LATE_SHARE, LARGEST_LATE_SHARE = 1e-13, 1e-6
-"""Fraction of a planned step by which a joint may be torn loose late; the smallest for every change."""
-LATE_REST = 0.01
-"""The same of a joint that comes to rest, over the root of the tolerance, as a fraction of the trial step: a
-short one must not hide how a joint slips, sticks, and slips again."""
-LATE_ERROR = 0.02
-"""Fraction of the tolerance that the tip may be off since a change of a law was found late."""
-MOST_LATE_SHARE = 1e-3
-"""Fraction of a planned step by which it may be late at most: laws may agree by chance where a step ends."""
-PASSES_OF_FRICTION = 8
-"""Times as many resolutions with stops and dry friction: of the contacts and of the modes, each twice at an
-impact and twice where a slider turns."""
-SHARE_OF_BOUNCES = 1 / 64
-"""Less of it with stops and dry friction: a slider that bounces turns as often as it strikes its stop."""
 
 
 class Request(enum.Enum):
@@ -63,7 +48,8 @@ class LaneProgram:
     """The program of a lane."""
 
     def __init__(self, boundaries: Boundaries, control: StepControl) -> None:
-        self.dynamics, self.boundaries, self.control = boundaries.dynamics, boundaries, control
+        self.boundaries, self.control = boundaries, control
+        self.features, self.dynamics = boundaries.features, boundaries.dynamics
 
     def cross(self, lane: Lane) -> Generator[Request, None, None]:
         """Cross the interval."""
@@ -94,8 +80,8 @@ class LaneProgram:
 
     def step_or_event(self, lane: Lane) -> Generator[Request, None, Found]:
         """Take trial steps to the end of the planned one, or to the first event before it."""
-        for b in self.dynamics.bounded:
-            lane[f"cleared_{b.name}"] = False
+        for b in self.features.bounded:
+            lane[b.cleared] = False
         lane.searched = 0.0
         while True:
             yield Request.STEP
@@ -103,7 +89,7 @@ class LaneProgram:
                 return Found.LOST
             if not self.control.accurate(lane):
                 return Found.INACCURATE
-            if not self.dynamics.boundaries:
+            if not self.features.boundaries:
                 return self.moved(lane)
             trial = self.trial(lane)
             if self.hides(search.may_hide_event, trial):
@@ -138,8 +124,8 @@ class LaneProgram:
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
             lane.set(SEARCH, after)
             if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
-                for b, is_sought in zip(self.dynamics.bounded, sought.chosen, strict=False):
-                    lane[f"cleared_{b.name}"] = lane[f"cleared_{b.name}"] | is_sought
+                for b, is_sought in zip(self.features.bounded, sought.chosen, strict=False):
+                    lane[b.cleared] = lane[b.cleared] | is_sought
                 self.retry(lane, trial.left)
                 return Found.NOTHING
             self.retry(lane, h)
@@ -160,7 +146,7 @@ class LaneProgram:
             after = search.towards_event(before, trial.h, sought)
             piece = search.last_piece(trial, sought)
             if search.ends_at_event(trial, before, after, sought, piece.possible):
-                if self.dynamics.guards and self.hides(search.hides_passage, trial):
+                if self.features.guards and self.hides(search.hides_passage, trial):
                     self.retry(lane, 0.5 * trial.h)
                     return Found.NOTHING
                 self.arrive(lane, trial, sought, piece)
@@ -170,92 +156,47 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
-        if self.dynamics.impulses_change_laws:
+        if self.features.impulses_change_laws:
             lane.resolving = True
         while True:
             yield Request.FORCES
             if self.has_too_many_events(lane):
                 return False
             if self.boundaries.decide(lane):
-                if self.dynamics.impulses_change_laws:
+                if self.features.impulses_change_laws:
                     lane.resolving = False
                 self.start_here(lane)
                 return True
 
     def has_too_many_events(self, lane: Lane) -> Any:
         """Whether the interval has more impacts, or resolutions, than it may have, and is given up."""
-        most = self.boundaries.most_impacts(lane)
-        each = contacts.CHANGES_OF_IMPACT * (PASSES_OF_FRICTION if self.dynamics.gripped else 1)
+        most = self.features.bounces.most_impacts(lane)
+        each = contacts.CHANGES_OF_IMPACT * self.features.stiction.passes
         too_many = lane.changes >= each * most
-        return too_many | (lane.impacts > most) if self.dynamics.stops else too_many
+        return too_many | (lane.impacts > most) if self.features.stops else too_many
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
     def trial(self, lane: Lane) -> Trial:
         """The trial step, and the first event of each coordinate in it."""
-        h, encounters = lane.step, []
-        moved = self.boundaries.in_step(lane, "{}_trial")
-        for k, (b, motion) in enumerate(zip(self.dynamics.bounded, moved, strict=True)):
-            known = lane.get(("crossing", "turning", "cleared"), of=f"{{}}_{b.name}")
-            forces, mobility = [0.0, 0.0], 0.0
-            if b in self.dynamics.holding:
-                forces = lane.get(("force", "force_trial"), of=f"{{}}_{b.name}")
-                mobility = self.boundaries.mobility(lane, b, b)
-            encounters.append(Encounter(float(k), motion, *forces, *known, mobility))  # type: ignore[call-arg]
-        for k, b in enumerate(self.dynamics.guards, start=len(moved)):
-            pulls = lane.get((b.pull, f"{b.pull}_trial"))
-            motion = guarded(self.boundaries.watched(lane, b), b.sticks)
-            slows = -(lane[b.side] * lane[f"alpha_{b.name}"]) if b.sticks else 0.0
-            still = 0.0, h, False, 0.0, self.late_share(lane, b), slows
-            left = lane[b.left] if self.dynamics.weighs_laws and not b.sticks else False
-            encounters.append(Encounter(float(k), motion, *pulls, *still, left))  # type: ignore[call-arg]
-        method = self.dynamics.method
-        events = [
-            first_passage(e, h, method.c[method.middle])
-            if e.motion.guards
-            else first_event(e, h, 1.0 / h, method.stages > 1)
-            for e in encounters
-        ]
-        impacts = lane.impacts - lane.impacts_start if self.dynamics.stops else 0.0
+        features, method = self.features, self.dynamics.method
+        encounters = [b.encounter(lane, float(k)) for k, b in enumerate(features.boundaries)]
+        met = zip(features.boundaries, encounters, strict=True)
+        events = [b.first_event(e, lane.step) for b, e in met]
+        impacts = lane.impacts - lane.impacts_start if features.stops else 0.0
         node = method.c[method.middle] if self.dynamics.frictions else None
-        weighed = self.dynamics.weighs_laws
-        return Trial(h, lane.left, lane.interval, impacts, encounters, events, weighed, node)
-
-    def late_share(self, lane: Lane, b: Boundary) -> Any:
-        """Fraction of the planned step by which a change of law may be found late.
-
-        Until then the motion departs by what the laws differ. With dry friction it is led back to the change,
-        and only the square of the lateness is an error, and a part of it where a limit falls as a joint is
-        torn loose.
-        """
-        if self.dynamics.scene.tolerance is None:
-            return SMALLEST_LATE_SHARE
-        if b.sticks:
-            share = lane.tip_tolerance
-            if self.dynamics.gripped:
-                share = share * SHARE_OF_BOUNCES
-            least = maximum(minimum(share, LARGEST_LATE_SHARE), SMALLEST_LATE_SHARE)
-            if b.joint not in self.dynamics.frictions:
-                return least
-            late = LATE_REST * sqrt(lane.tip_tolerance) * (lane.step / lane.left)
-            return where(lane[b.side] == 0.0, least, maximum(least, late))
-        allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
-        return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MOST_LATE_SHARE)
+        known = lane.step, lane.left, lane.interval, impacts
+        return Trial(*known, encounters, events, self.dynamics.bounds_late_switch, node)
 
     def hides(self, rule: Callable[..., Any], trial: Trial) -> Any:
         """Whether a trial step hides an event of any coordinate, by a rule of :mod:`search`."""
-        return any_of(rule(trial, e, self.dynamics.overshoot) for e in trial.encounters)
+        return any_of(rule(trial, e, self.features.overshoot) for e in trial.encounters)
 
     def settled(self, lane: Lane, trial: Trial) -> Trial:
         """A trial step that slots have taken, with the accelerations at its end in place of those of its last
         stage."""
-        encounters = []
-        for b, e in zip(self.dynamics.boundaries, trial.encounters, strict=True):
-            watched = e.motion.watched
-            if b.bounces:
-                watched = watched._replace(last=self.boundaries.present_acceleration(lane, b))
-            encounters.append(e._replace(motion=e.motion._replace(watched=watched)))
-        return trial._replace(encounters=encounters)
+        met = zip(self.features.boundaries, trial.encounters, strict=True)
+        return trial._replace(encounters=[b.settled(lane, e) for b, e in met])
 
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
@@ -272,10 +213,10 @@ class LaneProgram:
         """Start the next trial step here; it ends with the planned step."""
         lane.copy(self.dynamics.states, to="{}_trial")
         lane.error_trial, lane.step = lane.error, lane.left
-        for b in self.dynamics.holding:
-            lane[f"force_trial_{b.name}"] = lane[f"force_{b.name}"]
-        for b in self.dynamics.guards:
-            lane[f"{b.pull}_trial"] = lane[b.pull]
+        for stop in self.features.holding:
+            lane[stop.force_trial] = lane[stop.force]
+        for b in self.features.guards:
+            lane[b.pull.trial] = lane[b.pull]
 
     def moved(self, lane: Lane) -> Found:
         """End a trial step without an event."""
@@ -287,7 +228,7 @@ class LaneProgram:
     def is_lost(self, lane: Lane) -> Any:
         """Whether a search has no end, or waits for a time that is no number."""
         within = self.control.within_budget(lane)
-        if not self.dynamics.boundaries:
+        if not self.features.boundaries:
             return False
         rest = lane.left - lane.step
         return logical_not((lane.searched < MOST_SEARCHED) & (rest == rest) & within)
@@ -296,45 +237,19 @@ class LaneProgram:
 
     def arrive(self, lane: Lane, trial: Trial, sought: Sought, piece: LastPiece) -> None:
         """End a trial step, and the last piece, at an event: sliders at their stops are there exactly."""
-        met, arm = zip(trial.encounters, sought.chosen, strict=True), self.dynamics.arm
-        crossed = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
-        at_end = zip(self.dynamics.boundaries, piece.positions, strict=True)
-        exact = {arm.coordinates[b.number - 1]: (b, p) for b, p in at_end if b.holds}
-        if self.dynamics.resolves:
+        features, met = self.features, zip(trial.encounters, sought.chosen, strict=True)
+        beyond = [where(is_sought, lane.side, e.motion.side_beyond) for e, is_sought in met]
+        positions = dict(zip(features.boundaries, piece.positions, strict=True))
+        if features.resolves:
             self.move(lane, piece.time)
-        for q, (b, p) in exact.items():
-            if b not in self.dynamics.angular:
-                lane[q] = p
-        for b in self.dynamics.angular:
-            q = arm.coordinates[b.number - 1]
-            at_stop = (exact[q][1] == lane[b.lower]) | (exact[q][1] == lane[b.upper])
-            own = self.dynamics.own_value(b, exact[q][1], lane, arm.coordinates)
-            lane[q] = where(at_stop, own, lane[q])
+        for stop in features.from_base:
+            stop.set_position(lane, positions[stop])
         spent = lane.step + piece.time
         lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
         lane.at_stop = sought.bounces
-        for b, side, is_sought, position in zip(
-            self.dynamics.boundaries, crossed, sought.chosen, piece.positions, strict=True
-        ):
-            if b.bounces:
-                if b.joint is None:
-                    lane[f"arrived_{b.name}"] = position <= 0.0
-                # It comes to its stop, even if by rounding it seems to move away.
-                leaves = self.boundaries.at_stop(lane, b, leaves_stop)
-                lane[f"released_{b.name}"] = leaves & logical_not(is_sought)
-            elif b.sticks:
-                passed = is_sought | (lane[b.pull] > 0.0)
-                self.boundaries.guards.rest_or_tear_loose(lane, b, passed)
-                lane.at_stop = lane.at_stop | passed
-            elif b.guards:
-                passed = is_sought | (lane[b.pull] > 0.0)
-                lane[b.side] = where(passed, -lane[b.side], lane[b.side])
-                lane[b.pull] = where(passed, -lane[b.pull], lane[b.pull])
-                if self.dynamics.weighs_laws:
-                    lane[b.left] = passed
-            else:
-                lane[b.side] = where(side != 0.0, law_behind(lane[b.side], side), lane[b.side])
-        self.boundaries.guards.stick(lane)
+        for (b, position), side, is_sought in zip(positions.items(), beyond, sought.chosen, strict=True):
+            b.arrive(lane, is_sought, side, position)
+        features.stiction.stick(lane)
 
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
@@ -351,19 +266,17 @@ class LaneProgram:
         for s in moving:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
         if self.dynamics.frictions:
-            self.boundaries.guards.stick(lane, before)
+            self.features.stiction.stick(lane, before)
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""
-        for b in self.dynamics.stops:
-            lane[f"released_{b.name}"] = self.boundaries.at_stop(lane, b, leaves_stop, form)
-            if b.joint is None:
-                lane[f"arrived_{b.name}"] = False
+        for b in self.features.stops:
+            b.note_released(lane, form)
 
     def note_left(self, lane: Lane) -> None:
         """Record that no guard has just passed 0."""
-        if self.dynamics.weighs_laws:
-            for b in self.dynamics.guards:
+        if self.dynamics.bounds_late_switch:
+            for b in self.features.guards:
                 lane[b.left] = False
 
     # ---- the interval ------------------------------------------------------------------------------------
@@ -371,19 +284,19 @@ class LaneProgram:
     def begin(self, lane: Lane) -> None:
         """Plan the first step; the common step is its first trial step, if it is of use."""
         useless = self.control.begin(lane)
-        released = any_of(lane[a] != lane[f"{a}_start"] for a in self.dynamics.active)
+        released = any_of(lane[a] != lane[f"{a}_start"] for a in self.features.active)
         self.at_start(lane)
         lane.due, lane.at_stop = False, False
-        if self.dynamics.weighs_laws:
+        if self.dynamics.bounds_late_switch:
             lane.departure = math.inf
         pulled = self.forces_in_common_step(lane)
-        if self.dynamics.boundaries:
-            begun = any_of(self.boundaries.at_start(lane, starts_at_stop))
+        if self.features.boundaries:
+            begun = any_of(self.boundaries.at_start(lane, starts_at_stop).values())
             lane.due = logical_not(useless | begun | released | pulled)
         if lane.due:
             lane.step = lane.h
-            for b in self.dynamics.sticking:
-                lane[f"{b.pull}_trial"] = lane[f"first_{b.name}"]
+            for b in self.features.sticking:
+                lane[b.pull.trial] = lane[b.first]
         else:
             lane.step = lane.left
             lane.at_stop = self.decides_at_start(lane)
@@ -391,38 +304,38 @@ class LaneProgram:
 
     def decides_at_start(self, lane: Lane) -> Any:
         """Whether contacts, or which joints stick, must be resolved before the first trial step."""
-        return bool(self.dynamics.sticking) or self.boundaries.touched_before(lane)
+        return bool(self.features.sticking) or self.boundaries.touched_before(lane)
 
     def forces_in_common_step(self, lane: Lane) -> Any:
         """The forces that hold sliders at both ends of the common step; whether a stop would have to pull one
         from the beginning, so that the common step is of no use."""
         pulled: Any = False
-        for b in self.dynamics.holding:
-            side, rests = lane[b.active], lane[b.active] != 0.0
-            first, last = lane.get(("first", "last"), of=f"{{}}_{b.name}")
-            lane[f"force_trial_{b.name}"] = where(rests, side * first, 0.0)
-            lane[f"force_{b.name}"] = where(rests, side * last, 0.0)
+        for b in self.features.holding:
+            side, rests, first = lane[b.active_stop], lane[b.active_stop] != 0.0, lane[b.first]
+            lane[b.force_trial] = where(rests, side * first, 0.0)
+            lane[b.force] = where(rests, side * lane[b.last], 0.0)
             pulled = pulled | (rests & (first > 0.0))
-        for b in self.dynamics.sticking:
-            pulled = pulled | (lane[f"first_{b.name}"] > 0.0)
-        return pulled
+        return pulled | self.features.stiction.torn_loose(lane)
+
+    @property
+    def restored(self) -> tuple[str, ...]:
+        """Fields that are as they were where an interval begins anew, beside states."""
+        return (*self.features.active, *self.features.stiction.rests, *self.features.counted)
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
         lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
         lane.error_trial, lane.elapsed = lane.error_start, 0.0
-        for b in (*self.dynamics.laws, *self.dynamics.guards):
-            lane[b.side] = lane[f"{b.side}_start"]
-        for b in self.dynamics.guards:
-            lane[f"{b.pull}_trial"] = lane[f"{b.pull}_start"]
+        lane.copy(self.features.sides, of="{}_start")
+        for b in self.features.guards:
+            lane[b.pull.trial] = lane[b.pull.start]
         self.note_left(lane)
-        if self.dynamics.impulses_change_laws:
+        if self.features.impulses_change_laws:
             lane.resolving = False
-        if self.dynamics.resolves:
+        if self.features.resolves:
             lane.changes = 0.0
-        if self.dynamics.compares_bounces:
-            lane.bounces_end, lane.bounce_missed = -1.0, False
-        lane.copy((*self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted), of="{}_start")
+        self.features.bounces.begin(lane)
+        lane.copy(self.restored, of="{}_start")
         self.note_released(lane, "{}_start")
 
     def back_to(self, lane: Lane, form: str) -> None:
@@ -443,6 +356,5 @@ class LaneProgram:
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        kept = *self.dynamics.states, *self.dynamics.active, *self.dynamics.rests, *self.dynamics.counted
-        lane.copy(kept, of="{}_start")
+        lane.copy((*self.dynamics.states, *self.restored), of="{}_start")
         self.control.note(lane, Fault.EVENT_BUDGET)

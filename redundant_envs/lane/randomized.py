@@ -27,7 +27,8 @@ class Randomized:
         self.drawn: dict[Range, list[str]] = entries_of(dynamics.scene, dynamics.scene.randomize, of_task)
         self._nominal = {**dynamics.scene.parameters(), **of_task}
         self.fields_by_name = {
-            one.name: [dynamics.field_of(name) for name in names] for one, names in self.drawn.items()
+            one.name: [dynamics.parameters.field_of(name) for name in names]
+            for one, names in self.drawn.items()
         }
         """For every range the fields that it draws."""
         self.entries = [name for names in self.drawn.values() for name in names]
@@ -75,12 +76,17 @@ class Randomized:
             for k, name in enumerate(names):
                 nominal = lane[f"nominal {name}"] if one.scale else 1.0
                 value = one.drawn(values[0 if one.shared else k], nominal)
-                field, drawn = self.dynamics.field_of(name), lane.resetting & logical_not(lane[fixed(name)])
+                field, drawn = (
+                    self.dynamics.parameters.field_of(name),
+                    lane.resetting & logical_not(lane[fixed(name)]),
+                )
                 lane[field] = where(drawn, value, lane[field])
 
     def prepare(self, lane: Lane) -> None:
         """What follows from the numbers alone, in the lanes that are ``resetting``."""
-        made = self.dynamics.prepare({name: lane[name] for name in self.dynamics.parameters})
+        made = self.dynamics.parameters.prepare(
+            {name: lane[name] for name in self.dynamics.parameters.values}
+        )
         for name, value in made.items():
             lane[name] = where(lane.resetting, value, lane[name])
 

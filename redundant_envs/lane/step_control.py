@@ -6,12 +6,9 @@ import enum
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
-from redundant_envs.events import contacts
-from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.lane import pieces
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import tip_norms
-from redundant_envs.lane.features import Control, Fault, Reason
+from redundant_envs.lane.faults import Control, Fault, Reason
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import Crossed, Verdict
@@ -38,21 +35,14 @@ class StepControl:
     repeats = False  # whether an inaccurate step begins the interval anew; otherwise the step is repeated
 
     def __init__(self, step: CommonStep) -> None:
-        self.step, self.dynamics = step, step.dynamics
+        self.step, self.features, self.pieces = step, step.features, step.pieces
+        self.dynamics = step.dynamics
         self.stages = float(step.dynamics.method.stages)
-        self.most_trials = MOST_TRIALS * self.dynamics.pieces
-
-    def span(self, lane: Lane) -> Any:
-        """What is crossed at once, s: the interval, or the present piece of it."""
-        return pieces.span(self.dynamics, lane)
-
-    def allowed_error(self, lane: Lane) -> Any:
-        """The error that the interval may have so far, m."""
-        return pieces.allowed_error(self.dynamics, lane)
+        self.most_trials = MOST_TRIALS * self.pieces.count
 
     def note(self, lane: Lane, fault: Fault) -> None:
         """Record a fault; the worst one of an interval counts."""
-        lane.fault = maximum(lane.fault, float(fault)) if self.dynamics.instants else float(fault)
+        lane.fault = self.pieces.worst(lane, float(fault))
 
     def begin(self, lane: Lane) -> Any:
         """Plan the first step of an interval; whether the common step is useless for the lane."""
@@ -74,8 +64,8 @@ class StepControl:
     def within_budget(self, lane: Lane) -> Any:
         """Whether the interval may have one more trial step."""
         # If such steps make a slider unstable, every step can seem to end beyond a stop.
-        each = TRIALS_OF_SUBSTEP * self.dynamics.pieces
-        most = self.most_trials * lane.h + each * self.span(lane)
+        each = TRIALS_OF_SUBSTEP * self.pieces.count
+        most = self.most_trials * lane.h + each * self.pieces.span(lane)
         return lane.evaluations * lane.h < self.stages * most
 
 
@@ -86,22 +76,21 @@ class EqualSteps(StepControl):
 
     def begin(self, lane: Lane) -> Any:
         inaccurate = lane.reason == Reason.ACCURACY
-        for_error = error_control.steps_for_error(inaccurate, lane.error, self.allowed_error(lane))
+        for_error = error_control.steps_for_error(inaccurate, lane.error, self.pieces.allowed_error(lane))
         steps = maximum(for_error, error_control.steps_allowed(lane.min_steps))
         lane.divisions = lane.steps_left = steps
         for q in self.dynamics.arm.coordinates:
             lane[f"{q}_seen"] = error_control.NEVER_SEEN
-        if self.dynamics.compares_bounces:
-            lane.lowest_bounce = contacts.lowest_bounce(lane.tip_tolerance)
-        lane.left = self.span(lane) / steps
+        self.features.bounces.plan(lane)
+        lane.left = self.pieces.span(lane) / steps
         return inaccurate
 
     def accurate(self, lane: Lane) -> Any:
-        return (lane.error <= self.allowed_error(lane)) | (lane.divisions >= error_control.MOST_STEPS)
+        return (lane.error <= self.pieces.allowed_error(lane)) | (lane.divisions >= error_control.MOST_STEPS)
 
     def shorten(self, lane: Lane) -> None:
         steps = 2.0 * lane.divisions
-        lane.left = lane.step = self.span(lane) / steps
+        lane.left = lane.step = self.pieces.span(lane) / steps
         lane.divisions = lane.steps_left = steps
 
     def end(self, lane: Lane) -> End:
@@ -109,22 +98,20 @@ class EqualSteps(StepControl):
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
         crossed = self._crossed(lane)
         agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
-        if self.dynamics.attempts > 1:
-            agrees = agrees | ((lane.attempts > 0.0) & error_control.growth_judged_later(crossed))
+        agrees = agrees | self.pieces.judged_later(lane, crossed)
         most = error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
                 lane.copy(self.dynamics.arm.coordinates, to="{}_seen")
-                if self.dynamics.compares_bounces:
-                    lane.lowest_bounce = ROUNDING
+                self.features.bounces.take_all(lane)
             return End.REPEATED
         if not ended:
             return End.GOES_ON
         if not last:
-            lane.left, lane.steps_left = self.span(lane) / lane.divisions, lane.steps_left - 1.0
+            lane.left, lane.steps_left = self.pieces.span(lane) / lane.divisions, lane.steps_left - 1.0
             return End.NEXT
-        accurate = lane.error <= self.allowed_error(lane)
+        accurate = lane.error <= self.pieces.allowed_error(lane)
         passed = accurate & (lane.min_steps <= error_control.MOST_STEPS) & agrees
         if not passed:
             self.note(lane, Fault.TOLERANCE_NOT_REACHED)
@@ -133,29 +120,31 @@ class EqualSteps(StepControl):
     def _crossed(self, lane: Lane) -> Crossed:
         norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
         change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
-        impacts = lane.impacts if self.dynamics.stops else 0.0
-        known = lane.divisions, lane.error, self.allowed_error(lane), change, impacts
+        impacts = lane.impacts if self.features.stops else 0.0
+        known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
         doubtful, *kinks = self.step.doubts(lane)
-        if self.dynamics.compares_bounces:
-            doubtful = doubtful | lane.bounce_missed
-        return Crossed(*known, doubtful, *kinks)
+        return Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)
 
     def within_budget(self, lane: Lane) -> Any:
-        crossings = 2.0 if self.dynamics.attempts > 1 else 1.0  # each has twice the steps of the one before
-        return lane.evaluations < crossings * self.most_trials * self.stages
+        return lane.evaluations < self.pieces.crossings * self.most_trials * self.stages
 
 
 class AdaptiveSteps(StepControl):
     """Each step is as long as its error allows (dop853)."""
 
     def begin(self, lane: Lane) -> Any:
-        first = error_control.first_adaptive(lane.next_step, lane.min_steps, self.span(lane))
+        first = error_control.first_adaptive(lane.next_step, lane.min_steps, self.pieces.span(lane))
         lane.next_step, lane.steps_left, lane.left = first, 0.0, first
         return True
 
     def _verdict(self, lane: Lane) -> Verdict:
         return error_control.judge_adaptive(
-            lane.error, lane.step, lane.next_step, lane.min_steps, self.span(lane), lane.steps_left - 1.0
+            lane.error,
+            lane.step,
+            lane.next_step,
+            lane.min_steps,
+            self.pieces.span(lane),
+            lane.steps_left - 1.0,
         )
 
     def accurate(self, lane: Lane) -> Any:
@@ -169,11 +158,11 @@ class AdaptiveSteps(StepControl):
         lane.next_step = self._verdict(lane).following
         if lane.left > 0.0:
             return End.GOES_ON
-        rest = self.span(lane) - lane.elapsed
+        rest = self.pieces.span(lane) - lane.elapsed
         if not lane.next_step > 0.0:
             self.note(lane, Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
             return End.CROSSED
-        if not rest > error_control.CROSSED_SHARE * self.span(lane):
+        if not rest > error_control.CROSSED_SHARE * self.pieces.span(lane):
             return End.CROSSED
         lane.left = error_control.rest_of_interval(rest, lane.next_step)
         return End.NEXT

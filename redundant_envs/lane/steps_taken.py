@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.lane.direct import several_in_steps
-from redundant_envs.lane.features import GIVEN_UP, Reason
+from redundant_envs.lane.faults import GIVEN_UP, Reason
 from redundant_envs.lane.interval import Interval
 
 Fields = Mapping[str, Any]
@@ -21,11 +21,11 @@ def steps_taken(interval: Interval, fields: Fields) -> list[NDArray[np.float64]]
     """The steps in each piece of an interval, from the fields at its start: arrays (lanes,) or floats.
 
     A piece has (1 + laws, steps, lanes) numbers: shares of the piece, 0 where a lane takes no step any more,
-    and the side of each law of :attr:`Dynamics.sides`. A lane that gives the interval up takes none.
+    and the side of each law of :attr:`Features.sides`. A lane that gives the interval up takes none.
     """
-    sides = interval.dynamics.sides
+    sides = interval.features.sides
     lanes = next(x.size for x in fields.values() if isinstance(x, np.ndarray))
-    pieces = [Steps(lanes, sides) for _ in range(interval.dynamics.pieces)]
+    pieces = [Steps(lanes, sides) for _ in range(interval.pieces.count)]
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
         *_, end = several_in_steps(interval, {**dict.fromkeys(sides, 0.0), **fields}, pieces)
     return [piece.shares(np.broadcast_to(end["fault"] < float(GIVEN_UP), lanes)) for piece in pieces]

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.lane.features import MOST_LOGGED, Fault
+from redundant_envs.lane.event_log import MAX_LOGGED
+from redundant_envs.lane.faults import Fault
 from redundant_envs.lane.memory import LOG
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, InUse, Memory, alone, first
@@ -122,9 +123,9 @@ class BatchSimulator(Copied):
         computed = dynamics.effect_states.computed
         self._beginning = Team(simulator, "begin", memory, 1) if computed else None
         same = {} if dynamics.method.error5 else {"error": np.nan}
-        if not dynamics.counts_evaluations:
+        if not simulator.features.counts_evaluations:
             same["evaluations"] = self.scene.substeps * dynamics.method.stages
-        if not dynamics.stops:
+        if not simulator.features.stops:
             same["events"] = 0
         self._filled: dict[str, NDArray[Any]] = {}
         self._unchanging: dict[str, NDArray[Any]] = {}
@@ -168,24 +169,24 @@ class BatchSimulator(Copied):
 
         A ValueError if a lane had more events, rests and releases included, than are kept.
         """
-        dynamics, memory = self.simulator.dynamics, self._memory
-        if not dynamics.stops:
+        features, memory = self.simulator.features, self._memory
+        if not features.stops:
             return []
-        if not dynamics.logs:
+        if not self.track_work:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
         counts = memory.read(("logged",))[:, 0]
         log = memory.arrays[str(LOG)]
         happened = []
         for lane in np.flatnonzero(counts).tolist():
-            if counts[lane] >= MOST_LOGGED:
+            if counts[lane] >= MAX_LOGGED:
                 raise ValueError(
-                    f"environment {lane} had {MOST_LOGGED} events or more at its stops in one interval, and "
+                    f"environment {lane} had {MAX_LOGGED} events or more at its stops in one interval, and "
                     f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
                 )
             row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
-                joint = dynamics.stops[slider].name
+                joint = features.stops[slider].name
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 

@@ -117,7 +117,7 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     check_scene(scene)
     counts, blocks = _of_motion(scene, track_work)
     rest = dataclasses.replace(scene, randomize=None)  # a range may be of an effect that is left out
-    if owned := Counter(b.owner for b in blocks.interval.dynamics.boundaries):
+    if owned := Counter(b.owner for b in blocks.interval.features.boundaries):
         rest = _without(rest, owned)
         _add(counts, _of_events(owned, counts, _of_motion(rest, track_work)[0], blocks))
     for key in dict.fromkeys(a.key for a in rest.attached.of(Field, Inertia)):

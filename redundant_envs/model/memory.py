@@ -11,6 +11,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
 from redundant_envs.tracing.flow import LANES
@@ -137,17 +138,18 @@ class Memory:
         }
         scene = dynamics.scene
         steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-        if dynamics.instants:  # each piece of an interval has steps of its own length
+        if layout.fields["h"].lifetime is not PARAMETER:  # each piece of an interval has its own steps
             del steps["h"]
         initial = dict(dynamics.effect_states.initial)
-        nearest = [0.0] * dynamics.count if dynamics.stop_of else []
-        for joint, stop in dynamics.stop_of.items():  # at 0, or at the stop that is nearest
-            low, high = dynamics.parameters[stop.lower], dynamics.parameters[stop.upper]
-            nearest[joint] = min(max(0.0, low), high)
-        if nearest:
+        stops = scene.attached.of(Impact)
+        nearest = [0.0] * dynamics.count
+        for a in stops:  # at 0, or at the stop that is nearest
+            low, high = (dynamics.parameters.values[a.parameter(end)] for end in (a.hook.lower, a.hook.upper))
+            nearest[a.hook.joint] = min(max(0.0, low), high)
+        if stops:
             q = dynamics.arm.coordinates_of_joints(*nearest)
             initial |= dict(zip(dynamics.arm.coordinates, q if isinstance(q, tuple) else (q,), strict=True))
-        for name, value in {**dynamics.parameters, **steps, **more, **initial}.items():
+        for name, value in {**dynamics.parameters.values, **steps, **more, **initial}.items():
             self.column(name)[:] = value
         self.prepare()
         if drawn:
@@ -260,9 +262,9 @@ class Memory:
     @alone
     def prepare(self) -> None:
         """Recompute the fields that follow from the parameters alone; to be called after these are set."""
-        values = {name: self.column(name) for name in self.dynamics.parameters}
+        values = {name: self.column(name) for name in self.dynamics.parameters.values}
         with np.errstate(all="ignore"):  # both sides of a choice are computed, as in compiled code
-            made = self.dynamics.prepare(values)
+            made = self.dynamics.parameters.prepare(values)
         for name, value in made.items():
             self.column(name)[:] = value
 

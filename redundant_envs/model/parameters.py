@@ -107,7 +107,7 @@ def check_given(scene: Scene, given: Any, of_task: Iterable[str] = ()) -> None:
 
 def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
     """Parameters that some lanes have."""
-    fields = {name: memory.dynamics.field_of(name) for name in names}
+    fields = {name: memory.dynamics.parameters.field_of(name) for name in names}
     return dict(zip(fields, memory.read([*fields.values()], lanes).T, strict=True))
 
 
@@ -140,7 +140,7 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
     """Set parameters of lanes, and the fields that follow from them; where episodes draw numbers, the reset
     that comes next computes these fields."""
     columns = np.stack([values[p] for p in values], axis=1)
-    changed = memory.write(tuple(memory.dynamics.field_of(p) for p in values), columns, lanes)
+    changed = memory.write(tuple(memory.dynamics.parameters.field_of(p) for p in values), columns, lanes)
     if changed and not memory.drawn:
         memory.prepare()
 
@@ -268,7 +268,7 @@ def check_numbers(
         )
     blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
     states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
-    for row in (*memory.dynamics.parameters, *of_task):
+    for row in (*memory.dynamics.parameters.values, *of_task):
         numbers, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
         if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
             raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")

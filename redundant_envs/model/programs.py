@@ -28,6 +28,7 @@ from redundant_envs.batch.blocks import Blocks
 from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
+from redundant_envs.lane.features import Features
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Layout
 from redundant_envs.model.memory import Memory, aligned, alone
@@ -65,6 +66,11 @@ class Simulator:
                 "scratch_size": self.blocks.scratch_size,
                 "queue_size": self.blocks.queue_size,
             }
+
+    @functools.cached_property
+    def features(self) -> Features:
+        """What the lanes take care of beside the equations."""
+        return Features(self.dynamics)
 
     @staticmethod
     def _identity(program: Program, blocks: Blocks) -> str:

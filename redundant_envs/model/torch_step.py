@@ -11,11 +11,10 @@ from typing import Any
 
 from redundant_envs.backends.torch import number, on_plain_numbers, torch
 from redundant_envs.effects.attached import DRAWN
-from redundant_envs.lane import jumps
 from redundant_envs.lane.common_step import lane_step
 from redundant_envs.lane.direct import fields_of
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Control
+from redundant_envs.lane.faults import Control
 from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.steps_taken import steps_taken
@@ -59,15 +58,16 @@ def torch_step(scene: Scene) -> Step:
     check_scene(scene)
     dynamics = Dynamics(scene)
     interval = Interval(dynamics)
-    for boundary in (*dynamics.stops, *dynamics.sticking):
+    features = interval.features
+    for boundary in (*features.stops, *features.sticking):
         owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
-        if boundary in dynamics.stops:
+        if boundary in features.stops:
             said = "whose impacts have no meaningful derivative; use a LimitSpring for its joints"
         else:
             said = "whose joints stick and slip at events without a meaningful derivative; use "
             said += "SmoothCoulombFriction"
         raise ValueError(f"scene has a {owner}, {said}")
-    if dynamics.control is Control.ADAPTIVE:
+    if features.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
             "tolerance if errors are to be controlled"
@@ -124,21 +124,18 @@ def torch_step(scene: Scene) -> Step:
             fields.update(lane.written())
 
         pieces = _steps(interval, {**fields, **dict(zip(dynamics.states, states, strict=True))})
-        fields |= dict.fromkeys(dynamics.sides, tensors[0].new_zeros(()))
-        if dynamics.instants:
-            run(interval.step.clear)
-        else:
-            run(functools.partial(jumps.strike, dynamics))
+        fields |= dict.fromkeys(features.sides, tensors[0].new_zeros(()))
+        run(interval.step.clear)
         for piece in pieces:
-            if dynamics.instants:
-                run(interval.step.next_piece)
+            for begin in interval.pieces.begins:
+                run(begin)
             length = lane_now().h
             for share, *sides in piece.unbind(1):
                 h = share * length
                 taken = h > 0.0
-                for name, side in zip(dynamics.sides, sides, strict=True):
+                for name, side in zip(features.sides, sides, strict=True):
                     fields[name] = torch.where(taken, side, fields[name])
-                made = lane_step(dynamics, lane_now(), h)
+                made = lane_step(features, lane_now(), h)
                 new = (*made.positions, *made.velocities, *made.others)
                 states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
         lane = lane_now()
@@ -169,7 +166,7 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
     device = next(x.device for x in fields.values() if isinstance(x, torch.Tensor))
     if dynamics.scene.tolerance is None:
         steps = torch.ones(1, dynamics.scene.substeps, dtype=torch.float64, device=device)
-        return [steps] * dynamics.pieces
+        return [steps] * interval.pieces.count
     if device.type == "meta":
         raise ValueError(
             "q is on the device meta, which has no numbers, and steps with a tolerance follow from them; "
@@ -250,6 +247,6 @@ def _as_fields(dynamics: Dynamics, named: Mapping[str, torch.Tensor]) -> dict[st
     """Parameters by the names of their fields."""
     values: dict[str, torch.Tensor] = {}
     for name, tensor in named.items():
-        fields = map(dynamics.field_of, names_of(dynamics.scene, name))
+        fields = map(dynamics.parameters.field_of, names_of(dynamics.scene, name))
         values.update(zip(fields, tensor.unbind(-1), strict=True))
     return values

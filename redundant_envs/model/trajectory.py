@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.lane.direct import fields_of
+from redundant_envs.lane.pieces import renewed
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy, weight_energy
 from redundant_envs.model.parameters import numbers
@@ -218,10 +219,11 @@ def motor_efforts(
         return command
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
     if begun is not None:  # the interval has not ended, although the simulator has advanced to here
-        at_end = {*dynamics.effect_states.updated} - dynamics.renewed.keys()
+        at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
         states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
     fields = fields_of(dynamics)
-    states |= {a.passed: np.where(0.0 <= fields[a.instant] <= elapsed, 1.0, 0.0) for a in dynamics.instants}
+    instants = batch.scene.attached.instants
+    states |= {a.passed: np.where(0.0 <= fields[a.instant] <= elapsed, 1.0, 0.0) for a in instants}
     numbers = {**fields, **states, **dict(zip(dynamics.commands, command.T, strict=True))}
     found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], numbers), "derivative")
     return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)

@@ -58,9 +58,9 @@ class Motion:
         x.update(begun)
         for a in d.scene.attached.along(x):
             a.settle_law(x)
-        for b in d.sticking:
-            rate = x[f"phid{b.number}"]
-            x[b.side], x[SPEED] = where(rate > 0.0, 1.0, where(rate < 0.0, -1.0, 0.0)), 0.0
+        for k in d.slipping:
+            rate = x[f"phid{k + 1}"]
+            x[f"side_friction{k + 1}"], x[SPEED] = where(rate > 0.0, 1.0, where(rate < 0.0, -1.0, 0.0)), 0.0
         return x
 
     def slopes(self, a: Attached[Force], of_rate: bool) -> Array:

@@ -60,13 +60,13 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
     check(scene, task)
     with uncollected():
         dynamics = Dynamics(scene)
-        episode = Episode(Interval(dynamics), task)
+        episode = Episode(interval := Interval(dynamics), task)
         made = EnvironmentKernel(episode, WASM.lanes)
         layout = made.blocks.layout
         kernels = [
             made.p,
             prepare_kernel(dynamics, layout, WASM.lanes),
-            arm_kernel(dynamics, layout, WASM.lanes),
+            arm_kernel(interval.features, layout, WASM.lanes),
         ]
         code = wasm.module(Program(kernels))
     memory = first_memory(episode, episode.layout(), start_ranges(scene, task), 1, max_episode_steps)
@@ -84,7 +84,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "rates": list(robot.rates),
         "actions": len(episode.actions),
         "observation": list(episode.observed),
-        "parameters": [*dynamics.parameters, *task.parameters(), "limit"],
+        "parameters": [*dynamics.parameters.values, *task.parameters(), "limit"],
         "motors": _motors(dynamics),
         "kernels": {kernel.name: kernel.arguments for kernel in kernels},
         "operations": {one.name.lower(): int(one) for one in Operation},
@@ -115,10 +115,10 @@ def _motors(dynamics: Dynamics) -> dict[str, Any]:
     of viscous friction and of the ends of travel; None where there are none."""
     scene, robot = dynamics.scene, dynamics.scene.robot
     fields: dict[type[Effect], list[str]] = {
-        type(one): [dynamics.field_of(f"{one.key}.{name}") for name in one.parameters()]
+        type(one): [dynamics.parameters.field_of(f"{one.key}.{name}") for name in one.parameters()]
         for one in scene.effects
     }
-    limits, units = fields.get(EffortLimits), [*map(dynamics.field_of, scene.action_units())]
+    limits, units = fields.get(EffortLimits), [*map(dynamics.parameters.field_of, scene.action_units())]
     travel = scene.travel()
     return {
         "map": robot.motor_map.tolist(),
@@ -126,7 +126,7 @@ def _motors(dynamics: Dynamics) -> dict[str, Any]:
         "limits": limits if limits == units else None,
         "friction": fields.get(ViscousFriction),
         "travel": [
-            [*map(dynamics.field_of, travel[joint])] if joint in travel else None
+            [*map(dynamics.parameters.field_of, travel[joint])] if joint in travel else None
             for joint in range(len(robot.joints))
         ],
     }

@@ -25,7 +25,7 @@ from redundant_envs.disk import check_plain, write_text
 from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import SCENES, id_of
-from redundant_envs.lane.features import Fault
+from redundant_envs.lane.faults import Fault
 from redundant_envs.model.listing import Operations, bill
 from redundant_envs.scene import Scene, load_scene
 from redundant_envs.tasks import ReachTask

@@ -69,7 +69,7 @@ def test_error_control_knows_how_stiff_a_tendon_makes_joints_together():
     pair = [e.Tendon(("r1", "r2"), (side, -side), 2e6, 1e5, name) for name, side in (("a", 1.0), ("b", -1.0))]
     dynamics = Dynamics(rde.Scene(arm, pair, tolerance=1e-6))
     omega = math.sqrt(4e6 * 4.0 / 0.5)  # r1 - r2 = 2 x while the far mass stays
-    least = dynamics.prepare(dynamics.parameters)["least_step_rate"]
+    least = dynamics.parameters.prepare(dynamics.parameters.values)["least_step_rate"]
     assert 0.5 * omega <= math.sqrt(2.0) * least <= 1.01 * 0.5 * omega
 
 
@@ -193,7 +193,7 @@ def test_constant_fields_of_a_scene_add(name):
             (e.Gravity(8.0), Wind(2.0, (1.0, 0.0))), (e.Gravity(math.hypot(8.0, 2.0), (A_PART, -D_PART)),),
         )
     )  # fmt: skip
-    assert Dynamics(both).steady_field == ("ax", "ay")
+    assert Dynamics(both).parameters.steady_field == ("ax", "ay")
     found, expected = (rde.simulate(s, q, qd, TIMES) for s in (both, one))
     np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
     np.testing.assert_allclose(found.potential_energy, expected.potential_energy, rtol=1e-13, atol=1e-13)

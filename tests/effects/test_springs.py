@@ -125,8 +125,8 @@ def test_at_rest_exactly_at_a_limit_nothing_happens():
 
 def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
     dynamics = Dynamics(scene(RPRP, e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0), tolerance=1e-6))
-    parameters = dynamics.parameters
-    known = parameters | dynamics.prepare(parameters) | dict.fromkeys(dynamics.states, 0.0)
+    parameters = dynamics.parameters.values
+    known = parameters | dynamics.parameters.prepare(parameters) | dict.fromkeys(dynamics.states, 0.0)
     known["interval"] = 0.05
 
     def steps(depth):

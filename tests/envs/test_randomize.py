@@ -209,7 +209,7 @@ def test_what_follows_from_drawn_numbers_has_the_bits_of_numbers_that_options_se
     one = dataclasses.replace(SCENES["RRR every effect 1e-6"], randomize=numbers)
     core = Core(one, 40, rde.ReachTask())
     core.begin(np.ones(40, bool), {})
-    memory, prepared = core.memory, core.memory.dynamics.prepared
+    memory, prepared = core.memory, core.memory.dynamics.parameters.prepared
     found = memory.read(prepared)
     assert "least_step_rate" in prepared
     assert len(np.unique(found[:, prepared.index("least_step_rate")])) == 40

@@ -149,7 +149,7 @@ def differences(played, scene, k, lanes, evaluators):
 def arrays(scene, start, efforts, convert=np.ascontiguousarray):
     """Lanes after an interval without a compiler, by the procedures on numbers of another kind."""
     dynamics = Dynamics(scene)
-    own = {dynamics.field_of(n): x for n, x in values_of(scene, start).items()}
+    own = {dynamics.parameters.field_of(n): x for n, x in values_of(scene, start).items()}
     fields = fields_of(dynamics, own) | dict(zip(dynamics.effect_states, start["z"].T, strict=True))
     for names, table in (
         (dynamics.states, np.concatenate([start["q"], start["qd"]], axis=1)),

@@ -114,7 +114,7 @@ def told(status):
 
 
 def lanes_now(batch):
-    names = tuple(batch.simulator.dynamics.field_of(p) for p in batch.scene.parameters())
+    names = tuple(batch.simulator.dynamics.parameters.field_of(p) for p in batch.scene.parameters())
     values = batch._memory.read(names)
     found = {"q": batch.q, "qd": batch.qd, "z": batch.z, "work": batch.work, "values": values}
     return found | {"draws": batch.draws}

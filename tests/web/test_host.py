@@ -226,7 +226,7 @@ def test_kernels_write_into_their_arrays_alone(name, told):
 def test_what_follows_from_parameters_has_the_bits_of_python(name, told):
     scene, rng = SCENES[name], np.random.default_rng(21)
     dynamics, one = Dynamics(scene), lambda: rng.uniform(0.7, 9.0)
-    nominal = {dynamics.field_of(n): v for n, v in scene.parameters().items()}
+    nominal = {dynamics.parameters.field_of(n): v for n, v in scene.parameters().items()}
     sets = [{n: v * one() for n, v in nominal.items()} for _ in range(100)]
     found = told(name, f"""
       const s = made();
