@@ -8,8 +8,6 @@ events, sides are 1 at the upper limit, -1 at the lower one, 0 at none.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import cases, maximum, where
@@ -26,70 +24,6 @@ MARGIN = 1e-13
 """m or rad, relative above 1: if a force changes its law this much later, the error is below tolerances."""
 SMALLEST_SCALE = 1e-280
 """Smallest scale of rounding, for positions and limits that are all 0."""
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """The limits of a coordinate, and what happens there.
-
-    At a limit that bounces a stop strikes it, and may hold it; at another one a force changes its law.
-    """
-
-    name: str  # ends the names of its fields
-    lower: str  # fields with the limits
-    upper: str
-    owner: str  # key of the effect that has added it
-    joint: int | None = None  # whose travel is the coordinate
-    gap: Callable[..., Any] | None = None  # any other one: takes quantities by name, gives its value, m
-    restitution: str = ""  # field with that of a stop
-    bounces: bool = True
-    guards: bool = False  # whether a law holds as long as a value keeps its sign; then there is no coordinate
-
-    @property
-    def sticks(self) -> bool:
-        """Whether it is that of a joint with dry friction, whose law is the way in which it slips, or 0."""
-        return self.guards and self.joint is not None
-
-    @property
-    def holds(self) -> bool:
-        """Whether it is a stop of a joint, which can hold it."""
-        return self.bounces and self.joint is not None
-
-    @property
-    def number(self) -> int:
-        """Number of its joint, from 1 on, as quantities have it."""
-        assert self.joint is not None
-        return self.joint + 1
-
-    @property
-    def side(self) -> str:
-        """The field with the law of a force that holds: 1 above the upper limit, -1 below the lower one."""
-        return f"side_{self.name}"
-
-    @property
-    def pull(self) -> str:
-        """The field of a guard with its value, positive where the present law does not hold any more."""
-        return f"pull_{self.name}"
-
-    @property
-    def left(self) -> str:
-        """The field that says whether a guard has passed 0 where the trial step starts."""
-        return f"left_{self.name}"
-
-    @property
-    def rest(self) -> str:
-        """The field with the position at which a joint with dry friction sticks."""
-        return f"rest_{self.name}"
-
-    @property
-    def at(self) -> str:
-        """The quantity of a joint with dry friction that says at which side's stop it is."""
-        return f"at_{self.name}"
-
-    @property
-    def active(self) -> str:
-        """The field with the side of the stop at which the coordinate rests."""
-        return f"active_stop_{self.name}"
 
 
 class BoundedCoordinate(NamedTuple):
