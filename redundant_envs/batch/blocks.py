@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.lane.features import Features
+from redundant_envs.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Lifetime
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, Lifetime, traced
+from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Scalar
 from redundant_envs.tracing.graph import TooManyOperations, counted, reached
 

@@ -9,7 +9,8 @@ from typing import Any
 from redundant_envs.algebra import entries, numbered
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Features
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Lane, Layout, traced
+from redundant_envs.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout
+from redundant_envs.lane.memory import Lane, traced
 from redundant_envs.robots.arm import Arm
 from redundant_envs.tracing.flow import Kernel, LaneFunction
 

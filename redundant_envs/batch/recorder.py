@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from redundant_envs.batch.blocks import Block, Blocks
 from redundant_envs.events.contacts import Happening
 from redundant_envs.lane.event_log import MAX_LOGGED
-from redundant_envs.lane.memory import LOG
+from redundant_envs.lane.fields import LOG
 from redundant_envs.tracing.flow import Scalar
 
 

@@ -10,8 +10,8 @@ from redundant_envs.batch.blocks import GROUP, Block, Blocks, Ends, Procedure
 from redundant_envs.batch.recorder import NoRecorder, Recorder, Seats
 from redundant_envs.lane.event_log import EventLog
 from redundant_envs.lane.faults import Control
+from redundant_envs.lane.fields import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.lane.interval import FIRST
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.lane.program import Request
 from redundant_envs.tracing.flow import LaneFunction, Scalar
 

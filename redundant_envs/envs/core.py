@@ -22,7 +22,7 @@ from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
 from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import ENDS, TIP, Episode
-from redundant_envs.lane.memory import Layout
+from redundant_envs.lane.fields import Layout
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator

@@ -13,9 +13,11 @@ from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, maximum, minimum, total, where
 from redundant_envs.lane import coordinates, jumps
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.faults import Control, Fault
 from redundant_envs.lane.features import Features
-from redundant_envs.lane.memory import SCRATCH, Field, Lane
+from redundant_envs.lane.fields import SCRATCH, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.pieces import Pieces, Whole
 from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import MOST_DOUBLINGS, Crossed
@@ -39,21 +41,14 @@ class RepeatedPieces(Pieces):
     attempts = MOST_DOUBLINGS + 2
     crossings = 2.0  # each has twice the steps of the one before
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         arm = self.dynamics.arm
         yield from super().fields()
-        yield Field("attempts", "", "times that the interval was crossed", SCRATCH)
-        yield Field("again", "", "the interval has to be crossed again", SCRATCH, truth=True)
-        yield Field("longest_step", "s", "longest step allowed in this attempt", SCRATCH)
-        yield Field("divisions", "", "steps of the piece", SCRATCH)
-        yield Field("shortest_step", "s", "shortest step of pieces with several", SCRATCH)
-        yield Field("steps_taken", "", "steps of the pieces before", SCRATCH)
-        yield Field("error_carried", "m", "error at the start of the piece", SCRATCH)
-        yield Field("unsure", "", "the error of a piece so far may exceed its estimate", SCRATCH, truth=True)
-        yield Field("carries_doubt", "", "one did at the start of the piece", SCRATCH, truth=True)
+        yield from engine("attempts", "again", "longest_step", "divisions", "shortest_step", "steps_taken")
+        yield from engine("error_carried", "unsure", "carries_doubt")
         for q, slides in zip(arm.coordinates, arm.prismatic, strict=True):
             unit = "m" if slides else "rad"
-            yield Field(BEFORE.format(q), unit, f"{q} after the attempt before", SCRATCH)
+            yield Variable(BEFORE.format(q), unit, f"{q} after the attempt before", SCRATCH)
 
     def clear(self, lane: Lane) -> None:
         super().clear(lane)

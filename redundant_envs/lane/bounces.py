@@ -9,8 +9,10 @@ from redundant_envs.algebra import maximum, where
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.events.contacts import Resolved
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.faults import Control
-from redundant_envs.lane.memory import SCRATCH, Field, Lane
+from redundant_envs.lane.fields import Variable
+from redundant_envs.lane.memory import Lane
 
 
 class Bounces:
@@ -19,7 +21,7 @@ class Bounces:
     def __init__(self, control: Control) -> None:
         self.control = control
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the lanes."""
         return iter(())
 
@@ -56,10 +58,8 @@ class ComparedBounces(Bounces):
     friction, an impact may come before those that are left out would be over, and find at rest what is still
     in the air."""
 
-    def fields(self) -> Iterator[Field]:
-        yield Field("lowest_bounce", "m", "height of a bounce below which it ends in rest", SCRATCH)
-        yield Field("bounces_end", "s", "when all bounces that were left out would be over", SCRATCH)
-        yield Field("bounce_missed", "", "there was an impact before", SCRATCH, truth=True)
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("lowest_bounce", "bounces_end", "bounce_missed")
 
     def lowest(self, lane: Lane) -> Any:
         return lane.lowest_bounce

@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 from redundant_envs.events.boundary import BoundedCoordinate
 from redundant_envs.events.first_event import Encounter, Event, first_event
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.fields import FieldName, Own, Owner
-from redundant_envs.lane.memory import Field, Lane
+from redundant_envs.lane.fields import FieldName, Own, Owner, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.methods import Watched
 from redundant_envs.quantities import Quantities
 
@@ -30,7 +30,7 @@ class Boundary(Owner, abc.ABC):
         """``name`` ends the names of its fields, ``owner`` is the key of the effect that has added it."""
         self.dynamics, self.name, self.owner = dynamics, name, owner
 
-    def watched_fields(self) -> Iterator[Field]:
+    def watched_fields(self) -> Iterator[Variable]:
         """Fields with its values at the stages of a step, and how it is met."""
         yield from self.own("first", "last", "least", "most")
 
@@ -70,7 +70,7 @@ class Bounded(Boundary):
     turning = Own("s", "when the coordinate turns in the trial step")
     cleared = Own("", "is known to turn before its limit", truth=True)
 
-    def watched_fields(self) -> Iterator[Field]:
+    def watched_fields(self) -> Iterator[Variable]:
         yield from super().watched_fields()
         yield from self.own("crossing", "turning")
 

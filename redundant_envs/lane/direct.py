@@ -60,7 +60,9 @@ def in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
 def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
     """One lane: its program runs as it is written."""
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
-    lane = Lane(interval.layout(), lambda name: numbers.get(name, np.float64(0.0)), declares=True)
+    layout = interval.layout()
+    interval.declare_program(layout)
+    lane = Lane(layout, lambda name: numbers.get(name, np.float64(0.0)))
     interval.step.clear(lane)
     for _ in range(interval.pieces.attempts):
         for begins in common_steps(interval):

@@ -19,6 +19,7 @@ from redundant_envs.algebra import (
 )
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.lane.dynamics import INTERVALS
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.faults import (
     GIVEN_UP,
     OBSERVED_ANGLE,
@@ -27,9 +28,9 @@ from redundant_envs.lane.faults import (
     angle_fault,
     largest_angle,
 )
-from redundant_envs.lane.fields import copies
+from redundant_envs.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Layout, Variable, copies
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import ENGINE, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.randomized import Randomized
 from redundant_envs.lane.sensing import measured, reads_nonsense
 from redundant_envs.quantities import Quantities, check_names
@@ -40,17 +41,9 @@ TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 ENDS = ("terminated", "truncated", "reward")
 """Outputs about the end of a step. They stay when a new episode begins in the same step."""
-COUNTS = {
-    "steps": "control steps of the episode before this one",
-    "saturated": "entries of actions outside [-1, 1] in the episode",
-    "numerics": "faults of the last step",
-}
+COUNTS = ("steps", "saturated", "numerics")
 """What every lane remembers of its episode."""
-SPENT = {
-    "evaluations_sum": "evaluations of the equations of motion in the episode",
-    "events_sum": "events at stops in the episode",
-    "error_most": "largest estimated error of a control step in the episode, m",
-}
+SPENT = ("evaluations_sum", "events_sum", "error_most")
 """What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
@@ -77,14 +70,10 @@ class Episode:
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
         has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
-        spent = {
-            name: doc
-            for name, doc in SPENT.items()
-            if interval.features.counts_evaluations and has.get(name, True)
-        }
-        sums = dict.fromkeys(self.returns, "sum of a reward term over the episode")
-        self.counts: dict[str, str] = {**sums, **spent, **COUNTS}
-        """What a lane remembers of its episode beside its state and the task's memory, and what it means."""
+        counts = interval.features.counts_evaluations
+        spent = (name for name in SPENT if counts and has.get(name, True))
+        self.counts: tuple[str, ...] = (*self.returns, *spent, *COUNTS)
+        """What a lane remembers of its episode beside its state and the task's memory."""
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
@@ -112,27 +101,28 @@ class Episode:
         of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
         return {**{identifier(name): name for name in of_effects}, **self.task.aliases(scene)}
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the lanes, those of the interval included."""
         task, owner = self.task, f"the task {type(self.task).__name__}"
         yield from self.interval.fields()
         if not self.features.local:
             yield from copies(self.features.kept, "{}_start", "when the interval began")
         for name in task.parameters():
-            yield Field(name, "", "number", PARAMETER, owner=owner)
-        yield Field("limit", "", "control steps of an episode", PARAMETER)
+            yield Variable(name, "", "number", PARAMETER, owner=owner)
+        yield from engine("limit")
         for name in task.memory:
-            yield Field(name, "", "memory", STATE, owner=owner)
-        for name, doc in (self.counts | dict.fromkeys(ENDS, "of the last step")).items():
-            yield Field(name, "", doc, STATE)
+            yield Variable(name, "", "memory", STATE, owner=owner)
+        for name in self.returns:
+            yield Variable(name, "", "sum of a reward term over the episode", STATE)
+        yield from engine(*self.counts[len(self.returns) :], *ENDS)
         for name in task.held_outputs:
-            yield Field(name, "", "held output", STATE, owner=owner)
+            yield Variable(name, "", "held output", STATE, owner=owner)
         for name in self.actions:
-            yield Field(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
+            yield Variable(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
         for name in self.draws:
-            yield Field(name, "", "uniform draw in (0, 1)", SCRATCH)
+            yield Variable(name, "", "uniform draw in (0, 1)", SCRATCH)
         yield from self.randomized.fields()
-        yield Field("resetting", "", "a new episode begins", SCRATCH, truth=True)
+        yield from engine("resetting")
 
     def layout(self) -> Layout:
         """The fields of the lanes, and the rows that hold them."""
@@ -191,7 +181,7 @@ class Episode:
         code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
         if self.features.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
-        too_fast = logical_not(code > 0.0) & (fastest > lane.speed_bound)
+        too_fast = logical_not(code > 0.0) & (fastest > lane["speed_bound"])
         fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
         if task.speed_bound_ends:
             code = code + fast

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.algebra import where
-from redundant_envs.lane.memory import LOG, SCRATCH, STATE, Field, Lane
+from redundant_envs.lane.engine_fields import engine
+from redundant_envs.lane.fields import LOG, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.stops import Impacting
 
 MAX_LOGGED = 256
@@ -21,11 +23,11 @@ class NoLog:
     read: tuple[str, ...] = ()
     """Fields that the kernel reads, and no function."""
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the time of events."""
         return iter(())
 
-    def fields_of_events(self) -> Iterator[Field]:
+    def fields_of_events(self) -> Iterator[Variable]:
         """Fields of the events."""
         return iter(())
 
@@ -54,15 +56,14 @@ class EventLog(NoLog):
         """``controlled``: whether error control chooses the steps, so that there is one common step."""
         self.controlled = controlled
 
-    def fields(self) -> Iterator[Field]:
-        yield Field("span_start", "s", "when the common step began", SCRATCH, book=True)
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("span_start")
 
-    def fields_of_events(self) -> Iterator[Field]:
-        yield Field("logged_start", "", "events kept before the common step", SCRATCH, book=True)
-        yield Field("logged", "", "events kept", STATE, book=True)
+    def fields_of_events(self) -> Iterator[Variable]:
+        yield from engine("logged_start", "logged")
         for n in range(MAX_LOGGED):
             for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
-                yield Field(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+                yield Variable(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
 
     def clear(self, lane: Lane) -> None:
         lane.span_start = 0.0 if self.controlled else -lane.h

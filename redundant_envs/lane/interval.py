@@ -16,20 +16,11 @@ from redundant_envs.lane.attempts import pieces_of
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
+from redundant_envs.lane.engine_fields import EngineFields, engine
 from redundant_envs.lane.faults import GIVEN_UP, Control
 from redundant_envs.lane.features import Features
-from redundant_envs.lane.fields import copies
-from redundant_envs.lane.memory import (
-    ENGINE,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Field,
-    Lane,
-    Layout,
-    Lifetime,
-    TracedLane,
-)
+from redundant_envs.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Layout, Lifetime, Variable, copies
+from redundant_envs.lane.memory import Lane, TracedLane, function_of
 from redundant_envs.lane.program import LaneProgram, Request
 from redundant_envs.lane.step_control import CLASSES
 from redundant_envs.quantities import check_names
@@ -44,13 +35,7 @@ FIRST = "first"
 after any, and half as long."""
 ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
 """Quantities that are no fields in every scene, and whose names they are."""
-CONDITIONS = {
-    "entered": "has just left the common step",
-    "due": "has made the trial step that it asked for",
-    "moving": "asks for a trial step",
-    "touching": "asks for the forces at its stops",
-    "complete": "has crossed its interval, or given it up",
-}
+CONDITIONS = ("entered", "due", "moving", "touching", "complete")
 """Fields about the program of a lane."""
 
 
@@ -64,34 +49,29 @@ class Interval:
         self.step = CommonStep(self.boundaries)
         self.program = LaneProgram(self.boundaries, CLASSES[self.features.control](self.step))
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the lanes, without those that only the program of a lane sets."""
         dynamics, features = self.dynamics, self.features
         yield from motion_fields(dynamics, self.pieces.length)
         yield from self.pieces.fields()
-        evaluations = Field("evaluations", "", "evaluations of the right-hand side", SCRATCH)
         if not features.local:
             if features.counts_evaluations:
-                yield evaluations
+                yield from engine("evaluations")
             return
         for stop in features.holding:
             yield from stop.own("active_stop")
         if features.control is Control.ADAPTIVE:
-            yield Field("next_step", "s", "length of the next step", STATE)
+            yield from engine("next_step")
         yield from copies(features.kept, "{}_start", "before the common step")
         if features.origin != "{}_start":
             yield from copies(features.kept, features.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
-        yield evaluations
-        yield Field("reason", "", "why the lane leaves the common step (Reason)", SCRATCH)
-        yield Field("error_start", "m", "error before the common step", SCRATCH)
-        yield Field("min_steps", "", "least number of steps allowed; 0 where one may serve", SCRATCH)
-        yield Field("state", "", "where the program of the lane waits", SCRATCH)
-        for name, doc in (CONDITIONS | features.doubts).items():
-            yield Field(name, "", doc, SCRATCH, truth=True)
+        yield from engine("evaluations", "reason", "error_start", "min_steps", "state", *CONDITIONS)
+        for name, doc in features.doubts.items():
+            yield Variable(name, "", doc, SCRATCH, truth=True)
         yield from self.fields_of_boundaries()
 
-    def fields_of_boundaries(self) -> Iterator[Field]:
+    def fields_of_boundaries(self) -> Iterator[Variable]:
         """Fields about boundaries, and the log of events."""
         features = self.features
         yield from features.log.fields()
@@ -103,18 +83,16 @@ class Interval:
         for guard in features.guards:
             yield from guard.fields()
         if self.dynamics.bounds_late_switch:
-            yield Field("departure", "m/s", "by which laws that hold no more lead off the motion", SCRATCH)
-            yield Field("target", "", "number of the boundary whose event is sought", SCRATCH)
+            yield from engine("departure", "target")
             for guard in features.guards:
                 yield from guard.own("left")
         if features.impulses_change_laws:
-            yield Field("resolving", "", "contacts are being resolved", SCRATCH, truth=True)
+            yield from engine("resolving")
         if features.stops:
-            yield Field("impacts", "", "impacts of the interval", SCRATCH)
-            yield Field("impacts_start", "", "before the common step", SCRATCH)
+            yield from engine("impacts", "impacts_start")
         if features.resolves:
             for v in self.dynamics.states[self.dynamics.count :]:
-                yield Field(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+                yield Variable(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
         for stop in features.stops:
             yield from stop.fields()
         yield from features.bounces.fields()
@@ -146,13 +124,21 @@ class Interval:
         if self.features.local:
             self.undo(lane, lane.fault >= GIVEN_UP)
 
+    def declare_program(self, layout: Layout) -> None:
+        """Declare the fields that only the program of a lane sets."""
+        for variable in self.program.fields():
+            declared = layout.fields.get(variable.name)
+            if declared is None or declared.owner != ENGINE:
+                layout.add(variable)
+
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), after each request, and after a common
         step that is its first trial step (:data:`FIRST`).
 
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
-        lane = TracedLane(layout, Graph(), declares=True)
+        self.declare_program(layout)
+        lane = TracedLane(layout, Graph())
         made: dict[Any, LaneFunction] = {}
         machine = Machine(self.program.cross, lane, Request, whole)
         for request, answered in ANSWERED.items():
@@ -162,11 +148,11 @@ class Interval:
             if request is not Request.FORCES:  # which the program itself asks for again
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
-            made[request] = layout.function(name, written)
+            made[request] = function_of(layout, name, written)
         skips = self.features.control is Control.ADAPTIVE and self.features.sticking
         if self.features.boundaries and not skips:  # what sticks is decided before any first step then
             written = machine.after(Request.STEP, "due", first=True)
-            made[FIRST] = layout.function("after_common_step", {**written, "due": 0.0})
+            made[FIRST] = function_of(layout, "after_common_step", {**written, "due": 0.0})
         return made
 
     def layout(self) -> Layout:
@@ -183,7 +169,7 @@ class Interval:
         return layout
 
 
-def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Field]:
+def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Variable]:
     """State, parameters and what every interval has."""
     arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
     owners = dict.fromkeys(dynamics.parameters.numbers, of_arm) | dict.fromkeys(
@@ -194,26 +180,25 @@ def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Field]:
         owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
     units = ["m" if slides else "rad" for slides in arm.prismatic]
     for name, unit in zip(arm.coordinates, units, strict=True):
-        yield Field(name, unit, "generalized coordinate", STATE, owner=of_arm)
+        yield Variable(name, unit, "generalized coordinate", STATE, owner=of_arm)
     for name, unit in zip(arm.rates, units, strict=True):
-        yield Field(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
+        yield Variable(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
     for name, state in dynamics.effect_states.items():
-        yield Field(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
+        yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
     for name in dynamics.draw_fields:
         doc = "control intervals since draws began" if name == INTERVALS else "word of the key of draws"
-        yield Field(name, "", doc, STATE)
+        yield Variable(name, "", doc, STATE)
     if dynamics.track_work:
-        yield Field("work", "J", "work of motors and of forces without a potential", STATE, book=True)
-    yield Field("h", "s", "length of the common step", length)
-    yield Field("interval", "s", "control interval", PARAMETER)
+        yield from engine("work")
+    yield EngineFields.h.field(length)
+    yield from engine("interval")
     for name in (*dynamics.parameters.values, *dynamics.parameters.prepared):
         doc = (
             "parameter of the scene"
             if name in dynamics.parameters.values
             else "follows from parameters alone"
         )
-        yield Field(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
+        yield Variable(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
     for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
-        yield Field(name, unit, "command of a motor", SCRATCH)
-    yield Field("error", "m", "estimated tip error of the interval so far", SCRATCH)
-    yield Field("fault", "", "faults of the interval", SCRATCH)
+        yield Variable(name, unit, "command of a motor", SCRATCH)
+    yield from engine("error", "fault")

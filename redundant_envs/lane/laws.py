@@ -9,9 +9,9 @@ from redundant_envs.algebra import maximum, minimum, where
 from redundant_envs.events.boundary import BoundedCoordinate, guarded, law_behind, limits_of_law, side_beyond
 from redundant_envs.events.first_event import Encounter, Event, first_passage
 from redundant_envs.lane.boundary import Boundary, Bounded
-from redundant_envs.lane.fields import FieldName, Own, copies
+from redundant_envs.lane.fields import FieldName, Own, Variable, copies
 from redundant_envs.lane.joint import Joint
-from redundant_envs.lane.memory import Field, Lane
+from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
 
 SMALLEST_LATE_SHARE = 1e-13
@@ -31,7 +31,7 @@ class LawChange(Bounded):
         super().__init__(joint.dynamics, name, owner)
         self.joint, self.lower, self.upper = joint, lower, upper
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         yield from self.own("side")
         yield from copies((self.side,), "{}_start", "before the common step")
 
@@ -62,7 +62,7 @@ class Guard(Boundary):
     inner = Own("", "the greatest at a stage between the ends of the step")
     left = Own("", "has passed 0 where the trial step starts", truth=True)
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         yield from self.own("side", "pull")
         yield from copies((self.side, self.pull), "{}_start", "before the common step")
         yield from copies((self.pull,), "{}_trial", "at the start of the trial step")

@@ -1,107 +1,28 @@
-"""The memory of a lane: declared fields, and lanes with these fields on any kind of numbers."""
+"""Lanes with declared fields, on any kind of numbers."""
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from redundant_envs.algebra import where
+from redundant_envs.lane.engine_fields import EngineFields
+from redundant_envs.lane.fields import Layout, Lifetime
 from redundant_envs.tracing.flow import LaneFunction, Output
 from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.number import Condition, Number, value_of
 
 
-class Lifetime(enum.StrEnum):
-    """How long a field is kept; also the name of the memory that holds it."""
-
-    STATE = "state"  # from interval to interval: saved, restored and reset
-    PARAMETER = "parameter"  # set by a user, or following from such numbers; shared until lanes differ
-    SCRATCH = "scratch"  # within an interval
-    LOG = "log"  # results of an interval, to be read after it
-
-
-STATE, PARAMETER, SCRATCH, LOG = Lifetime
-ENGINE = "the engine"
-"""Owner of the names that every lane has, whatever its arm, effects and task."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """A number that every lane has."""
-
-    name: str
-    unit: str
-    doc: str
-    lifetime: Lifetime
-    truth: bool = False  # whether it holds a condition, as 1 or 0
-    book: bool = False  # whether it is a record of the motion, which does not depend on it
-    at_reset: bool = False  # whether only the beginning of an episode reads it
-    owner: str = ENGINE  # who has given it its name
-
-    @property
-    def whose(self) -> str:
-        """Whose name it is, and what it means."""
-        return f"of {self.owner}: {self.doc}"
-
-
-class Layout:
-    """Fields, and the rows that hold them."""
-
-    def __init__(self, fields: Iterable[Field]) -> None:
-        self.fields: dict[str, Field] = {}
-        self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
-        for f in fields:
-            self.add(f)
-
-    def add(self, f: Field) -> None:
-        """Declare one more field."""
-        if f.name in self.fields:
-            raise ValueError(
-                f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
-            )
-        self.fields[f.name] = f
-        self.rows[f.lifetime][f.name] = len(self.rows[f.lifetime])
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.fields
-
-    def row_of(self, name: str) -> tuple[str, int]:
-        """Memory and row of a field; an unknown name lists those there are."""
-        if name not in self.fields:
-            raise AttributeError(f"a lane has no field {name!r}; it has {', '.join(self.fields)}")
-        lifetime = self.fields[name].lifetime
-        return str(lifetime), self.rows[lifetime][name]
-
-    def places(self) -> dict[str, tuple[str, int]]:
-        """Memory and row of each field, by name."""
-        return {name: self.row_of(name) for name in self.fields}
-
-    def size(self, lifetime: Lifetime) -> int:
-        """Number of rows of a memory."""
-        return len(self.rows[lifetime])
-
-    def function(self, name: str, written: Mapping[str, Any]) -> LaneFunction:
-        """A function of lanes that stores values of a graph in fields."""
-        stores = [(*self.row_of(n), value_of(v)) for n, v in written.items()]
-        asides = frozenset(self.row_of(n) for n, f in self.fields.items() if f.book)
-        return LaneFunction(name, tuple(str(lifetime) for lifetime in Lifetime), stores, asides=asides)
-
-
-class Lane:
+class Lane(EngineFields):
     """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
 
     Reading a field that was set returns the new value. ``load`` returns its value before, by its name.
     """
 
-    __slots__ = ("_declares", "_layout", "_load", "_now", "_written")
+    __slots__ = ("_layout", "_load", "_now", "_written")
 
-    def __init__(self, layout: Layout, load: Callable[[str], Any], declares: bool = False) -> None:
-        """With ``declares`` a field that is set and not declared becomes a scratch field."""
-        self._layout, self._load, self._declares = layout, load, declares
+    def __init__(self, layout: Layout, load: Callable[[str], Any]) -> None:
+        self._layout, self._load = layout, load
         self._now: dict[str, Any] = {}
         self._written: dict[str, Any] = {}
 
@@ -113,23 +34,19 @@ class Lane:
         return self._now[name]
 
     def __setitem__(self, name: str, value: Any) -> None:
-        if self._declares and name not in self._layout:
-            truth = isinstance(value, Condition | bool | np.bool_)
-            self._layout.add(Field(name, "", "of the program of a lane", SCRATCH, truth))
         self._layout.row_of(name)
         self._now[name] = self._written[name] = value
 
-    def __getattr__(self, name: str) -> Any:
-        return self[name]
+    if not TYPE_CHECKING:  # mypy knows the fields that are declared
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name.startswith("_"):
-            return object.__setattr__(self, name, value)
-        known = self._layout.fields.get(name)
-        if known and known.owner != ENGINE:
-            raise ValueError(f"{name!r} is a name {known.whose}, and of {ENGINE}; rename it")
-        self[name] = value
-        return None
+        def __getattr__(self, name: str) -> Any:
+            return self[name]
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name.startswith("_"):
+                object.__setattr__(self, name, value)
+            else:
+                self[name] = value
 
     @property
     def layout(self) -> Layout:
@@ -169,8 +86,8 @@ class TracedLane(Lane):
 
     __slots__ = ("_graph",)
 
-    def __init__(self, layout: Layout, graph: Graph, declares: bool = False) -> None:
-        super().__init__(layout, self.loaded, declares)
+    def __init__(self, layout: Layout, graph: Graph) -> None:
+        super().__init__(layout, self.loaded)
         self._graph = graph
 
     def next_part(self) -> None:
@@ -185,6 +102,13 @@ class TracedLane(Lane):
     def loaded(self, name: str) -> Number:
         """A field as it is in memory."""
         return Number(self._graph, self._graph.load(*self._layout.row_of(name)))
+
+
+def function_of(layout: Layout, name: str, written: Mapping[str, Any]) -> LaneFunction:
+    """A function of lanes that stores values of a graph in fields."""
+    stores = [(*layout.row_of(n), value_of(v)) for n, v in written.items()]
+    asides = frozenset(layout.row_of(n) for n, f in layout.fields.items() if f.book)
+    return LaneFunction(name, tuple(str(lifetime) for lifetime in Lifetime), stores, asides=asides)
 
 
 def traced(
@@ -207,7 +131,7 @@ def traced(
     for array, (_, fields) in (inputs or {}).items():
         lane.set(fields, [Number(graph, graph.load(array, k)) for k in range(len(fields))])
     *_, outputs = [procedure(lane) for procedure in procedures]
-    made = layout.function(name, lane.written())
+    made = function_of(layout, name, lane.written())
     for place, v in (outputs or {}).items():
         made.outputs.append(Output(*place, v.value if isinstance(v, Condition) else value_of(v)))
     made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}

@@ -13,8 +13,10 @@ from typing import Any
 from redundant_envs.algebra import maximum, where
 from redundant_envs.effects.attached import RENEWAL, Attachments
 from redundant_envs.lane import jumps
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.features import Features
-from redundant_envs.lane.memory import PARAMETER, SCRATCH, Field, Lane, Lifetime
+from redundant_envs.lane.fields import PARAMETER, SCRATCH, Lifetime, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.error_control import Crossed
 
 Procedure = Callable[[Lane], Any]
@@ -43,7 +45,7 @@ class Whole:
     def __init__(self, features: Features) -> None:
         self.features, self.dynamics = features, features.dynamics
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the lanes."""
         return iter(())
 
@@ -99,10 +101,10 @@ class Pieces(Whole):
         self.instants = features.scene.attached.instants
         self.count, self.begins = len(self.instants) + 1, (self.begin,)
 
-    def fields(self) -> Iterator[Field]:
-        yield Field("piece_end", "s", "end of the present piece of the interval", SCRATCH)
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("piece_end")
         for name in self.dynamics.passed:
-            yield Field(name, "", "1 from the instant on, 0 before", SCRATCH)
+            yield Variable(name, "", "1 from the instant on, 0 before", SCRATCH)
 
     def clear(self, lane: Lane) -> None:
         lane.piece_end = 0.0

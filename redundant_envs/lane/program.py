@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 from redundant_envs.algebra import any_of, logical_not, where
@@ -18,7 +18,9 @@ from redundant_envs.events.boundary import starts_at_stop
 from redundant_envs.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.lane.boundaries import Boundaries
 from redundant_envs.lane.closed_forms import InStep
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.faults import Fault
+from redundant_envs.lane.fields import Variable
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, StepControl
 
@@ -50,6 +52,23 @@ class LaneProgram:
     def __init__(self, boundaries: Boundaries, control: StepControl) -> None:
         self.boundaries, self.control = boundaries, control
         self.features, self.dynamics = boundaries.features, boundaries.dynamics
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields that it alone sets, in the order in which it does so first."""
+        if not self.features.local:
+            return
+        yield from self.control.fields()
+        yield from engine("left", "error_trial", "elapsed")
+        if self.features.resolves:
+            yield from engine("changes")
+        for b in self.features.stops:
+            yield from b.own("released")
+        yield from engine("at_stop", "step")
+        for bounded in self.features.bounded:
+            yield from bounded.own("cleared")
+        yield from engine("searched")
+        if self.features.boundaries:
+            yield from engine(*SEARCH, "for_turn")
 
     def cross(self, lane: Lane) -> Generator[Request, None, None]:
         """Cross the interval."""

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 
 from redundant_envs.algebra import logical_not, where
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.memory import PARAMETER, SCRATCH, Field, Lane
+from redundant_envs.lane.fields import PARAMETER, SCRATCH, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.ranges import Range
 from redundant_envs.scene_numbers import ends_of, entries_of
 
@@ -33,16 +34,16 @@ class Randomized:
         """For every range the fields that it draws."""
         self.entries = [name for names in self.drawn.values() for name in names]
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields of the lanes: what the draws follow from, and draws of an episode."""
         for name in self.numbers():
-            yield Field(name, "", "of the range of a number", PARAMETER, at_reset=True)
+            yield Variable(name, "", "of the range of a number", PARAMETER, at_reset=True)
         for name in self.entries:
             doc = "whether an option of a reset has set the number, which then is not drawn"
-            yield Field(fixed(name), "", doc, PARAMETER, truth=True, at_reset=True)
+            yield Variable(fixed(name), "", doc, PARAMETER, truth=True, at_reset=True)
         for _, draws in self.streams():
             for name in draws:
-                yield Field(name, "", "uniform draw in (0, 1)", SCRATCH)
+                yield Variable(name, "", "uniform draw in (0, 1)", SCRATCH)
 
     def numbers(self) -> dict[str, float]:
         """Numbers of the ranges by their fields: those of distributions, and the scene's own for factors."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.algebra import logical_not, maximum, total
 from redundant_envs.lane.common_step import CommonStep
 from redundant_envs.lane.coordinates import tip_norms
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.faults import Control, Fault, Reason
+from redundant_envs.lane.fields import SCRATCH, Variable
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics import error_control
 from redundant_envs.numerics.error_control import Crossed, Verdict
@@ -39,6 +42,10 @@ class StepControl:
         self.dynamics = step.dynamics
         self.stages = float(step.dynamics.method.stages)
         self.most_trials = MOST_TRIALS * self.pieces.count
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the plan, beside the length of the present step."""
+        return iter(())
 
     def note(self, lane: Lane, fault: Fault) -> None:
         """Record a fault; the worst one of an interval counts."""
@@ -73,6 +80,11 @@ class EqualSteps(StepControl):
     """1, 2, 4, ... 16384 equal steps, until the sum of their errors passes the tolerance."""
 
     repeats = True
+
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("divisions", "steps_left")
+        for q in self.dynamics.arm.coordinates:
+            yield Variable(f"{q}_seen", "", f"{q} after the crossing before", SCRATCH)
 
     def begin(self, lane: Lane) -> Any:
         inaccurate = lane.reason == Reason.ACCURACY
@@ -131,6 +143,9 @@ class EqualSteps(StepControl):
 
 class AdaptiveSteps(StepControl):
     """Each step is as long as its error allows (dop853)."""
+
+    def fields(self) -> Iterator[Variable]:
+        return engine("steps_left")
 
     def begin(self, lane: Lane) -> Any:
         first = error_control.first_adaptive(lane.next_step, lane.min_steps, self.pieces.span(lane))

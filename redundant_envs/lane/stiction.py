@@ -9,10 +9,10 @@ from redundant_envs.algebra import all_of, cases, logical_not, maximum, minimum,
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.events.boundary import ROUNDING, BoundedCoordinate, guarded
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.fields import Own
+from redundant_envs.lane.fields import STATE, Own, Variable
 from redundant_envs.lane.joint import Joint, Travel, times
 from redundant_envs.lane.laws import SMALLEST_LATE_SHARE, Guard
-from redundant_envs.lane.memory import STATE, Field, Lane
+from redundant_envs.lane.memory import Lane
 from redundant_envs.quantities import Quantities
 
 LARGEST_LATE_SHARE = 1e-6
@@ -179,7 +179,7 @@ class NoStiction:
         """Fields of the positions at which joints stick."""
         return tuple(j.rest for j in self.joints)
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         """Fields beside those that every guard has."""
         return iter(())
 
@@ -230,7 +230,7 @@ class Stiction(NoStiction):
         self.at_stops = [j for j in self.joints if j.travel is not None]
         self.passes = PASSES_AT_STOPS if self.at_stops else 1
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         for j in self.joints:
             yield from j.own("rest", "force", "alpha")
         for j in self.at_stops:

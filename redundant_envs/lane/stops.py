@@ -17,9 +17,9 @@ from redundant_envs.events.first_event import Encounter
 from redundant_envs.lane.boundary import Bounded
 from redundant_envs.lane.coordinates import numbers_of, response
 from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.fields import Own
+from redundant_envs.lane.fields import SCRATCH, STATE, Own, Variable
 from redundant_envs.lane.joint import Travel
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane
+from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.stiction import StickingJoint
 from redundant_envs.quantities import Quantities
 
@@ -40,13 +40,13 @@ class Impacting(Bounded):
         """The field with the change of a rate of the arm per impulse along the coordinate."""
         return f"mobility_{rate}_{self.name}"
 
-    def fields(self) -> Iterator[Field]:
+    def fields(self) -> Iterator[Variable]:
         yield from self.fields_of_kind()
         for v in self.dynamics.arm.rates:
-            yield Field(self.mobility_per(v), "", f"{v} per impulse along {self.name}", SCRATCH)
+            yield Variable(self.mobility_per(v), "", f"{v} per impulse along {self.name}", SCRATCH)
         yield from self.own("happened", "speed")
 
-    def fields_of_kind(self) -> Iterator[Field]:
+    def fields_of_kind(self) -> Iterator[Variable]:
         """Those that the kind has alone."""
         return iter(())
 
@@ -123,10 +123,10 @@ class Wall(Impacting):
         """The field with the rate of the gap per rate of the arm."""
         return f"normal_{rate}_{self.name}"
 
-    def fields_of_kind(self) -> Iterator[Field]:
+    def fields_of_kind(self) -> Iterator[Variable]:
         yield from self.own("acceleration", "arrived")
         for v in self.dynamics.arm.rates:
-            yield Field(self.normal_per(v), "", f"rate of the gap per {v}", SCRATCH)
+            yield Variable(self.normal_per(v), "", f"rate of the gap per {v}", SCRATCH)
 
     def _on(self, coordinates: Sequence[Dual], numbers: Any) -> Dual:
         """The gap on coordinates with derivatives."""
@@ -226,7 +226,7 @@ class HoldingStop(TravelStop):
     force = Own("N", "that holds the slider")
     force_trial = Own("N", "at the start of the trial step")
 
-    def fields_of_kind(self) -> Iterator[Field]:
+    def fields_of_kind(self) -> Iterator[Variable]:
         yield from self.own("force", "force_trial")
 
     def active_side(self, lane: Lane, form: str = "{}") -> Any:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.event_log import MAX_LOGGED
 from redundant_envs.lane.faults import Fault
-from redundant_envs.lane.memory import LOG
+from redundant_envs.lane.fields import LOG
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, InUse, Memory, alone, first
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts

@@ -14,8 +14,9 @@ from redundant_envs.batch.blocks import Blocks
 from redundant_envs.effects.hooks import Actuation, Field, Inertia
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
+from redundant_envs.lane.fields import LOG, Layout
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import LOG, Layout, traced
+from redundant_envs.lane.memory import traced
 from redundant_envs.notebook import as_html, table
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tasks import ReachTask

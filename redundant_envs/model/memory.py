@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.lane.memory import LOG, PARAMETER, STATE, Layout
+from redundant_envs.lane.fields import LOG, PARAMETER, STATE, Layout
 from redundant_envs.tracing.flow import LANES
 from redundant_envs.values import shown
 

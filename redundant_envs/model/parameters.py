@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.lane.memory import PARAMETER, STATE
+from redundant_envs.lane.fields import PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.scene import Scene

@@ -29,8 +29,8 @@ from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kern
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import Episode
 from redundant_envs.lane.features import Features
+from redundant_envs.lane.fields import Layout
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Layout
 from redundant_envs.model.memory import Memory, aligned, alone
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import Scene

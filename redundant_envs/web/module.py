@@ -24,8 +24,8 @@ from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import TABLES, Episode
+from redundant_envs.lane.fields import LOG, PARAMETER, STATE
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import LOG, PARAMETER, STATE
 from redundant_envs.scene import Scene, check_scene
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task

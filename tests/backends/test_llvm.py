@@ -15,7 +15,8 @@ from redundant_envs.backends import llvm, llvm_kernels, llvm_text
 from redundant_envs.backends.processors import AVX2
 from redundant_envs.backends.torch import torch
 from redundant_envs.draws import uniform
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, Lifetime, traced
+from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Lifetime, Variable
+from redundant_envs.lane.memory import traced
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.philox import philox
@@ -203,7 +204,7 @@ def test_tables_of_any_number_of_columns_are_read_and_written(columns, kind):
     """The rows of tables, one for each lane, are contiguous; a row beyond the last is not touched."""
     element = {np.float32: "f32", np.float64: "f64"}[kind]
     names = tuple(f"x{k}" for k in range(columns))
-    layout = Layout([Field(n, "", "", SCRATCH) for n in names])
+    layout = Layout([Variable(n, "", "", SCRATCH) for n in names])
 
     def turned(lane):
         return {("out", element, k, columns): lane[names[-1 - k]] * 2.0 for k in range(columns)}
@@ -223,7 +224,7 @@ def test_tables_of_any_number_of_columns_are_read_and_written(columns, kind):
 
 
 def test_numbers_and_conditions_go_to_arrays_of_every_type():
-    layout = Layout([Field("x", "", "", STATE), Field("y", "", "", STATE)])
+    layout = Layout([Variable("x", "", "", STATE), Variable("y", "", "", STATE)])
 
     def told(lane):
         return {

@@ -11,8 +11,8 @@ from redundant_envs.batch.environment import EPISODE_KEY, EnvironmentKernel, Ope
 from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.episode import TABLES, Episode
+from redundant_envs.lane.fields import LOG, PARAMETER, STATE
 from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import LOG, PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Call
 from redundant_envs.tasks import ReachTask

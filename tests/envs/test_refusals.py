@@ -11,7 +11,7 @@ from faces import FACES, FOUR_R, ID, MODES, actions, begin, flat, made, refused,
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.lane.memory import PARAMETER
+from redundant_envs.lane.fields import PARAMETER
 from redundant_envs.model import memory
 
 GOAL_ID = "redundant_envs/RPRPGoalReach-v0"

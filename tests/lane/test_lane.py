@@ -5,19 +5,20 @@ import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.lane.memory import LOG, PARAMETER, SCRATCH, STATE, Field, Lane, Layout
+from redundant_envs.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Variable
+from redundant_envs.lane.memory import Lane
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.tasks.reach import ReachTask
 
 LAYOUT = Layout(
     [
-        Field("q", "rad", "an angle", STATE),
-        Field("q_start", "rad", "the angle before", SCRATCH),
-        Field("mass", "kg", "of the link", PARAMETER),
-        Field("resting", "", "has no speed", SCRATCH, truth=True),
-        Field("v", "rad/s", "its rate", STATE),
-        Field("v_start", "rad/s", "the rate before", SCRATCH),
-        Field("time", "s", "of an event", LOG),
+        Variable("q", "rad", "an angle", STATE),
+        Variable("q_start", "rad", "the angle before", SCRATCH),
+        Variable("mass", "kg", "of the link", PARAMETER),
+        Variable("resting", "", "has no speed", SCRATCH, truth=True),
+        Variable("v", "rad/s", "its rate", STATE),
+        Variable("v_start", "rad/s", "the rate before", SCRATCH),
+        Variable("time", "s", "of an event", LOG),
     ]
 )
 NUMBERS = {"q": 1.0, "q_start": 2.0, "mass": 3.0, "resting": 1.0, "v": 5.0, "v_start": 6.0, "time": 7.0}
@@ -43,8 +44,8 @@ def test_fields_live_one_after_the_other_in_the_memory_of_their_lifetime():
 
 def test_a_name_has_one_owner():
     first, second = (
-        Field("q", "rad", "an angle", STATE, owner="the arm Odd"),
-        Field("q", "m", "other", SCRATCH),
+        Variable("q", "rad", "an angle", STATE, owner="the arm Odd"),
+        Variable("q", "m", "other", SCRATCH),
     )
     said = "'q' is a name of the arm Odd: an angle, and of the engine"
     with pytest.raises(ValueError, match=f"{said}: other; rename one"):

@@ -5,7 +5,7 @@ import pytest
 from catalogue import COPIES, RPRP, SCENES, e
 
 import redundant_envs as rde
-from redundant_envs.lane.memory import LOG, PARAMETER, STATE
+from redundant_envs.lane.fields import LOG, PARAMETER, STATE
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.tracing.flow import LANES

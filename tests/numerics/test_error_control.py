@@ -12,7 +12,8 @@ from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane import attempts
 from redundant_envs.lane.features import Fault
-from redundant_envs.lane.memory import Lane, Layout
+from redundant_envs.lane.fields import Layout
+from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.numerics.error_control import (
     Crossed,

@@ -2,12 +2,13 @@
 
 import re
 
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Layout, traced
+from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Variable
+from redundant_envs.lane.memory import traced
 from redundant_envs.tracing.flow import Kernel, Program
 from redundant_envs.tracing.listing import function_lines, lines
 from redundant_envs.tracing.passes.stages import Subroutine
 
-LAYOUT = Layout([Field(n, "", "", STATE) for n in ("x", "v")] + [Field("f", "", "", SCRATCH)])
+LAYOUT = Layout([Variable(n, "", "", STATE) for n in ("x", "v")] + [Variable("f", "", "", SCRATCH)])
 
 
 def printed(function):

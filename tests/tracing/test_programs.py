@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from redundant_envs.lane.direct import evaluate
-from redundant_envs.lane.memory import SCRATCH, STATE, Field, Lane, Layout, TracedLane
+from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Variable
+from redundant_envs.lane.memory import Lane, TracedLane
 from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
 from redundant_envs.tracing.graph import Graph
 from redundant_envs.tracing.listing import lines
@@ -29,9 +30,9 @@ GIVEN = ("x", "y", "d")
 
 
 def layout():
-    fields = [Field(n, "", n, STATE) for n in (*GIVEN, "state", "count")]
+    fields = [Variable(n, "", n, STATE) for n in (*GIVEN, "state", "count")]
     truths = ("answered", "complete", *(ask.value for ask in Ask))
-    return Layout([*fields, *(Field(n, "", n, SCRATCH, truth=True) for n in truths)])
+    return Layout([*fields, *(Variable(n, "", n, SCRATCH, truth=True) for n in truths)])
 
 
 class Traced:
