@@ -1,88 +1,94 @@
-"""Counts of the house: lines by folder, long functions, selections and masks in the code of events.
+"""Weight of the house: ``python -m tests.house`` prints lines by room, words of the docs, and counts of the engine.
 
-``python -m tests.house`` prints them beside what they were at commit 86b3b5f, when the lane's interval became
-a program.
+A branch on a feature asks what a scene has; a test of a kind asks what kind a boundary is.
 """
 
 from __future__ import annotations
 
 import ast
-import sys
+import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+
+from tests.docs.words import count_words
 
 ROOT = Path(__file__).parents[1]
-CORE = ("tracing", "backends", "lane", "batch", "events", "numerics")
-"""Folders of the package that were tracing, backends, simulator and integrators."""
-EVENTS = (
-    "lane/program.py", "lane/boundaries.py", "lane/guards.py", "lane/coordinates.py", "events/boundary.py",
-    "events/complementarity.py", "events/contacts.py", "events/crossings.py", "events/first_event.py",
-    "events/search.py",
-)  # fmt: skip
-"""Program, boundaries, searches and contacts."""
-MOST_ARGUMENTS, MOST_LINES = 8, 60
-BEFORE = {"core": 8338, "wheel": 28989, "agents": 9074, "tests": 38330, "selections": 179}
-"""Lines at commit 86b3b5f, when the wheel had the studies, and calls of ``where`` and ``cases`` in what
-EVENTS replaces."""
-SHARES = {"core": 0.84, "wheel": 0.75, "agents": 0.82, "tests": 0.63}
+FEATURES = {
+    "active", "attempts", "begins", "bounces", "bounded", "boundaries", "bounds_late_switch", "closed",
+    "compares_bounces", "control", "controlled", "counted", "counts_evaluations", "doubts", "draws", "frictions",
+    "gripped", "guarded", "guards", "holding", "impulses_change_laws", "instants", "kinks", "laws", "local",
+    "located", "locates_laws", "logs", "origin", "passed", "pieces", "pose_tells_distances", "renewed",
+    "repeats_common_step", "resolves", "rests", "slipping", "sticking", "stiction", "stops", "varying",
+    "watched_sliders", "weighs_laws",
+}  # fmt: skip
+KINDS = {"HoldingStop", "Stop", "HingeStop", "Wall", "LawChange", "Guard", "StickingJoint", "TravelStop"}
+FLAGS = re.compile(r"\bb\.(joint|bounces|guards|sticks|holds)\b|\bb (not )?in (self\.)?dynamics\.\w+")
 
 
-def python_files(*folders: Path) -> list[Path]:
-    return [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+def lines(folder: Path) -> int:
+    """Lines of the Python files of a folder, or of one file."""
+    files = folder.rglob("*.py") if folder.is_dir() else [folder]
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
 
 
-def lines(*folders: Path) -> int:
-    """Lines of all Python files of some folders."""
-    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in python_files(*folders))
+def rooms(folder: Path) -> Iterator[tuple[str, int]]:
+    """Lines of each room of a folder; its loose files are one."""
+    inside = [p for p in sorted(folder.iterdir()) if p.is_dir() and any(p.rglob("*.py"))]
+    yield from ((p.name, lines(p)) for p in inside)
+    yield "loose files", sum(lines(p) for p in folder.glob("*.py"))
 
 
-def calls(*paths: Path) -> int:
-    """Calls of ``where`` and ``cases``."""
-    nodes = (n for path in paths for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    called = [n.func.id for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
-    return called.count("where") + called.count("cases")
+def conditions(engine: Path) -> Iterator[ast.expr]:
+    """Conditions of all branches of the engine."""
+    for path in engine.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.If | ast.IfExp):
+                yield node.test
+            elif isinstance(node, ast.comprehension):
+                yield from node.ifs
 
 
-def counts() -> dict[str, int]:
-    package = ROOT / "redundant_envs"
+def asked_in(test: ast.expr) -> Iterator[str]:
+    """Last parts of the attributes that a condition asks for, but for methods."""
+    of_others = {id(n.value) for n in ast.walk(test) if isinstance(n, ast.Attribute)}
+    called = {id(n.func) for n in ast.walk(test) if isinstance(n, ast.Call)}
+    for n in ast.walk(test):
+        if isinstance(n, ast.Attribute) and id(n) not in of_others | called:
+            yield n.attr
+
+
+def counts(engine: list[Path]) -> dict[str, int]:
+    """Counts of the engine, the folders with the lanes of a simulation."""
+    tests = [test for folder in engine for test in conditions(folder)]
+    asked = [set(asked_in(test)) for test in tests]
+    kinds = [
+        any(isinstance(n, ast.Name) and n.id in KINDS for n in ast.walk(test))
+        or bool(FLAGS.search(ast.unparse(test)))
+        for test in tests
+    ]
+    texts = "\n".join(p.read_text(encoding="utf-8") for folder in engine for p in folder.rglob("*.py"))
+    dynamics = re.search(r"\nclass Dynamics\b.*?(?=\n(?:class|def|@) )", texts, re.DOTALL)
     return {
-        "core": lines(*(package / folder for folder in CORE)),
-        "wheel": lines(package) - lines(package / "studies"),
-        "agents": lines(ROOT / "agents"),
-        "tests": lines(ROOT / "tests"),
-        "selections": calls(*(package / name for name in EVENTS)),
+        "branches on features": sum(bool(names & FEATURES) for names in asked),
+        "tests of a kind": sum(kinds),
+        'lane[f"': texts.count('lane[f"'),
+        "methods of Dynamics": len(re.findall(r"\n    def ", dynamics[0] if dynamics else "")),
     }
 
 
-class Long(NamedTuple):
-    """A function with many lines or arguments."""
-
-    place: str
-    lines: int
-    arguments: int
-
-
-def long_functions() -> list[Long]:
-    """Functions of the core with more than :data:`MOST_LINES` or :data:`MOST_ARGUMENTS`."""
-    found = []
-    for path in python_files(*(ROOT / "redundant_envs" / folder for folder in CORE)):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef):
-                given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-                count = sum(a.arg not in ("self", "cls") for a in given)
-                size = (node.end_lineno or node.lineno) - node.lineno + 1
-                if size > MOST_LINES or count > MOST_ARGUMENTS:
-                    found.append(Long(f"{path.relative_to(ROOT)}:{node.name}", size, count))
-    return found
-
-
 def main() -> None:
-    for name, now in counts().items():
-        share = f", at most {SHARES[name]}" if name in SHARES else ", at most 40 calls"
-        print(f"{name:<11} {now:>6} of {BEFORE[name]:>6}: {now / BEFORE[name]:.3f}{share}")
-    for place, size, count in long_functions():
-        print(f"{place}: {size} lines, {count} arguments")
+    for name in ("redundant_envs", "agents", "studies", "tests"):
+        if (ROOT / name).is_dir():
+            print(f"{name}: {lines(ROOT / name)} lines")
+            for room, size in rooms(ROOT / name):
+                print(f"  {room:<22} {size:>6}")
+    print(f"docs: {sum(count_words().values())} words")
+    package = ROOT / "redundant_envs"
+    simulator = package / "simulator"
+    engine = [simulator] if simulator.is_dir() else [package / n for n in ("events", "lane", "batch")]
+    for name, count in counts(engine).items():
+        print(f"{name}: {count}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

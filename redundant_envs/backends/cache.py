@@ -96,11 +96,15 @@ def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     return json.loads(data)  # type: ignore[no-any-return]
 
 
-def identity(program: Program, fields: Mapping[str, tuple[str, int]] | None = None) -> str:
-    """A digest of a program, and of the memory and row of each of its ``fields``: equal for equal ones, on
-    every machine."""
-    rows = (f"{name}: {memory}[{row}]" for name, (memory, row) in (fields or {}).items())
-    return hashlib.sha256("\n".join((*lines(program), *rows)).encode()).hexdigest()
+def identity(program: Program) -> str:
+    """A digest of a program: equal for equal ones, on every machine."""
+    return hashlib.sha256("\n".join(lines(program)).encode()).hexdigest()
+
+
+def with_fields(program: str, fields: Mapping[str, tuple[str, int]]) -> str:
+    """A digest of a program, from its :func:`identity`, and of the memory and row of each of its fields."""
+    rows = (f"{name}: {memory}[{row}]" for name, (memory, row) in fields.items())
+    return hashlib.sha256("\n".join((program, *rows)).encode()).hexdigest()
 
 
 def program_key(program: str, lanes: int) -> str:

@@ -132,11 +132,14 @@ class Slots:
         # which sliders rest.
         self.started = make("start", *begin, step.start, inputs=inputs)
         self.common = make("common", step.common_step, step.judge, known=dict.fromkeys(i.active, 0.0))
-        forces = boundaries.update_constraint_forces
-        self.common_held = make("common_held", step.common_step, forces, step.judge)
-        self.released = make("release", boundaries.release)
-        self.confirmed = make("confirm_crossings", boundaries.confirm_crossings)
-        self.skipped = make("skip_common_step", step.skip_common_step)
+        if i.holding:
+            forces = boundaries.update_constraint_forces
+            self.common_held = make("common_held", step.common_step, forces, step.judge)
+            self.released = make("release", boundaries.release)
+        if i.bounded:
+            self.confirmed = make("confirm_crossings", boundaries.confirm_crossings)
+        if i.dynamics.controlled:
+            self.skipped = make("skip_common_step", step.skip_common_step)
         of_blocks = [f for n, f in self.blocks.functions.items() if f not in self.goes_on.values()]
         self.ended = make("end", self.ends.end)
         self.stepped = make("trial_step", step.trial_step)

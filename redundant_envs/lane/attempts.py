@@ -90,7 +90,10 @@ class RepeatedPieces(Pieces):
 
     def doubt(self, lane: Lane) -> None:
         self._note(lane)
-        carried = error_control.growth_over_pieces(lane.steps_taken, self._impacts(lane)) * lane.error_carried
+        carried = (
+            error_control.growth_over_pieces(lane.steps_taken, self.features.bounces.impacts(lane))
+            * lane.error_carried
+        )
         grows = lane.carries_doubt | (carried > lane.tip_tolerance)
         first = lane.attempts == 0.0
         lane.again = ((first & grows) | (logical_not(first) & lane.again)) & (lane.fault == 0.0)
@@ -100,7 +103,7 @@ class RepeatedPieces(Pieces):
         arm, steps, unsure = self.dynamics.arm, lane.steps_taken, lane.carries_doubt
         norms = zip(coordinates.tip_norms(self.dynamics, lane), arm.coordinates, strict=True)
         change = total(n * abs(lane[q] - lane[BEFORE.format(q)]) for n, q in norms)
-        impacts = self._impacts(lane)
+        impacts = self.features.bounces.impacts(lane)
         kinked = unsure if self.features.kinks else False
         crossed = Crossed(steps, lane.error, lane.tip_tolerance, change, impacts, unsure, kinked)
         agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
@@ -114,9 +117,6 @@ class RepeatedPieces(Pieces):
         lane.longest_step = where(lane.again, shorter, lane.longest_step)
         lane.copy(arm.coordinates, to=BEFORE)
         self._return_to_start(lane)
-
-    def _impacts(self, lane: Lane) -> Any:
-        return lane.impacts if self.features.stops else 0.0
 
     def _return_to_start(self, lane: Lane) -> None:
         """Where the interval has to be crossed again: the lane as it was before its first piece."""

@@ -15,8 +15,8 @@ from redundant_envs.lane.fields import Variable
 from redundant_envs.lane.memory import Lane
 
 
-class Bounces:
-    """Bounces of lanes whose lowest height follows from the tolerance alone."""
+class NoStops:
+    """Lanes without stops."""
 
     def __init__(self, control: Control) -> None:
         self.control = control
@@ -24,6 +24,14 @@ class Bounces:
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes."""
         return iter(())
+
+    def impacts(self, lane: Lane) -> Any:
+        """Impacts of the interval."""
+        return 0.0
+
+    def impacts_since_start(self, lane: Lane) -> Any:
+        """Those since the start of the common step."""
+        return 0.0
 
     def lowest(self, lane: Lane) -> Any:
         """Height below which a bounce ends in rest, m."""
@@ -51,6 +59,16 @@ class Bounces:
 
     def take_all(self, lane: Lane) -> None:
         """Before another crossing, with which one is compared."""
+
+
+class Bounces(NoStops):
+    """Bounces of lanes whose lowest height follows from the tolerance alone."""
+
+    def impacts(self, lane: Lane) -> Any:
+        return lane.impacts
+
+    def impacts_since_start(self, lane: Lane) -> Any:
+        return lane.impacts - lane.impacts_start
 
 
 class ComparedBounces(Bounces):

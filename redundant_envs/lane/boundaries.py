@@ -12,7 +12,7 @@ from redundant_envs.events.contacts import Resolved
 from redundant_envs.lane.boundary import Bounded
 from redundant_envs.lane.faults import Reason
 from redundant_envs.lane.features import Features
-from redundant_envs.lane.guards import Guards
+from redundant_envs.lane.guards import guards_of
 from redundant_envs.lane.memory import Lane
 from redundant_envs.lane.pieces import Whole
 from redundant_envs.lane.stops import Impacting, Stop
@@ -24,7 +24,7 @@ class Boundaries:
 
     def __init__(self, features: Features, pieces: Whole) -> None:
         self.features, self.dynamics, self.pieces = features, features.dynamics, pieces
-        self.guards = Guards(features)
+        self.guards = guards_of(features)
 
     def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
         """The coordinates in a step, whose initial values are in fields of this form."""
@@ -100,8 +100,7 @@ class Boundaries:
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
-        if self.features.impulses_change_laws:
-            self.guards.settle(lane, lane.resolving)
+        self.guards.resolve(lane)
         x, dynamics = self.quantities(lane), self.dynamics
         self.features.stiction.record(lane, x, self.features.pulls)
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")

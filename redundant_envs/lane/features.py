@@ -14,15 +14,15 @@ from redundant_envs.algebra import arguments_of, where
 from redundant_envs.effects.hooks import Force, Gap, Impact, Impulse
 from redundant_envs.events.crossings import Overshoot
 from redundant_envs.lane import kinks
-from redundant_envs.lane.bounces import Bounces, ComparedBounces
+from redundant_envs.lane.bounces import Bounces, ComparedBounces, NoStops
 from redundant_envs.lane.boundary import Boundary, Bounded
 from redundant_envs.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.lane.event_log import EventLog, NoLog
 from redundant_envs.lane.faults import Control
 from redundant_envs.lane.joint import HingeTravel, Joint, SliderTravel, Travel
-from redundant_envs.lane.laws import Guard, LawChange
+from redundant_envs.lane.laws import Guard, LateGuard, LawChange
 from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.stiction import NoStiction, StickingJoint, Stiction
+from redundant_envs.lane.stiction import DryFriction, NoStiction, StickingJoint, Stiction
 from redundant_envs.lane.stops import HingeStop, HoldingStop, Impacting, Stop, TravelStop, Wall
 from redundant_envs.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 from redundant_envs.quantities import Quantities
@@ -53,7 +53,8 @@ class Features:
             return NoStiction()
         owners = {a.hook.joint: a.key for a in self.scene.attached.of(Impact)}
         owners |= {k: some[0].key for k, some in self.dynamics.frictions.items()}
-        return Stiction(self.dynamics, self.travels, owners)
+        kind = DryFriction if self.dynamics.frictions else Stiction
+        return kind(self.dynamics, self.travels, owners)
 
     @property
     def sticking(self) -> tuple[StickingJoint, ...]:
@@ -115,7 +116,8 @@ class Features:
     @cached_property
     def guards(self) -> tuple[Guard, ...]:
         """Guards that are located, and joints that stick and slip, which always are."""
-        own = (Guard(self.dynamics, name, a.key) for a in self.dynamics.guarded for name in a.guards)
+        kind = LateGuard if self.dynamics.bounds_late_switch else Guard
+        own = (kind(self.dynamics, name, a.key) for a in self.dynamics.guarded for name in a.guards)
         return (*own, *self.sticking)
 
     @property
@@ -132,11 +134,6 @@ class Features:
     def sides(self) -> tuple[str, ...]:
         """Fields that say which laws hold, where their changes are located."""
         return (*(b.side for b in self.laws), *(b.side for b in self.guards))
-
-    @property
-    def impulses_change_laws(self) -> bool:
-        """Whether an impulse may change the sign of a guard."""
-        return bool(self.dynamics.guarded and self.stops)
 
     @property
     def resolves(self) -> bool:
@@ -230,9 +227,11 @@ class Features:
         return (*(["impacts"] if self.stops else []), *self.log.counted)
 
     @cached_property
-    def bounces(self) -> Bounces:
+    def bounces(self) -> NoStops:
         """How low a bounce ends in rest."""
-        several = len(self.stops) > 1 or bool(self.stops and self.dynamics.frictions)
+        if not self.stops:
+            return NoStops(self.control)
+        several = len(self.stops) > 1 or bool(self.dynamics.frictions)
         compared = self.control is Control.EQUAL and several
         return ComparedBounces(self.control) if compared else Bounces(self.control)
 

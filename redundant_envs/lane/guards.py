@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.algebra import where
+from redundant_envs.lane.engine_fields import engine
 from redundant_envs.lane.features import Features
+from redundant_envs.lane.fields import Variable
 from redundant_envs.lane.memory import Lane
 
 
@@ -14,6 +17,19 @@ class Guards:
 
     def __init__(self, features: Features) -> None:
         self.features, self.dynamics = features, features.dynamics
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields about all guards."""
+        return iter(())
+
+    def begin_resolving(self, lane: Lane) -> None:
+        """Where contacts begin to be resolved."""
+
+    def resolve(self, lane: Lane) -> None:
+        """Where contacts are resolved once more, perhaps after an impulse."""
+
+    def end_resolving(self, lane: Lane) -> None:
+        """Where contacts are resolved, or have not begun to be."""
 
     def begin_laws(self, lane: Lane) -> None:
         """Before a common step: which laws the state selects."""
@@ -41,3 +57,24 @@ class Guards:
         held = {b.name: lane[b.last] for b in self.features.sticking}
         for name, value in self.features.pulls(self.features.quantities(lane), held).items():
             lane[f"pull_{name}"] = value
+
+
+class GuardsAtImpacts(Guards):
+    """Guards whose signs impulses at stops may change."""
+
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("resolving")
+
+    def begin_resolving(self, lane: Lane) -> None:
+        lane.resolving = True
+
+    def resolve(self, lane: Lane) -> None:
+        self.settle(lane, lane.resolving)
+
+    def end_resolving(self, lane: Lane) -> None:
+        lane.resolving = False
+
+
+def guards_of(features: Features) -> Guards:
+    """The guards of a scene."""
+    return (GuardsAtImpacts if features.dynamics.guarded and features.stops else Guards)(features)

@@ -86,8 +86,7 @@ class Interval:
             yield from engine("departure", "target")
             for guard in features.guards:
                 yield from guard.own("left")
-        if features.impulses_change_laws:
-            yield from engine("resolving")
+        yield from self.boundaries.guards.fields()
         if features.stops:
             yield from engine("impacts", "impacts_start")
         if features.resolves:

@@ -88,10 +88,7 @@ class Guard(Boundary):
     def late_share(self, lane: Lane) -> Any:
         """Fraction of the planned step by which a change of law may be found late: until then the motion
         departs by what the laws differ."""
-        if self.dynamics.scene.tolerance is None:
-            return SMALLEST_LATE_SHARE
-        allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
-        return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MAX_LATE_SHARE)
+        return SMALLEST_LATE_SHARE
 
     def steepness(self, lane: Lane) -> Any:
         """Rate at which the pull grows at the end of the step; 0 if it is not known."""
@@ -99,7 +96,7 @@ class Guard(Boundary):
 
     def has_left(self, lane: Lane) -> Any:
         """Whether it has passed 0 just before the step."""
-        return lane[self.left] if self.dynamics.bounds_late_switch else False
+        return False
 
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         """The side of the other law, where it has ``passed`` 0, by the field of the side."""
@@ -109,5 +106,18 @@ class Guard(Boundary):
         passed = sought | (lane[self.pull] > 0.0)
         lane[self.side] = where(passed, -lane[self.side], lane[self.side])
         lane[self.pull] = where(passed, -lane[self.pull], lane[self.pull])
-        if self.dynamics.bounds_late_switch:
-            lane[self.left] = passed
+
+
+class LateGuard(Guard):
+    """A guard under a tolerance, which bounds how late its passage may be found."""
+
+    def late_share(self, lane: Lane) -> Any:
+        allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
+        return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MAX_LATE_SHARE)
+
+    def has_left(self, lane: Lane) -> Any:
+        return lane[self.left]
+
+    def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
+        lane[self.left] = sought | (lane[self.pull] > 0.0)
+        super().arrive(lane, sought, side, position)

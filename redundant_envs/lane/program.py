@@ -175,15 +175,13 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
-        if self.features.impulses_change_laws:
-            lane.resolving = True
+        self.boundaries.guards.begin_resolving(lane)
         while True:
             yield Request.FORCES
             if self.has_too_many_events(lane):
                 return False
             if self.boundaries.decide(lane):
-                if self.features.impulses_change_laws:
-                    lane.resolving = False
+                self.boundaries.guards.end_resolving(lane)
                 self.start_here(lane)
                 return True
 
@@ -191,21 +189,19 @@ class LaneProgram:
         """Whether the interval has more impacts, or resolutions, than it may have, and is given up."""
         most = self.features.bounces.most_impacts(lane)
         each = contacts.CHANGES_OF_IMPACT * self.features.stiction.passes
-        too_many = lane.changes >= each * most
-        return too_many | (lane.impacts > most) if self.features.stops else too_many
+        return (lane.changes >= each * most) | (self.features.bounces.impacts(lane) > most)
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
     def trial(self, lane: Lane) -> Trial:
         """The trial step, and the first event of each coordinate in it."""
-        features, method = self.features, self.dynamics.method
+        features = self.features
         encounters = [b.encounter(lane, float(k)) for k, b in enumerate(features.boundaries)]
         met = zip(features.boundaries, encounters, strict=True)
         events = [b.first_event(e, lane.step) for b, e in met]
-        impacts = lane.impacts - lane.impacts_start if features.stops else 0.0
-        node = method.c[method.middle] if self.dynamics.frictions else None
+        impacts = features.bounces.impacts_since_start(lane)
         known = lane.step, lane.left, lane.interval, impacts
-        return Trial(*known, encounters, events, self.dynamics.bounds_late_switch, node)
+        return Trial(*known, encounters, events, self.dynamics.bounds_late_switch, features.stiction.node)
 
     def hides(self, rule: Callable[..., Any], trial: Trial) -> Any:
         """Whether a trial step hides an event of any coordinate, by a rule of :mod:`search`."""
@@ -278,14 +274,12 @@ class LaneProgram:
             x = self.boundaries.quantities_of_motion(lane)
             self.dynamics.close(x, InStep(dict(zip(closed, lane.get(closed), strict=True)), time, {}))
             lane.set(closed, x.each(closed))
-        names = (*arm.coordinates, *arm.rates) if self.dynamics.frictions else ()
-        before = dict(zip(names, lane.get(names), strict=True))
+        before = self.features.stiction.before_move(lane)
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
-        if self.dynamics.frictions:
-            self.features.stiction.stick(lane, before)
+        self.features.stiction.after_move(lane, before)
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""
@@ -349,8 +343,7 @@ class LaneProgram:
         for b in self.features.guards:
             lane[b.pull.trial] = lane[b.pull.start]
         self.note_left(lane)
-        if self.features.impulses_change_laws:
-            lane.resolving = False
+        self.boundaries.guards.end_resolving(lane)
         if self.features.resolves:
             lane.changes = 0.0
         self.features.bounces.begin(lane)

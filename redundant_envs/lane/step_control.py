@@ -132,7 +132,7 @@ class EqualSteps(StepControl):
     def _crossed(self, lane: Lane) -> Crossed:
         norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
         change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
-        impacts = lane.impacts if self.features.stops else 0.0
+        impacts = self.features.bounces.impacts(lane)
         known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
         doubtful, *kinks = self.step.doubts(lane)
         return Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)

@@ -74,9 +74,6 @@ class StickingJoint(Guard):
     def steepness(self, lane: Lane) -> Any:
         return -(lane[self.side] * lane[self.alpha])
 
-    def has_left(self, lane: Lane) -> Any:
-        return False
-
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         return {}
 
@@ -201,6 +198,16 @@ class NoStiction:
         """Let joints that stick have the rate 0 in the present state, and after a state ``before`` their
         positions."""
 
+    node: float | None = None
+    """The middle stage of a step, as a fraction of it, with dry friction."""
+
+    def before_move(self, lane: Lane) -> dict[str, Any]:
+        """What :meth:`after_move` needs to know of the state before a last piece."""
+        return {}
+
+    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
+        """Lead the motion back to where joints stick, after a last piece."""
+
     def record(self, lane: Lane, x: Quantities, pulls: Callable[[Quantities], Mapping[str, Any]]) -> None:
         """The forces that hold joints, and the accelerations of others, in the present state."""
 
@@ -283,3 +290,18 @@ class Stiction(NoStiction):
         for j in self.joints:
             pulled = pulled | (lane[j.first] > 0.0)
         return pulled
+
+
+class DryFriction(Stiction):
+    """A scene with dry friction."""
+
+    def __init__(self, dynamics: Dynamics, travels: Mapping[int, Travel], owners: Mapping[int, str]) -> None:
+        super().__init__(dynamics, travels, owners)
+        self.node = dynamics.method.c[dynamics.method.middle]
+
+    def before_move(self, lane: Lane) -> dict[str, Any]:
+        names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
+        return dict(zip(names, lane.get(names), strict=True))
+
+    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
+        self.stick(lane, before)

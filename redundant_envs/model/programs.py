@@ -53,6 +53,8 @@ class Simulator:
     ) -> None:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
         facts = cache.facts(name, self._facts)
+        self.program_digest: str = facts["program"]
+        """Of the program alone, which scenes share whose effects have other names."""
         self.identity: str = facts["identity"]
         """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
         self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
@@ -61,7 +63,8 @@ class Simulator:
     def _facts(self) -> dict[str, Any]:
         with uncollected():
             return {
-                "identity": self._identity(*self._traced),
+                "program": (digest := cache.identity(self.program)),
+                "identity": cache.with_fields(digest, self.blocks.layout.places()),
                 "arguments": {kernel.name: [*kernel.arguments] for kernel in self.program.kernels},
                 "scratch_size": self.blocks.scratch_size,
                 "queue_size": self.blocks.queue_size,
@@ -72,16 +75,12 @@ class Simulator:
         """What the lanes take care of beside the equations."""
         return Features(self.dynamics)
 
-    @staticmethod
-    def _identity(program: Program, blocks: Blocks) -> str:
-        return cache.identity(program, blocks.layout.places())
-
     @functools.cached_property
     def _traced(self) -> Traced:
         with uncollected():
             program, blocks = self._trace()
-            known = self.__dict__.get("identity")  # none yet if this trace is to find it
-            if known not in (None, self._identity(program, blocks)):  # else code is kept by a wrong name
+            known = self.__dict__.get("program_digest")  # none yet if this trace is to find it
+            if known not in (None, cache.identity(program)):  # its code would be kept under a wrong name
                 raise RuntimeError(
                     "a function, a class or a number that this simulator follows from was replaced since it "
                     "was made; make a new simulator or environment"
@@ -103,7 +102,7 @@ class Simulator:
 
     def key(self, lanes: int = LANES) -> str:
         """Name of the program's machine code for the first ``lanes`` of each block."""
-        return cache.program_key(self.identity, lanes)
+        return cache.program_key(self.program_digest, lanes)
 
     def kernels(self, count: int) -> dict[str, llvm.Entry]:
         """The kernels in machine code for a number of lanes, from this process, the folder of the user, or

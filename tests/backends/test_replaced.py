@@ -12,7 +12,7 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics, tolerance
 from redundant_envs.backends.loaded import scene_key
-from redundant_envs.lane import dynamics
+from redundant_envs.lane import faults
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.numerics.tableaus import METHODS
@@ -90,7 +90,7 @@ MEMBERS = {
     "partial": (reach, "tolerance", lambda scale: functools.partial(scaled_tolerance, scale)),
     "code": (NEAR, "__code__", lambda scale: made_by_the_module(scale).__code__),
     "method": (ReachTask, "reward_functions", of_a_class),
-    "constant": (dynamics, "LARGEST_ANGLE", lambda scale: scale),
+    "constant": (faults, "LARGEST_ANGLE", lambda scale: scale),
     "entry of a table": (METHODS, "rk4", lambda scale: dataclasses.replace(METHODS["rk4"], b=(scale,) * 4)),
     "module": (base, "math", lambda scale: types.SimpleNamespace(**{**vars(math), "tau": scale})),
 }  # fmt: skip

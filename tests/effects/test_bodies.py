@@ -14,6 +14,7 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics, sincos
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 from redundant_envs.model.energy import potential_energy
 
 NAN = math.nan
@@ -221,9 +222,9 @@ def test_kinks_of_a_field_that_moves_are_watched():
             return (dataclasses.replace(field, function=one_way),)
 
     jolted = Jolted(BASE.amplitude, BASE.frequency)
-    watches = Dynamics(rde.Scene(FOUR_R, (e.Gravity(), jolted), tolerance=1e-6)).kinks
+    watches = Features(Dynamics(rde.Scene(FOUR_R, (e.Gravity(), jolted), tolerance=1e-6))).kinks
     assert [a.key for a in watches] == ["moving_base"]
-    assert Dynamics(rde.Scene(FOUR_R, (e.Gravity(), BASE), tolerance=1e-6)).kinks == {}
+    assert Features(Dynamics(rde.Scene(FOUR_R, (e.Gravity(), BASE), tolerance=1e-6))).kinks == {}
 
 
 @physics

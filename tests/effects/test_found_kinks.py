@@ -10,6 +10,7 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import floor, maximum, minimum, physics, where
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 from redundant_envs.lane.kinks import levels_of
 from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
 
@@ -100,7 +101,7 @@ EFFECTS = {name: (count, Written(hooks)) for name, (count, *hooks) in HOOKS.item
 @pytest.mark.parametrize("what", EFFECTS)
 def test_a_kink_is_watched_once_if_its_argument_moves(what):
     count, *effects = EFFECTS[what]
-    assert len(levels_of(Dynamics(scene(*effects)).kinks)) == count
+    assert len(levels_of(Features(Dynamics(scene(*effects))).kinks)) == count
 
 
 @pytest.mark.parametrize(
@@ -112,7 +113,7 @@ def test_a_kink_is_watched_once_if_its_argument_moves(what):
     ids=["rk8", "dop853", "rprp_reach", "four_r_reach"],
 )
 def test_nothing_is_watched_without_a_tolerance_and_in_the_scenes_of_environments(made):
-    assert Dynamics(made).kinks == {}
+    assert Features(Dynamics(made)).kinks == {}
 
 
 # ---- the tolerance is kept ----------------------------------------------------------------------------

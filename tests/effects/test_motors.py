@@ -11,6 +11,7 @@ from catalogue import ARMS, FOUR_R, RPRP, advanced, motors
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 
 INERTIA = 2.0
 ONE = rde.Chain("R", (INERTIA,), (1.0,))
@@ -127,8 +128,8 @@ def test_limits_are_located_where_a_link_before_them_moves_and_cost_nothing_wher
         ((limits, e.Lag(0.1)), 8),
         ((MOTOR, limits), 8),
     ):
-        assert len(Dynamics(rde.Scene(FOUR_R, effects, tolerance=1e-6)).guards) == guards
-        assert not Dynamics(rde.Scene(FOUR_R, effects)).guards
+        assert len(Features(Dynamics(rde.Scene(FOUR_R, effects, tolerance=1e-6))).guards) == guards
+        assert not Features(Dynamics(rde.Scene(FOUR_R, effects))).guards
 
 
 @pytest.mark.long

@@ -50,8 +50,6 @@ def test_a_name_has_one_owner():
     said = "'q' is a name of the arm Odd: an angle, and of the engine"
     with pytest.raises(ValueError, match=f"{said}: other; rename one"):
         Layout([first, second])
-    with pytest.raises(ValueError, match=f"{said}; rename it"):  # by a program that has a field of its own
-        Lane(Layout([first]), NUMBERS.get, declares=True).q = 1.0
 
 
 @pytest.mark.parametrize(

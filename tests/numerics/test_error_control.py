@@ -11,9 +11,12 @@ import redundant_envs as rde
 from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.lane import attempts
-from redundant_envs.lane.features import Fault
+from redundant_envs.lane.bounces import Bounces
+from redundant_envs.lane.engine_fields import engine
+from redundant_envs.lane.faults import Control, Fault
 from redundant_envs.lane.fields import Layout
 from redundant_envs.lane.memory import Lane
+from redundant_envs.lane.pieces import Whole
 from redundant_envs.lane.step_control import End, EqualSteps
 from redundant_envs.numerics.error_control import (
     Crossed,
@@ -285,7 +288,9 @@ class KnownInterval(EqualSteps):
     def __init__(self, crossed):
         self.crossed = crossed
         arm = SimpleNamespace(coordinates=())
-        self.dynamics = SimpleNamespace(arm=arm, stops=True, instants=(), attempts=1, compares_bounces=False)
+        self.dynamics = SimpleNamespace(arm=arm)
+        self.features = SimpleNamespace(bounces=Bounces(Control.EQUAL), dynamics=self.dynamics)
+        self.pieces = Whole(self.features)
         self.step = SimpleNamespace(least_steps=lambda lane: 0.0)
 
     def _crossed(self, lane):
@@ -294,9 +299,9 @@ class KnownInterval(EqualSteps):
 
 def ended(error, change=0.0, steps=64.0, impacts=0.0, **doubts):
     """What follows an interval that has just been crossed, for a tolerance of 1; and the fault."""
-    lane = Lane(Layout([]), lambda name: None, declares=True)
     known = {"left": 0.0, "steps_left": 1.0, "min_steps": 0.0, "divisions": steps, "error": error,
              "tip_tolerance": 1.0, "impacts": impacts, "fault": 0.0, "interval": 1.0}  # fmt: skip
+    lane = Lane(Layout(engine(*known)), lambda name: None)
     for name, value in known.items():
         lane[name] = np.float64(value)
     return KnownInterval(Crossed(steps, error, 1.0, change, impacts, **doubts)).end(lane), lane.fault

@@ -140,13 +140,14 @@ def test_what_errors_of_effects_states_move_at_the_tip_is_in_proportion_to_the_e
     scene = Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), (LagChain(0.01, 2),), tolerance=1e-6)
     dynamics, rng = Dynamics(scene), np.random.default_rng(0)
     fields = dict.fromkeys(dynamics.states, 0.5) | fields_of(dynamics)
-    lane = Lane(Interval(dynamics).layout(), lambda name: fields.get(name, 0.0))
+    interval = Interval(dynamics)
+    lane = Lane(interval.layout(), lambda name: fields.get(name, 0.0))
     six, five, three, after = (rng.uniform(0.1, 1.0, len(dynamics.states)) for _ in range(4))
     n, h = dynamics.count, 0.02
 
     def moved(errors, steps):
         step = Step(after[:n], after[n : 2 * n], after[2 * n :], [], list(zip(errors, steps, strict=True)))
-        return others_error(dynamics, lane, step, h)
+        return others_error(interval.features, lane, step, h)
 
     errors, steps = np.array([six, five, three]), np.array((1e-4, 1e-3, 1e-2))
     expected = moved(errors, steps)

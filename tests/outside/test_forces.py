@@ -69,9 +69,8 @@ def test_wrong_potentials_are_found():
 def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
     arm = ARMS["4R"]
     scene = rde.Scene(arm, (e.Tether(4, (0.5, 0.5), 4e4),), tolerance=1e-6)
-    assert Dynamics(scene).parameters.prepare(Dynamics(scene).parameters.values)[
-        "least_step_rate"
-    ] == 0.5 * np.sqrt(4e4 / 0.5)
+    parameters = Dynamics(scene).parameters
+    assert parameters.prepare(parameters.values)["least_step_rate"] == 0.5 * np.sqrt(4e4 / 0.5)
     assert verify(scene, 64, checks=[accuracy.tolerance_kept, accuracy.flagged]).misses == ()
 
 

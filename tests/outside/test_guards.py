@@ -12,6 +12,7 @@ from redundant_envs import effects as e
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Force
 from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.lane.features import Features
 
 FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
 GEAR = e.GearBacklash(0.02, 500.0, 0.02, 10.0)
@@ -119,7 +120,7 @@ def test_at_fixed_steps_the_sign_at_each_stage_selects_the_law():
     state = start(FOUR_R, 32, seed=4)
     one, other = (advanced(scene(FOUR_R, x, integrator="rk4"), *state)[0] for x in (HalfBrake(), Compared()))
     assert np.array_equal(one.q, other.q)
-    assert not Dynamics(one.scene).guards
+    assert not Features(Dynamics(one.scene)).guards
 
 
 @pytest.mark.long

@@ -31,7 +31,7 @@ GIVEN = ("x", "y", "d")
 
 def layout():
     fields = [Variable(n, "", n, STATE) for n in (*GIVEN, "state", "count")]
-    truths = ("answered", "complete", *(ask.value for ask in Ask))
+    truths = ("answered", "complete", "large", *(ask.value for ask in Ask))
     return Layout([*fields, *(Variable(n, "", n, SCRATCH, truth=True) for n in truths)])
 
 
@@ -40,7 +40,7 @@ class Traced:
 
     def __init__(self, program):
         self.layout = layout()
-        self.machine = Machine(program, TracedLane(self.layout, Graph(), declares=True), Ask, whole=True)
+        self.machine = Machine(program, TracedLane(self.layout, Graph()), Ask, whole=True)
         self.functions = {
             ask: self.machine.after(ask, "answered") for ask in (None, *Ask) if ask in self.machine.graphs
         }
@@ -76,7 +76,7 @@ class Traced:
 def on_floats(program, **numbers):
     """Fields at the end of a program of one lane, and what it has asked for."""
     known = {n: np.float64(x) for n, x in numbers.items()}
-    lane, asked = Lane(layout(), lambda n: known.get(n, np.float64(0.0)), declares=True), []
+    lane, asked = Lane(layout(), lambda n: known.get(n, np.float64(0.0))), []
     for ask in program(lane):
         name, action = ACTIONS[ask]
         lane[name] = action(lane[name], lane["d"])
