@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -24,6 +24,8 @@ class Armature(Effect):
     """
 
     inertias: float | Numbers = field(metadata=each_joint(not_negative))
+
+    example = Example({"inertias": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(Inertia((k,), f".inertias[{k}]") for k in range(len(arm.joints)))

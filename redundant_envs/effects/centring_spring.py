@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import row
+from redundant_envs.effects.numbers import Example, row
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders, not_negative, numbers, travel
 from redundant_envs.values import Numbers
@@ -47,6 +47,11 @@ class CentringSpring(Effect):
     stiffness: Numbers = field(metadata=row(not_negative, "N/m"))
     lower: Numbers
     upper: Numbers
+
+    example = Example(
+        {"stiffness": (80.0, 80.0), "lower": (0.0, 0.0), "upper": (0.25, 0.25)},
+        zero={"stiffness": (0.0, 0.0)},
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -10,7 +10,7 @@ from typing import Any
 
 from redundant_envs.algebra import floor, maximum, numbered, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
@@ -82,6 +82,8 @@ class CommandDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
+
+    example = Example({"seconds": 0.013, "longest": 0.1})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Friction, Hook
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -33,6 +33,8 @@ class CoulombFriction(Effect):
     """
 
     level: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
+
+    example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
 from redundant_envs.values import Numbers
@@ -72,6 +72,8 @@ class DCMotor(Effect):
     constant: float | Numbers = field(metadata=each_joint(positive, "N m/A"))
     gear: float | Numbers = field(default=1.0, metadata=each_joint(positive, "", "rad/m"))
     voltage: float | Numbers = field(default=24.0, metadata=each_joint(positive, "V"))
+
+    example = Example({"resistance": 1.0, "inductance": 0.02, "constant": 0.8, "gear": 1.0})
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, physics
 from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -30,6 +30,8 @@ class DeadZone(Effect):
     """
 
     widths: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
+
+    example = Example({"widths": 0.3})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         binds = ({"command": f"command{k + 1}", "width": f".widths[{k}]"} for k in range(len(arm.joints)))

@@ -10,7 +10,7 @@ from typing import Any
 from redundant_envs.algebra import clamp, maximum, physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import checked, one, pair
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
 from redundant_envs.values import Numbers
@@ -191,6 +191,11 @@ class Disc(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
+
+    example = Example(
+        {"centre": (0.5, 0.4), "radius": 0.2, "stiffness": 2000.0, "friction": 0.3},
+        variants={"along links": {"along_links": True}},
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

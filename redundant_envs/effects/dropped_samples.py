@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
@@ -44,6 +44,8 @@ class DroppedSamples(Effect):
     """
 
     probability: float | Numbers = field(metadata=each_joint(not_negative, "1"))
+
+    example = Example({"probability": 0.1})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -44,6 +44,8 @@ class EffortLimits(Effect):
     """
 
     limits: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
+
+    example = Example({"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import maximum, physics, sqrt, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -83,6 +83,8 @@ class GearBacklash(Effect):
     stiffness: float | Numbers = field(metadata=each_joint(positive, "N m/rad", "N/m"))
     inertia: float | Numbers = field(metadata=each_joint(positive, "kg m^2", "kg"))
     damping: float | Numbers = field(default=0.0, metadata=each_joint(not_negative, "N m s/rad^2", "N s/m^2"))
+
+    example = Example({"gap": 0.02, "stiffness": 500.0, "inertia": 0.02, "damping": 10.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, *units) for k, units in enumerate(_units_of_motion(arm)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Field, Hook
-from redundant_envs.effects.numbers import one, pair
+from redundant_envs.effects.numbers import Example, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, numbers, strength
 from redundant_envs.values import Numbers
@@ -35,6 +35,8 @@ class Gravity(Effect):
 
     g: float = dataclasses.field(default=9.81, metadata=one(strength, "m/s^2"))
     down: Numbers = dataclasses.field(default=(0.0, -1.0), metadata=pair(numbers))
+
+    example = Example({"g": 9.81}, zero={"g": 0.0})
 
     def __post_init__(self) -> None:
         super().__post_init__()

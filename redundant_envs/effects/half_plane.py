@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import checked, one, pair
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
 from redundant_envs.values import Numbers
@@ -100,6 +100,11 @@ class HalfPlane(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
+
+    example = Example(
+        {"point": (0.0, -0.5), "stiffness": 2000.0, "friction": 0.3},
+        variants={"along links": {"along_links": True}},
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared
+from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, Example
 from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm
 
@@ -410,6 +410,8 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
+    example : Example, optional
+        Numbers with which an effect of the package is shown, tested and measured.
 
     Examples
     --------
@@ -440,6 +442,7 @@ class Effect:
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
+    example: ClassVar[Example | None] = None
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from redundant_envs.effects.hooks import Effect, Hook, Impact
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, travel
 from redundant_envs.values import Ends, shown
@@ -47,6 +47,8 @@ class JointStop(Effect):
     restitution: float = field(default=1.0, metadata=one(share))
 
     each: ClassVar[str] = "joint"
+
+    example = Example({"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0})
 
     def __post_init__(self) -> None:
         kind = type(self).__name__

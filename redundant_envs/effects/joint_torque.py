@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics
 from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Force, Hook
-from redundant_envs.effects.numbers import each_joint, one
+from redundant_envs.effects.numbers import Example, each_joint, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.values import Numbers
 
@@ -54,6 +54,11 @@ class JointTorque(d.Disturbance):
     )
     deviation: float | Numbers | None = field(default=None, metadata=each_joint(d.deviations, "N m", "N"))
     time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
+
+    example = Example(
+        {"step": 0.5, "start": 0.1, "amplitude": 0.5, "frequency": 2.0, "density": 0.05, "deviation": 0.5,
+         "time_constant": 0.2}
+    )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         found: list[Force] = []

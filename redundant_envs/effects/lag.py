@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
 from redundant_envs.values import Numbers
@@ -44,6 +44,8 @@ class Lag(Effect):
     """
 
     time_constant: float | Numbers = field(metadata=each_joint(positive, "s"))
+
+    example = Example({"time_constant": 0.03})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, positive, travel
 
@@ -82,6 +82,10 @@ class LimitSpring(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N m s/rad^2", "N s/m^2"))
 
     static = ("coordinate",)
+
+    example = Example(
+        {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0}
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
-from redundant_envs.effects.numbers import checked
+from redundant_envs.effects.numbers import Example, checked
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -28,6 +28,8 @@ class LinkInertia(Effect):
     """
 
     inertias: float | Numbers = dataclasses.field(metadata=checked(not_negative))
+
+    example = Example({"inertias": 0.01})
 
     def fitted(self, arm: Arm) -> Effect:
         links = arm.prismatic.count(False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import exp, expm1, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook, State
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -85,6 +85,11 @@ class LuGre(Effect):
     coulomb: float | Numbers = field(metadata=each_joint(positive, "N m", "N"))
     stiction: float | Numbers = field(metadata=each_joint(positive, "N m", "N"))
     stribeck_speed: float | Numbers = field(default=0.01, metadata=each_joint(positive, "rad/s", "m/s"))
+
+    example = Example(
+        {"stiffness": 100.0, "damping": 1.0, "viscous": 0.1, "coulomb": 0.5, "stiction": 0.7,
+         "stribeck_speed": 0.1}
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics, sincos
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
-from redundant_envs.effects.numbers import checked, one, pair, text
+from redundant_envs.effects.numbers import Example, checked, one, pair, text
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strength, strengths
 from redundant_envs.values import Numbers
@@ -50,6 +50,8 @@ class MovingBase(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("name",)
+
+    example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.robots.parameters import number, numbers
@@ -46,6 +46,26 @@ class Declared:
     def checked(self, field: str, value: Any) -> Any:
         """The value as it is kept; ValueError that names the field."""
         return self.check(field, self.form(field, value))
+
+
+@dataclass(frozen=True)
+class Example:
+    """Numbers of an effect with which the package shows, tests and measures it, by their fields.
+
+    Attributes
+    ----------
+    numbers : mapping
+        They fit an arm of four joints.
+    zero : mapping, optional
+        What to change in them for a magnitude of zero, with which a motion keeps its bits. An effect that has
+        none changes the rounding wherever it is.
+    variants : mapping
+        What to change in them for another structure, by what that is called.
+    """
+
+    numbers: Mapping[str, Any]
+    zero: Mapping[str, Any] | None = None
+    variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 Metadata = Mapping[str, Declared]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 
@@ -24,6 +24,8 @@ class Payload(Effect):
     """
 
     mass: float = field(metadata=one(not_negative))
+
+    example = Example({"mass": 0.5}, zero={"mass": 0.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return (PointMass(Point(arm.num_masses - 1), ".mass"),)

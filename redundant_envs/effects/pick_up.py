@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, strength
 
@@ -46,6 +46,8 @@ class PickUp(Effect):
 
     mass: float = field(metadata=one(not_negative, "kg"))
     at: float = field(metadata=one(strength, "s"))
+
+    example = Example({"mass": 0.3, "at": 0.1})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -14,7 +14,7 @@ from redundant_envs.effects.hooks import (
     State,
     effort_unit,
 )
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -40,6 +40,8 @@ class Play(Effect):
     """
 
     gaps: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
+
+    example = Example({"gaps": 0.3})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from redundant_envs.effects.hooks import Hook, Impact
 from redundant_envs.effects.joint_stop import JointStop
+from redundant_envs.effects.numbers import Example
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders
 
@@ -29,6 +30,9 @@ class PrismaticStop(JointStop):
     """
 
     each: ClassVar[str] = "slider"
+
+    # No zero: without ends a motion agrees to rounding only, by the equations of sliders that may rest.
+    example = Example({"lower": (0.0, 0.0), "upper": (0.25, 0.25), "restitution": 0.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         sliders = for_sliders("PrismaticStop", arm.kind, arm.sliders(), len(self.lower))

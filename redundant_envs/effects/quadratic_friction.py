@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -34,6 +34,8 @@ class QuadraticFriction(Effect):
     """
 
     coefficients: float | Numbers = field(metadata=each_joint(not_negative, "N m s^2/rad^2", "N s^2/m^2"))
+
+    example = Example({"coefficients": 0.1})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.algebra import floor, physics
 from redundant_envs.effects.hooks import Hook, Sensing
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import OfReadings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import SMALLEST, positive
@@ -46,6 +46,8 @@ class Quantisation(OfReadings):
 
     position: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad/s", "m/s"))
+
+    example = Example({"position": 0.001, "rate": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

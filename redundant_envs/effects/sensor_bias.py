@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Hook, Sensing
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import OfReadings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strengths
@@ -32,6 +32,8 @@ class SensorBias(OfReadings):
 
     position: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad/s", "m/s"))
+
+    example = Example({"position": 0.01, "rate": 0.02})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

@@ -12,7 +12,7 @@ from typing import Any
 
 from redundant_envs.algebra import floor, numbered, physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
@@ -86,6 +86,8 @@ class SensorDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
+
+    example = Example({"seconds": 0.03, "longest": 0.1})
 
     def __post_init__(self) -> None:
         super().__post_init__()

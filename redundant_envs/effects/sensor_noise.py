@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Hook, Sensing, State
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import OfReadings, Sensor
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
@@ -41,6 +41,8 @@ class SensorNoise(OfReadings):
 
     position: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad/s", "m/s"))
+
+    example = Example({"position": 0.001, "rate": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._noisy(s, arm) for s in self.sensors(arm))

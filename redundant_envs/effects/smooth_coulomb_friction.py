@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -46,6 +46,8 @@ class SmoothCoulombFriction(Effect):
 
     levels: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
     speed: float | Numbers = field(default=0.01, metadata=each_joint(positive, "rad/s", "m/s"))
+
+    example = Example({"levels": 0.5, "speed": 0.1})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = (

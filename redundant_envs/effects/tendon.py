@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from redundant_envs.algebra import maximum, numbered, physics, total
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import checked, one, text
+from redundant_envs.effects.numbers import Example, checked, one, text
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import numbers, positive, strength, strengths
 from redundant_envs.values import Numbers, shown
@@ -106,6 +106,10 @@ class Tendon(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("joints", "name")
+
+    example = Example(
+        {"joints": ("joint2", "joint3"), "moment_arms": (0.03, 0.02), "stiffness": 3000.0, "pretension": 60.0}
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

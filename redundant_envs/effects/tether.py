@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import checked, one, pair
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, numbers
 from redundant_envs.values import Numbers, shown, whole_number
@@ -65,6 +65,8 @@ class Tether(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N s/m"))
 
     static = ("point",)
+
+    example = Example({"point": 4, "post": (0.3, 0.2), "stiffness": 100.0, "damping": 1.0})
 
     @property
     def key(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics
 from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Force, Hook, Point
-from redundant_envs.effects.numbers import each_axis, one, pair
+from redundant_envs.effects.numbers import Example, each_axis, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strengths
 from redundant_envs.values import Numbers
@@ -64,6 +64,11 @@ class TipForce(d.Disturbance):
     density: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N sqrt(s)"))
     deviation: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N"))
     time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
+
+    example = Example(
+        {"step": (1.0, 0.0), "start": 0.1, "amplitude": (1.0, -1.0), "frequency": 2.0, "density": 0.1,
+         "deviation": 1.0, "time_constant": 0.2}
+    )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         tip, found = Point(arm.num_masses - 1), []

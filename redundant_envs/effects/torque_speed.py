@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
-from redundant_envs.effects.numbers import each_joint
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -61,6 +61,8 @@ class TorqueSpeed(Effect):
 
     stall: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
     free: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
+
+    example = Example({"stall": 10.0, "free": 8.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
-from redundant_envs.effects.numbers import one
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, travel
 
@@ -56,6 +56,8 @@ class TwoStageSpring(Effect):
     harder: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
 
     static = ("coordinate",)
+
+    example = Example({"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0})
 
     def __post_init__(self) -> None:
         super().__post_init__()
