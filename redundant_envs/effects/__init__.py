@@ -87,8 +87,11 @@ from redundant_envs.effects.torque_speed import TorqueSpeed as TorqueSpeed
 from redundant_envs.effects.two_stage_spring import TwoStageSpring as TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFriction
 
-__all__ = sorted(name for name, thing in globals().items() if isinstance(thing, type))
+_CLASSES = {name: thing for name, thing in sorted(globals().items()) if isinstance(thing, type)}
+__all__ = [*_CLASSES]
 REGISTRY: dict[str, type[Effect]] = {
-    name: kind for name in __all__ if issubclass(kind := globals()[name], Effect) and kind is not Effect
+    name: kind for name, kind in _CLASSES.items() if issubclass(kind, Effect) and kind is not Effect
 }
-"""Effects by their name in scene files."""
+"""Effects by their name in scene files; users add theirs."""
+OWN = dict(REGISTRY)
+"""Those of this package."""

@@ -410,7 +410,7 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
-    example : Example, optional
+    example : Example
         Numbers with which an effect of the package is shown, tested and measured.
 
     Examples
@@ -442,7 +442,7 @@ class Effect:
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
-    example: ClassVar[Example | None] = None
+    example: ClassVar[Example] = Example({})
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""
@@ -528,8 +528,8 @@ class Effect:
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
-        """Known units of its numbers, "field" or "field[k]" -> unit: those that are declared, and those of
-        masses, inertias and ends of travel, which follow from the hooks. An effect gives its others."""
+        """Known units of its numbers, "field" or "field[k]" -> unit: those that are declared; of masses,
+        inertias and ends of travel they follow from the hooks. An effect gives its others."""
         found: dict[str, str] = {}
         for name, declared in self._declared().items():
             if len(declared.units) == 1:
@@ -540,7 +540,8 @@ class Effect:
                 found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
                 found[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
-        for hook in self.hooks(arm):
+        known, own = ({name.partition("[")[0] for name in names} for names in (found, self.parameters()))
+        for hook in self.hooks(arm) if own - known else ():
             if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):
