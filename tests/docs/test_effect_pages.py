@@ -1,4 +1,4 @@
-"""Pages of effects: all have the same parts, agree with the code, and are in the index."""
+"""Pages of effects: all have the same parts, and agree with the code."""
 
 import dataclasses
 import re
@@ -106,12 +106,3 @@ def test_the_example_of_a_page_runs_and_has_the_effect(name, capsys):
     assert name in block
     exec(compile(block, str(page_of(name)), "exec"), {"__name__": "__main__"})
     assert 1 <= len(capsys.readouterr().out.splitlines()) <= 30
-
-
-def test_the_index_lists_every_effect_once_with_its_sentence():
-    index = text(FOLDER / "README.md")
-    rows = re.findall(r"^\| \[`(\w+)`\]\((\w+\.md)\) \| (.*) \|$", index, re.M)
-    assert sorted(name for name, _, _ in rows) == sorted(KINDS)
-    for name, link, sentence in rows:
-        assert link == page_of(name).name
-        assert sentence == parts(name)[0]
