@@ -78,12 +78,12 @@ def one(check: Check, *units: str) -> Metadata:
 
 def pair(check: Check, *units: str) -> Metadata:
     """A number for each axis, x and y."""
-    return {DECLARED: Declared(_pair, check, units)}
+    return {DECLARED: Declared(two, check, units)}
 
 
 def each_axis(check: Check, *units: str) -> Metadata:
     """A number for each axis, or one for both."""
-    return {DECLARED: Declared(_of_axes, check, units)}
+    return {DECLARED: Declared(of_axes, check, units)}
 
 
 def each_joint(check: Check, *units: str) -> Metadata:
@@ -108,13 +108,15 @@ def text(field: str, value: Any) -> str:
     return value
 
 
-def _pair(field: str, value: Any) -> tuple[float, ...]:
+def two(field: str, value: Any) -> tuple[float, ...]:
+    """A number for each axis."""
     return numbers(field, value, 2)
 
 
-def _of_axes(field: str, value: Any) -> tuple[float, ...]:
+def of_axes(field: str, value: Any) -> tuple[float, ...]:
+    """The same, of one number for both, too."""
     single = not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0
-    return _pair(field, (value, value) if single else value)
+    return two(field, (value, value) if single else value)
 
 
 def _as_given(_: str, value: Any) -> Any:
