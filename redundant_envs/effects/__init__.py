@@ -15,54 +15,6 @@ from redundant_envs.effects.effort_limits import EffortLimits as EffortLimits
 from redundant_envs.effects.gear_backlash import GearBacklash as GearBacklash
 from redundant_envs.effects.gravity import Gravity as Gravity
 from redundant_envs.effects.half_plane import HalfPlane as HalfPlane
-from redundant_envs.effects.hooks import (
-    Actuation as Actuation,
-)
-from redundant_envs.effects.hooks import (
-    Effect as Effect,
-)
-from redundant_envs.effects.hooks import (
-    Field as Field,
-)
-from redundant_envs.effects.hooks import (
-    Force as Force,
-)
-from redundant_envs.effects.hooks import (
-    Friction as Friction,
-)
-from redundant_envs.effects.hooks import (
-    Gap as Gap,
-)
-from redundant_envs.effects.hooks import (
-    Impact as Impact,
-)
-from redundant_envs.effects.hooks import (
-    Impulse as Impulse,
-)
-from redundant_envs.effects.hooks import (
-    Inertia as Inertia,
-)
-from redundant_envs.effects.hooks import (
-    Instant as Instant,
-)
-from redundant_envs.effects.hooks import (
-    Link as Link,
-)
-from redundant_envs.effects.hooks import (
-    Point as Point,
-)
-from redundant_envs.effects.hooks import (
-    PointMass as PointMass,
-)
-from redundant_envs.effects.hooks import (
-    Reading as Reading,
-)
-from redundant_envs.effects.hooks import (
-    Sensing as Sensing,
-)
-from redundant_envs.effects.hooks import (
-    State as State,
-)
 from redundant_envs.effects.joint_stop import JointStop as JointStop
 from redundant_envs.effects.joint_torque import JointTorque as JointTorque
 from redundant_envs.effects.lag import Lag as Lag
@@ -86,6 +38,14 @@ from redundant_envs.effects.tip_force import TipForce as TipForce
 from redundant_envs.effects.torque_speed import TorqueSpeed as TorqueSpeed
 from redundant_envs.effects.two_stage_spring import TwoStageSpring as TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFriction
+
+# isort: off
+from redundant_envs.effects.hooks import (
+    Actuation as Actuation, Effect as Effect, Field as Field, Force as Force, Friction as Friction,
+    Gap as Gap, Impact as Impact, Impulse as Impulse, Inertia as Inertia, Instant as Instant, Link as Link,
+    Point as Point, PointMass as PointMass, Reading as Reading, Sensing as Sensing, State as State,
+)  # fmt: skip
+# isort: on
 
 _CLASSES = {name: thing for name, thing in sorted(globals().items()) if isinstance(thing, type)}
 __all__ = [*_CLASSES]
