@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import pickle
 from fnmatch import fnmatchcase
 
@@ -221,6 +222,22 @@ GROUPS = {
     "joint stops": joint_stops,
 }
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""
+
+
+def with_example(kind, arm):
+    """The example of an effect, if it fits an arm."""
+    effect = kind(**kind.example.numbers)
+    try:
+        rde.Scene(arm, (effect,))
+    except ValueError:
+        return ()
+    return (effect,)
+
+
+GROUPED = {type(x) for group in (every_effect, *GROUPS.values()) for a in (FOUR_R, RPRP) for x in group(a)}
+NEW = {name: kind for name, kind in e.OWN.items() if kind not in GROUPED}
+GROUPS |= {name: functools.partial(with_example, kind) for name, kind in NEW.items()}
+"""A new effect is a group of its own, until another one takes it."""
 
 
 def _scenes():

@@ -1,9 +1,10 @@
-"""Pages from the code: environments, tasks, bills of effects, integrators, scenes, the API; and a gallery."""
+"""Pages from the code: environments, tasks, effects, integrators, scenes, the API; and a gallery."""
 
 from __future__ import annotations
 
 import functools
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
@@ -54,6 +55,7 @@ def written(site: Path, pool: Executor) -> None:
     for name, text in pages(pool.map).items():
         (site / name).parent.mkdir(parents=True, exist_ok=True)
         (site / name).write_text(text.rstrip() + "\n", encoding="utf-8")
+    (site / "effects" / "README.md").write_text(index_of_effects(site / "effects"), encoding="utf-8")
     pictures(site)
     for name, bill in dict(reversed(bills)).items():
         with (site / "effects" / f"{name}.md").open("a", encoding="utf-8") as file:
@@ -181,6 +183,27 @@ The sum of these terms in every step:
 def page_name(effect: rde.effects.Effect) -> str:
     """The page of an effect: its key, without the part that tells several of a scene apart."""
     return effect.key.partition(".")[0]
+
+
+LINKS = re.compile(r"(?:^\[`\w+`\]\(\w+\.md\).*\n)+", re.M)
+"""Lines of links to pages of effects."""
+PAGE = re.compile(r"\]\((\w+\.md)\)")
+
+
+def index_of_effects(folder: Path) -> str:
+    """The index of a folder's effects: tables with the sentences of the pages in place of links to them, and
+    a last table of the pages that have no link."""
+    paths = (path for path in sorted(folder.glob("*.md")) if path.name != "README.md")
+    heads = {path.name: path.read_text(encoding="utf-8").split("\n\n")[:2] for path in paths}
+    text, last = (folder / "README.md").read_text(encoding="utf-8"), "## What they cost"
+
+    def table(names: Iterable[str]) -> str:
+        rows = [(f"[`{heads[name][0][2:]}`]({name})", heads[name][1]) for name in names]
+        return f"{markdown(('effect', 'what it does'), rows, formatted=True)}\n"
+
+    others = [name for name in heads if name not in PAGE.findall(text)]
+    text = LINKS.sub(lambda lines: table(PAGE.findall(lines[0])), text)
+    return text.replace(last, f"## Others\n\n{table(others)}\n{last}") if others else text
 
 
 def bill_of_scene(name: str) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -22,12 +23,9 @@ class Armature(Effect):
         joints.
     """
 
-    inertias: float | Numbers
+    inertias: float | Numbers = field(metadata=each_joint(not_negative))
 
-    of_joints = ("inertias",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "inertias", not_negative("Armature.inertias", self.inertias))
+    example = Example({"inertias": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(Inertia((k,), f".inertias[{k}]") for k in range(len(arm.joints)))

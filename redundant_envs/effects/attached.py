@@ -19,7 +19,7 @@ import numpy as np
 from redundant_envs import dialect
 from redundant_envs.algebra import ABSENT, arguments_of, numbered, total, where
 from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
-from redundant_envs.effects import REGISTRY, hooks
+from redundant_envs.effects import OWN, hooks
 from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import (
     Actuation,
@@ -39,9 +39,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.tracing.graph import owned
 
-OWN_KEYS = frozenset(
-    hooks.snake_case(name) for name, kind in REGISTRY.items() if kind.__module__.startswith("redundant_envs.")
-)
+OWN_KEYS = frozenset(map(hooks.snake_case, OWN))
 """First parts of the parameter names of this package's effects; none is like a name of a field."""
 Kind = TypeVar("Kind", covariant=True)
 

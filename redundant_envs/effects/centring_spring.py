@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, row
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders, not_negative, numbers, travel
 from redundant_envs.values import Numbers
@@ -43,21 +44,25 @@ class CentringSpring(Effect):
         r_min and r_max, m.
     """
 
-    stiffness: Numbers
+    stiffness: Numbers = field(metadata=row(not_negative, "N/m"))
     lower: Numbers
     upper: Numbers
 
+    example = Example(
+        {"stiffness": (80.0, 80.0), "lower": (0.0, 0.0), "upper": (0.25, 0.25)},
+        zero={"stiffness": (0.0, 0.0)},
+    )
+
     def __post_init__(self) -> None:
-        count = None
-        for name in ("stiffness", "lower", "upper"):
-            object.__setattr__(self, name, numbers(f"CentringSpring.{name}", getattr(self, name), count))
-            count = len(self.stiffness)
-        not_negative("CentringSpring.stiffness", self.stiffness)
+        super().__post_init__()
+        for name in ("lower", "upper"):
+            ends = numbers(f"CentringSpring.{name}", getattr(self, name), len(self.stiffness))
+            object.__setattr__(self, name, ends)
         for i, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
             travel(f"CentringSpring.{{}}[{i}]", lower, upper)
 
     def units(self, arm: Arm) -> dict[str, str]:
-        return {"stiffness": "N/m", "lower": "m", "upper": "m"}
+        return {**super().units(arm), "lower": "m", "upper": "m"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))

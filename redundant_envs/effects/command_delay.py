@@ -10,6 +10,7 @@ from typing import Any
 
 from redundant_envs.algebra import floor, maximum, numbered, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
@@ -76,23 +77,21 @@ class CommandDelay(Effect):
         Control interval of the scene that has the effect, s.
     """
 
-    seconds: float
-    longest: float
+    seconds: float = dataclasses.field(metadata=one(number, "s"))
+    longest: float = dataclasses.field(metadata=one(not_negative))
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
 
+    example = Example({"seconds": 0.013, "longest": 0.1})
+
     def __post_init__(self) -> None:
-        longest = number("CommandDelay.longest", self.longest)
-        not_negative("CommandDelay.longest", longest)
-        seconds = number("CommandDelay.seconds", self.seconds)
-        if not 0.0 <= seconds <= longest:
+        super().__post_init__()
+        if not 0.0 <= self.seconds <= self.longest:
             raise ValueError(
-                f"CommandDelay.seconds is {seconds} s; it must lie in 0 to longest, which is {longest} s: "
-                "give a shorter delay, or a larger longest"
+                f"CommandDelay.seconds is {self.seconds} s; it must lie in 0 to longest, which is "
+                f"{self.longest} s: give a shorter delay, or a larger longest"
             )
-        object.__setattr__(self, "seconds", seconds)
-        object.__setattr__(self, "longest", longest)
 
     def at_interval(self, control_dt: float) -> CommandDelay:
         """The effect with the commands that a scene with this control interval keeps."""
@@ -113,9 +112,6 @@ class CommandDelay(Effect):
                 "CommandDelay keeps as many commands as its scene's control_dt asks for; make a Scene"
             )
         return int(whole_intervals(self.longest, self.control_dt)) + 1
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"seconds": "s"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         links = (self._link(k, "N" if slides else "N m") for k, slides in enumerate(arm.prismatic))

@@ -1,4 +1,4 @@
-"""What contacts of an arm with obstacles have in common: their law and the checks of its numbers.
+"""What contacts of an arm with obstacles have in common: their law and the checks of what is no number.
 
 An obstacle pushes at the deepest point of the arm in it, along its outward normal, with the force of Hunt and
 Crossley (1975), and rubs along its surface with regularised Coulomb friction.
@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 from redundant_envs.algebra import maximum, physics, sqrt, where
-from redundant_envs.robots.parameters import not_negative, number, strength
 
 NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
 OWN = {name: f".{name}" for name in NUMBERS}
@@ -64,26 +63,15 @@ def steepness(stiffness):
     return stiffness
 
 
-def check_law(effect: Any) -> None:
-    """Check the numbers of the law, the name, and where an obstacle is felt; ValueError that names the
-    field."""
-    kind = type(effect).__name__
-    for field in NUMBERS:
-        value = strength(f"{kind}.{field}", number(f"{kind}.{field}", getattr(effect, field)))
-        if field in ("stiffness", "slip_speed") and value <= 0.0:
-            raise ValueError(f"{kind}.{field} is {value}; it must be positive")
-        not_negative(f"{kind}.{field}", value)
-        object.__setattr__(effect, field, value)
-    if not isinstance(effect.along_links, bool):
-        raise ValueError(
-            f"{kind}.along_links is {effect.along_links!r:.80}; give false, for the tip alone, or true"
-        )
-    if not isinstance(effect.name, str) or not (effect.name == "" or effect.name.isidentifier()):
-        raise ValueError(
-            f"{kind}.name is {effect.name!r:.80}; give letters, digits and underscores, such as 'left'"
-        )
+def whole_arm(field: str, value: Any) -> bool:
+    """Whether all links touch an obstacle, or the tip alone."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{field} is {value!r:.80}; give false, for the tip alone, or true")
+    return value
 
 
-def units_of_law() -> dict[str, str]:
-    """Units of the numbers of the law."""
-    return dict(zip(NUMBERS, ("N/m", "s/m", "1", "m/s"), strict=True))
+def identifier(field: str, value: Any) -> str:
+    """A name as part of a longer one: empty, or letters, digits and underscores."""
+    if not isinstance(value, str) or not (value == "" or value.isidentifier()):
+        raise ValueError(f"{field} is {value!r:.80}; give letters, digits and underscores, such as 'left'")
+    return value

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Friction, Hook, units_of_joints
+from redundant_envs.effects.hooks import Effect, Friction, Hook
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -31,15 +32,9 @@ class CoulombFriction(Effect):
         joints.
     """
 
-    level: float | Numbers
+    level: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
 
-    of_joints = ("level",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "level", not_negative("CoulombFriction.level", self.level))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("level", arm, "N m", "N")
+    example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, expm1, physics
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, units_of_joints
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
 from redundant_envs.values import Numbers
@@ -66,21 +67,13 @@ class DCMotor(Effect):
         Of the supply, V, positive.
     """
 
-    resistance: float | Numbers
-    inductance: float | Numbers
-    constant: float | Numbers
-    gear: float | Numbers = 1.0
-    voltage: float | Numbers = 24.0
+    resistance: float | Numbers = field(metadata=each_joint(positive, "ohm"))
+    inductance: float | Numbers = field(metadata=each_joint(positive, "H"))
+    constant: float | Numbers = field(metadata=each_joint(positive, "N m/A"))
+    gear: float | Numbers = field(default=1.0, metadata=each_joint(positive, "", "rad/m"))
+    voltage: float | Numbers = field(default=24.0, metadata=each_joint(positive, "V"))
 
-    of_joints = NUMBERS
-
-    def __post_init__(self) -> None:
-        for name in NUMBERS:
-            object.__setattr__(self, name, positive(f"DCMotor.{name}", getattr(self, name)))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        units = {"resistance": "ohm", "inductance": "H", "constant": "N m/A", "voltage": "V"}
-        return {**units, **units_of_joints("gear", arm, "", "rad/m")}
+    example = Example({"resistance": 1.0, "inductance": 0.02, "constant": 0.8, "gear": 1.0})
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))

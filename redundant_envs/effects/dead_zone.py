@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, physics
-from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link, units_of_joints
+from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -28,15 +29,9 @@ class DeadZone(Effect):
         Not negative; one number serves all joints.
     """
 
-    widths: float | Numbers
+    widths: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
 
-    of_joints = ("widths",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "widths", not_negative("DeadZone.widths", self.widths))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("widths", arm, COMMAND, COMMAND)
+    example = Example({"widths": 0.3})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         binds = ({"command": f"command{k + 1}", "width": f".widths[{k}]"} for k in range(len(arm.joints)))

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
 from redundant_envs.algebra import clamp, maximum, physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, number, numbers
+from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
 from redundant_envs.values import Numbers
 
 TINY = 1e-60
@@ -180,21 +181,24 @@ class Disc(Effect):
         Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
     """
 
-    centre: Numbers
-    radius: float
-    stiffness: float = 2e4
-    damping: float = 0.2
-    friction: float = 0.0
-    slip_speed: float = 0.05
-    along_links: bool = False
-    name: str = ""
+    centre: Numbers = field(metadata=pair(numbers, "m", "m"))
+    radius: float = field(metadata=one(number, "m"))
+    stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
+    damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
+    friction: float = field(default=0.0, metadata=one(not_negative, "1"))
+    slip_speed: float = field(default=0.05, metadata=one(positive, "m/s"))
+    along_links: bool = field(default=False, metadata=checked(contact.whole_arm))
+    name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
 
+    example = Example(
+        {"centre": (0.5, 0.4), "radius": 0.2, "stiffness": 2000.0, "friction": 0.3},
+        variants={"along links": {"along_links": True}},
+    )
+
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", numbers("Disc.centre", self.centre, 2))
-        object.__setattr__(self, "radius", number("Disc.radius", self.radius))
-        contact.check_law(self)
+        super().__post_init__()
         if not 0.0 < self.radius <= LARGEST:
             raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
         if max(map(abs, self.centre)) > LARGEST:
@@ -209,9 +213,6 @@ class Disc(Effect):
     @property
     def key(self) -> str:
         return f"disc_{self.name}" if self.name else "disc"
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"centre[0]": "m", "centre[1]": "m", "radius": "m", **contact.units_of_law()}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         x, y = self.centre

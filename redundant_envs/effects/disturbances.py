@@ -6,12 +6,12 @@ force, white noise, and an Ornstein-Uhlenbeck process.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.algebra import exp, physics, sincos, sqrt, where
-from redundant_envs.effects.hooks import State
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, number
+from redundant_envs.effects.hooks import Effect, State
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, strengths
 
 ROUNDING = 1e-6
 """Share of a control interval by which the sum of all intervals so far may differ from the time: rounding
@@ -23,8 +23,6 @@ PARTS: Mapping[str, Mapping[str, float | None]] = {
     "deviation": {"time_constant": None},
 }
 """The number that a part begins with -> others that belong to it, and their defaults, None without one."""
-TIMES = "frequency", "time_constant"
-"""Numbers of which there is one, and which must be positive."""
 
 
 @physics
@@ -90,51 +88,54 @@ def wander(entry: str, unit: str) -> State:
     return State(name, unit, update=wandering, initial=stationary, bind=bind)
 
 
-def check_parts(effect: Any, check: Callable[[str, Any], Any]) -> None:
-    """Check the numbers of a disturbance, by a function of the name of a field and its value, and complete
-    them; ValueError if there is no part, or a number is missing or belongs to none."""
-    kind = type(effect).__name__
-    if all(getattr(effect, part) is None for part in PARTS):
-        raise ValueError(f"{kind} has no part; give one or several of {', '.join(PARTS)}")
-    for part, partners in PARTS.items():
-        present = getattr(effect, part) is not None
-        for field, default in partners.items():
-            given = getattr(effect, field)
-            if given is not None and not present:
-                raise ValueError(
-                    f"{kind}.{field} is {given} without {part}; give {part}, too, or leave it out"
-                )
-            if given is None and present:
-                if default is None:
-                    raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")
-                object.__setattr__(effect, field, default)
-    for field in (name for part, partners in PARTS.items() for name in (part, *partners)):
-        given = getattr(effect, field)
-        if given is not None:
-            object.__setattr__(effect, field, _checked(f"{kind}.{field}", field, given, check))
+class Disturbance(Effect):
+    """Base of disturbing forces: their parts are complete."""
+
+    def __post_init__(self) -> None:
+        kind = type(self).__name__
+        if all(getattr(self, part) is None for part in PARTS):
+            raise ValueError(f"{kind} has no part; give one or several of {', '.join(PARTS)}")
+        for part, partners in PARTS.items():
+            present = getattr(self, part) is not None
+            for field, default in partners.items():
+                given = getattr(self, field)
+                if given is not None and not present:
+                    raise ValueError(
+                        f"{kind}.{field} is {given} without {part}; give {part}, too, or leave it out"
+                    )
+                if given is None and present:
+                    if default is None:
+                        raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")
+                    object.__setattr__(self, field, default)
+        super().__post_init__()
 
 
-def _checked(where: str, field: str, given: Any, check: Callable[[str, Any], Any]) -> Any:
-    if field == "start":
-        start = number(where, given)
-        if start < 0.0:
-            raise ValueError(f"{where} is {start} s; it must not be negative")
-        return start
-    if field in TIMES:
-        value = number(where, given)
-        if not SMALLEST <= value <= LARGEST:
-            raise ValueError(f"{where} is {value}; it must lie in {SMALLEST:g} to {LARGEST:g}")
-        return value
-    found = check(where, given)
-    entries = found if isinstance(found, tuple) else (found,)
-    if not entries:
-        raise ValueError(f"{where} has 0 entries; give one for each joint, or one number for all")
-    if field in ("density", "deviation") and min(entries) < 0.0:
-        raise ValueError(f"{where} has the entry {min(entries)}; it must not be negative")
+def from_the_start(field: str, value: float) -> float:
+    """A time that is not negative, s."""
+    if value < 0.0:
+        raise ValueError(f"{field} is {value} s; it must not be negative")
+    return value
+
+
+def moderate(field: str, value: float) -> float:
+    """A positive number whose products with others neither overflow nor vanish."""
+    if not SMALLEST <= value <= LARGEST:
+        raise ValueError(f"{field} is {value}; it must lie in {SMALLEST:g} to {LARGEST:g}")
+    return value
+
+
+def sizes(field: str, values: Any) -> Any:
+    """Numbers of joints, at least one."""
+    found = strengths(field, values)
+    if found == ():
+        raise ValueError(f"{field} has 0 entries; give one for each joint, or one number for all")
     return found
 
 
-def shared_units(effect: Any) -> dict[str, str]:
-    """Units of the numbers of which there is one."""
-    units = {"start": "s", "frequency": "Hz", "time_constant": "s", "phase": "rad"}
-    return {field: unit for field, unit in units.items() if getattr(effect, field) is not None}
+def deviations(field: str, values: Any) -> Any:
+    """The same, none negative."""
+    found = sizes(field, values)
+    least = min(found) if isinstance(found, tuple) else found
+    if least < 0.0:
+        raise ValueError(f"{field} has the entry {least}; it must not be negative")
+    return found

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
@@ -42,20 +43,17 @@ class DroppedSamples(Effect):
         Of the loss of a reading of the joint in a control step, 0 to 1.
     """
 
-    probability: float | Numbers
+    probability: float | Numbers = field(metadata=each_joint(not_negative, "1"))
 
-    of_joints = ("probability",)
+    example = Example({"probability": 0.1})
 
     def __post_init__(self) -> None:
-        checked = not_negative("DroppedSamples.probability", self.probability)
+        super().__post_init__()
+        checked = self.probability
         for k, p in enumerate(checked if isinstance(checked, tuple) else (checked,)):
             if p > 1.0:
                 entry = f"[{k}]" if isinstance(checked, tuple) else ""
                 raise ValueError(f"DroppedSamples.probability{entry} is {p}; it must lie in 0 to 1")
-        object.__setattr__(self, "probability", checked)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"probability": "1"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._lossy(s, arm) for s in every_sensor(arm))

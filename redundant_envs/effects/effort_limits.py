@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, physics, where
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -42,15 +43,9 @@ class EffortLimits(Effect):
         N m (revolute) or N (prismatic), not negative.
     """
 
-    limits: float | Numbers
+    limits: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
 
-    of_joints = ("limits",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "limits", not_negative("EffortLimits.limits", self.limits))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("limits", arm, "N m", "N")
+    example = Example({"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]

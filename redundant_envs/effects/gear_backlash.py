@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import maximum, physics, sqrt, where
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit, units_of_joints
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -78,25 +79,12 @@ class GearBacklash(Effect):
         Of the teeth per depth, N m s/rad^2 or N s/m^2, not negative.
     """
 
-    gap: float | Numbers
-    stiffness: float | Numbers
-    inertia: float | Numbers
-    damping: float | Numbers = 0.0
+    gap: float | Numbers = field(metadata=each_joint(not_negative, "rad", "m"))
+    stiffness: float | Numbers = field(metadata=each_joint(positive, "N m/rad", "N/m"))
+    inertia: float | Numbers = field(metadata=each_joint(positive, "kg m^2", "kg"))
+    damping: float | Numbers = field(default=0.0, metadata=each_joint(not_negative, "N m s/rad^2", "N s/m^2"))
 
-    of_joints = NUMBERS
-
-    def __post_init__(self) -> None:
-        for name in NUMBERS:
-            allowed = positive if name in ("stiffness", "inertia") else not_negative
-            object.__setattr__(self, name, allowed(f"GearBacklash.{name}", getattr(self, name)))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return (
-            units_of_joints("gap", arm, "rad", "m")
-            | units_of_joints("stiffness", arm, "N m/rad", "N/m")
-            | units_of_joints("inertia", arm, "kg m^2", "kg")
-            | units_of_joints("damping", arm, "N m s/rad^2", "N s/m^2")
-        )
+    example = Example({"gap": 0.02, "stiffness": 500.0, "inertia": 0.02, "damping": 10.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, *units) for k, units in enumerate(_units_of_motion(arm)))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Field, Hook
+from redundant_envs.effects.numbers import Example, one, pair
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, numbers, strength
 from redundant_envs.values import Numbers
@@ -31,12 +33,13 @@ class Gravity(Effect):
         1. (0, -1) means a vertical plane; :meth:`on_plane` computes it for a tilted one.
     """
 
-    g: float = 9.81
-    down: Numbers = (0.0, -1.0)
+    g: float = dataclasses.field(default=9.81, metadata=one(strength, "m/s^2"))
+    down: Numbers = dataclasses.field(default=(0.0, -1.0), metadata=pair(numbers))
+
+    example = Example({"g": 9.81}, zero={"g": 0.0})
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "g", strength("Gravity.g", self.g))
-        object.__setattr__(self, "down", numbers("Gravity.down", self.down, 2))
+        super().__post_init__()
         if math.hypot(*self.down) > 1.0 + 1e-12:
             raise ValueError(
                 f"Gravity.down is {self.down}, of length {math.hypot(*self.down):.6g}; at most 1 "
@@ -53,9 +56,6 @@ class Gravity(Effect):
         tilt, roll = number("tilt", tilt), number("roll", roll)
         down = math.cos(tilt)
         return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"g": "m/s^2"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return (Field(field, {"g": ".g", "down_x": ".down[0]", "down_y": ".down[1]"}),)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, numbers
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
 from redundant_envs.values import Numbers
 
 
@@ -55,6 +56,13 @@ def energy(x, y, point_x, point_y, normal_x, normal_y, stiffness):
     return contact.elastic_energy(depth, stiffness)
 
 
+def place(field: str, value: tuple[float, float]) -> tuple[float, float]:
+    """A point or a direction whose products with others are finite."""
+    if max(map(abs, value)) > LARGEST:
+        raise ValueError(f"{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
+    return value
+
+
 @dataclass(frozen=True)
 class HalfPlane(Effect):
     """Everything beyond a straight edge pushes the tip of the arm, or the ends of its links, out of itself.
@@ -82,24 +90,24 @@ class HalfPlane(Effect):
         Part of the name of its numbers, "half_plane_wall.friction"; several of a scene have different ones.
     """
 
-    point: Numbers
-    normal: Numbers = (0.0, 1.0)
-    stiffness: float = 2e4
-    damping: float = 0.2
-    friction: float = 0.0
-    slip_speed: float = 0.05
-    along_links: bool = False
-    name: str = ""
+    point: Numbers = field(metadata=pair(place, "m", "m"))
+    normal: Numbers = field(default=(0.0, 1.0), metadata=pair(place, "1", "1"))
+    stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
+    damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
+    friction: float = field(default=0.0, metadata=one(not_negative, "1"))
+    slip_speed: float = field(default=0.05, metadata=one(positive, "m/s"))
+    along_links: bool = field(default=False, metadata=checked(contact.whole_arm))
+    name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
 
+    example = Example(
+        {"point": (0.0, -0.5), "stiffness": 2000.0, "friction": 0.3},
+        variants={"along links": {"along_links": True}},
+    )
+
     def __post_init__(self) -> None:
-        for field in ("point", "normal"):
-            value = numbers(f"HalfPlane.{field}", getattr(self, field), 2)
-            if max(map(abs, value)) > LARGEST:
-                raise ValueError(f"HalfPlane.{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
-            object.__setattr__(self, field, value)
-        contact.check_law(self)
+        super().__post_init__()
         if math.hypot(*self.normal) < SMALLEST:
             raise ValueError(
                 f"HalfPlane.normal is {self.normal}, which is no direction; give one such as (0, 1)"
@@ -113,11 +121,6 @@ class HalfPlane(Effect):
     @property
     def key(self) -> str:
         return f"half_plane_{self.name}" if self.name else "half_plane"
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        axes = range(2)
-        own = {f"point[{k}]": "m" for k in axes} | {f"normal[{k}]": "1" for k in axes}
-        return own | contact.units_of_law()
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         (x, y), (nx, ny) = self.point, self.normal

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, Example
 from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm
 
@@ -391,8 +392,9 @@ def states_of(hook: Any) -> tuple[State, ...]:
 class Effect:
     """Base of all effects.
 
-    A subclass validates its numbers in ``__post_init__`` and defines ``hooks``. Its class name is
-    its name in scene files; ``key`` is its name in parameters ("limit_spring.r1").
+    A subclass validates its numbers in ``__post_init__``, unless they are declared with their checks (see
+    :mod:`redundant_envs.effects.numbers`), and defines ``hooks``. Its class name is its name in scene files;
+    ``key`` is its name in parameters ("limit_spring.r1").
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
     the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
@@ -408,6 +410,8 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
+    example : Example
+        Numbers with which an effect of the package is shown, tested and measured.
 
     Examples
     --------
@@ -438,13 +442,28 @@ class Effect:
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
+    example: ClassVar[Example] = Example({})
 
     def __init_subclass__(cls) -> None:
-        """Refuse numbers with names that every effect has."""
+        """Refuse numbers with names that every effect has, and note which there are for each joint."""
         super().__init_subclass__()
         for name, annotation in inspect.get_annotations(cls).items():
             if hasattr(Effect, name) and "ClassVar" not in str(annotation):
                 raise ValueError(f"{cls.__name__} has a number {name!r}, as every effect has; rename it")
+            own = vars(cls).get(name)
+            declared = own.metadata.get(DECLARED) if isinstance(own, dataclasses.Field) else None
+            if declared and declared.of_joints:
+                cls.of_joints = (*cls.of_joints, name)
+
+    def __post_init__(self) -> None:
+        for name, declared in self._declared().items():
+            value = declared.checked(f"{type(self).__name__}.{name}", getattr(self, name))
+            object.__setattr__(self, name, value)
+
+    def _declared(self) -> dict[str, Declared]:
+        """What is declared of its fields, but for those that are absent."""
+        declared = (f for f in dataclasses.fields(self) if DECLARED in f.metadata)
+        return {f.name: f.metadata[DECLARED] for f in declared if not _is_absent(f, getattr(self, f.name))}
 
     @property
     def key(self) -> str:
@@ -509,10 +528,20 @@ class Effect:
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:
-        """Known units of its numbers, "field" or "field[k]" -> unit. Those of masses, inertias and ends of
-        travel follow from the hooks; an effect gives its others."""
+        """Known units of its numbers, "field" or "field[k]" -> unit: those that are declared; of masses,
+        inertias and ends of travel they follow from the hooks. An effect gives its others."""
         found: dict[str, str] = {}
-        for hook in self.hooks(arm):
+        for name, declared in self._declared().items():
+            if len(declared.units) == 1:
+                found[name] = declared.units[0]
+            elif declared.of_joints and declared.units:
+                found |= units_of_joints(name, arm, *declared.units)
+            elif isinstance(getattr(self, name), tuple):
+                found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
+            elif declared.units:
+                found[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
+        known, own = ({name.partition("[")[0] for name in names} for names in (found, self.parameters()))
+        for hook in self.hooks(arm) if own - known else ():
             if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from redundant_envs.effects.hooks import Effect, Hook, Impact
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, travel
 from redundant_envs.values import Ends, shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}
 """Ends of the travel of a joint without stops."""
+
+
+def share(field: str, value: float) -> float:
+    """A number from 0 to 1."""
+    if not 0.0 <= value <= 1.0:
+        raise ValueError(f"{field} is {value}; it must lie in 0 to 1")
+    return value
 
 
 @dataclass(frozen=True)
@@ -36,28 +44,29 @@ class JointStop(Effect):
 
     lower: Ends
     upper: Ends
-    restitution: float = 1.0
+    restitution: float = field(default=1.0, metadata=one(share))
+
+    each: ClassVar[str] = "joint"
+
+    example = Example({"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0})
 
     def __post_init__(self) -> None:
+        kind = type(self).__name__
         for name in FREE:
-            object.__setattr__(self, name, _ends(name, getattr(self, name)))
+            object.__setattr__(self, name, self._ends(name))
         if len(self.lower) != len(self.upper):
             raise ValueError(
-                f"JointStop.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
-                "one for each joint"
+                f"{kind}.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
+                f"one for each {self.each}"
             )
-        pairs = list(zip(self.lower, self.upper, strict=True))
-        for i, (low, high) in enumerate(pairs):
+        for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
-                travel(f"JointStop.{{}}[{i}]", low, high)
-        if all(low is None and high is None for low, high in pairs):
+                travel(f"{kind}.{{}}[{i}]", low, high)
+        if not self._limited():
             raise ValueError(
                 "JointStop.lower and upper have no end of any joint; give one, or leave the effect out"
             )
-        e = number("JointStop.restitution", self.restitution)
-        if not 0.0 <= e <= 1.0:
-            raise ValueError(f"JointStop.restitution is {e}; it must lie in 0 to 1")
-        object.__setattr__(self, "restitution", e)
+        super().__post_init__()
 
     def parameters(self) -> dict[str, float]:
         values = {"restitution": self.restitution}
@@ -80,12 +89,11 @@ class JointStop(Effect):
         pairs = zip(self.lower, self.upper, strict=True)
         return [i for i, (low, high) in enumerate(pairs) if low is not None or high is not None]
 
-
-def _ends(name: str, ends: Any) -> tuple[float | None, ...]:
-    """Checked ends of the travel of all joints; None where there is none."""
-    given = ends.tolist() if hasattr(ends, "tolist") else ends
-    if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
-        raise ValueError(f"JointStop.{name} is {shown(ends)}; give an end for each joint, in their order")
-    kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
-    fields = {f"JointStop.{name}[{i}]": end for i, end in enumerate(kept)}
-    return tuple(None if end is None else number(field, end) for field, end in fields.items())
+    def _ends(self, name: str) -> tuple[float | None, ...]:
+        """Checked ends of the travel of all joints; None where there is none."""
+        ends, field = getattr(self, name), f"{type(self).__name__}.{name}"
+        given = ends.tolist() if hasattr(ends, "tolist") else ends
+        if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
+            raise ValueError(f"{field} is {shown(ends)}; give an end for each {self.each}, in their order")
+        kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
+        return tuple(None if end is None else number(f"{field}[{i}]", end) for i, end in enumerate(kept))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.effects.hooks import Force, Hook
+from redundant_envs.effects.numbers import Example, each_joint, one
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strengths
 from redundant_envs.values import Numbers
 
 
@@ -18,7 +18,7 @@ def drawn(torque):
 
 
 @dataclass(frozen=True)
-class JointTorque(Effect):
+class JointTorque(d.Disturbance):
     """A torque at each revolute joint and a force at each slider that nobody controls. Each part is absent
     unless it is given; they add.
 
@@ -44,26 +44,21 @@ class JointTorque(Effect):
         Time in which its correlation falls to 1/e, s, positive.
     """
 
-    step: float | Numbers | None = None
-    start: float | None = None
-    amplitude: float | Numbers | None = None
-    frequency: float | None = None
-    phase: float | Numbers | None = None
-    density: float | Numbers | None = None
-    deviation: float | Numbers | None = None
-    time_constant: float | None = None
+    step: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "N m", "N"))
+    start: float | None = field(default=None, metadata=one(d.from_the_start, "s"))
+    amplitude: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "N m", "N"))
+    frequency: float | None = field(default=None, metadata=one(d.moderate, "Hz"))
+    phase: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "rad"))
+    density: float | Numbers | None = field(
+        default=None, metadata=each_joint(d.deviations, "N m sqrt(s)", "N sqrt(s)")
+    )
+    deviation: float | Numbers | None = field(default=None, metadata=each_joint(d.deviations, "N m", "N"))
+    time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
 
-    of_joints = ("step", "amplitude", "phase", "density", "deviation")
-
-    def __post_init__(self) -> None:
-        d.check_parts(self, strengths)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        units = d.shared_units(self)
-        for field, factor in (("step", ""), ("amplitude", ""), ("density", " sqrt(s)"), ("deviation", "")):
-            if getattr(self, field) is not None:
-                units |= units_of_joints(field, arm, f"N m{factor}", f"N{factor}")
-        return units
+    example = Example(
+        {"step": 0.5, "start": 0.1, "amplitude": 0.5, "frequency": 2.0, "density": 0.05, "deviation": 0.5,
+         "time_constant": 0.2}
+    )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         found: list[Force] = []

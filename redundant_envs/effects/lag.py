@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import expm1, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
 from redundant_envs.values import Numbers
@@ -42,15 +43,9 @@ class Lag(Effect):
         T, s, positive; one number serves all joints.
     """
 
-    time_constant: float | Numbers
+    time_constant: float | Numbers = field(metadata=each_joint(positive, "s"))
 
-    of_joints = ("time_constant",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time_constant", positive("Lag.time_constant", self.time_constant))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"time_constant": "s"}
+    example = Example({"time_constant": 0.03})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

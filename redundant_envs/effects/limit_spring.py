@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, strength, travel
+from redundant_envs.robots.parameters import not_negative, number, positive, travel
 
 
 @physics
@@ -75,21 +76,20 @@ class LimitSpring(Effect):
     """
 
     coordinate: str
-    lower: float
-    upper: float
-    stiffness: float = 5000.0
-    damping: float = 0.0
+    lower: float = field(metadata=one(number, "rad", "m"))
+    upper: float = field(metadata=one(number, "rad", "m"))
+    stiffness: float = field(default=5000.0, metadata=one(positive, "N m/rad", "N/m"))
+    damping: float = field(default=0.0, metadata=one(not_negative, "N m s/rad^2", "N s/m^2"))
 
     static = ("coordinate",)
 
+    example = Example(
+        {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0}
+    )
+
     def __post_init__(self) -> None:
-        ends = travel("LimitSpring.{}", self.lower, self.upper)
-        stiffness = strength("LimitSpring.stiffness", self.stiffness)
-        if stiffness <= 0.0:
-            raise ValueError(f"LimitSpring.stiffness is {stiffness}; it must be positive")
-        damping = not_negative("LimitSpring.damping", number("LimitSpring.damping", self.damping))
-        for name, value in zip(NUMBERS, (*ends, stiffness, damping), strict=True):
-            object.__setattr__(self, name, value)
+        super().__post_init__()
+        travel("LimitSpring.{}", self.lower, self.upper)
 
     @property
     def key(self) -> str:
@@ -97,12 +97,6 @@ class LimitSpring(Effect):
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         return {arm.joint_index(self.coordinate): ("lower", "upper")}
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        slides = arm.prismatic[arm.joint_index(self.coordinate)]
-        end, strength = ("m", "N") if slides else ("rad", "N m")
-        units = (end, end, f"{strength}/{end}", f"{strength} s/{end}^2")
-        return dict(zip(NUMBERS, units, strict=True))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)

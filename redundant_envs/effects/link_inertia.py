@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from redundant_envs.effects.hooks import Effect, Hook, Inertia
+from redundant_envs.effects.numbers import Example, checked
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -26,10 +27,9 @@ class LinkInertia(Effect):
         serves all links.
     """
 
-    inertias: float | Numbers
+    inertias: float | Numbers = dataclasses.field(metadata=checked(not_negative))
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "inertias", not_negative("LinkInertia.inertias", self.inertias))
+    example = Example({"inertias": 0.01})
 
     def fitted(self, arm: Arm) -> Effect:
         links = arm.prismatic.count(False)

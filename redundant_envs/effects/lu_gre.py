@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import exp, expm1, physics, where
-from redundant_envs.effects.hooks import Effect, Force, Hook, State, units_of_joints
+from redundant_envs.effects.hooks import Effect, Force, Hook, State
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -78,36 +79,26 @@ class LuGre(Effect):
         v_S, rate at which the friction falls from one to the other, rad/s or m/s, positive.
     """
 
-    stiffness: float | Numbers
-    damping: float | Numbers
-    viscous: float | Numbers
-    coulomb: float | Numbers
-    stiction: float | Numbers
-    stribeck_speed: float | Numbers = 0.01
+    stiffness: float | Numbers = field(metadata=each_joint(positive, "N m/rad", "N/m"))
+    damping: float | Numbers = field(metadata=each_joint(not_negative, "N m s/rad", "N s/m"))
+    viscous: float | Numbers = field(metadata=each_joint(not_negative, "N m s/rad", "N s/m"))
+    coulomb: float | Numbers = field(metadata=each_joint(positive, "N m", "N"))
+    stiction: float | Numbers = field(metadata=each_joint(positive, "N m", "N"))
+    stribeck_speed: float | Numbers = field(default=0.01, metadata=each_joint(positive, "rad/s", "m/s"))
 
-    of_joints = NUMBERS
+    example = Example(
+        {"stiffness": 100.0, "damping": 1.0, "viscous": 0.1, "coulomb": 0.5, "stiction": 0.7,
+         "stribeck_speed": 0.1}
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
-        for name in NUMBERS:
-            check = not_negative if name in ("damping", "viscous") else positive
-            object.__setattr__(self, name, check(f"LuGre.{name}", getattr(self, name)))
+        super().__post_init__()
         for k, (low, high) in enumerate(_pairs(self.coulomb, self.stiction)):
             if high < low:
                 raise ValueError(
                     f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; a joint slips no "
                     "sooner than it slides: give at least the Coulomb level"
                 )
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        units = {
-            "stiffness": ("N m/rad", "N/m"), "damping": ("N m s/rad", "N s/m"),
-            "viscous": ("N m s/rad", "N s/m"), "coulomb": ("N m", "N"), "stiction": ("N m", "N"),
-            "stribeck_speed": ("rad/s", "m/s"),
-        }  # fmt: skip
-        found: dict[str, str] = {}
-        for name, both in units.items():
-            found |= units_of_joints(name, arm, *both)
-        return found
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._force(k, "m" if slides else "rad") for k, slides in enumerate(arm.prismatic))

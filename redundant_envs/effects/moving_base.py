@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, sincos
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
+from redundant_envs.effects.numbers import Example, checked, one, pair, text
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import numbers, strength
-from redundant_envs.values import Numbers, shown
-
-NAME = re.compile(r"\w*")
+from redundant_envs.robots.parameters import strength, strengths
+from redundant_envs.values import Numbers
 
 
 @physics
@@ -47,30 +45,22 @@ class MovingBase(Effect):
         Tells several of a scene apart, whose motions add: "second" has "moving_base.second.frequency", ...
     """
 
-    amplitude: Numbers
-    frequency: float
-    name: str = ""
+    amplitude: Numbers = field(metadata=pair(strengths, "m"))
+    frequency: float = field(metadata=one(strength, "rad/s"))
+    name: str = field(default="", metadata=checked(text))
 
     static = ("name",)
 
+    example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
+
     def __post_init__(self) -> None:
-        amplitude = numbers("MovingBase.amplitude", self.amplitude, 2)
-        for k, x in enumerate(amplitude):
-            strength(f"MovingBase.amplitude[{k}]", x)
-        object.__setattr__(self, "amplitude", amplitude)
-        frequency = strength("MovingBase.frequency", self.frequency)
-        if frequency < 0.0:
-            raise ValueError(f"MovingBase.frequency is {frequency} rad/s; it must not be negative")
-        object.__setattr__(self, "frequency", frequency)
-        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
-            raise ValueError(f"MovingBase.name is {shown(self.name)}; give letters, digits and '_'")
+        super().__post_init__()
+        if self.frequency < 0.0:
+            raise ValueError(f"MovingBase.frequency is {self.frequency} rad/s; it must not be negative")
 
     @property
     def key(self) -> str:
         return f"moving_base.{self.name}" if self.name else "moving_base"
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"amplitude": "m", "frequency": "rad/s"}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         sine = math.sin(pose.states["angle"])

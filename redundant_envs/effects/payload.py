@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number
+from redundant_envs.robots.parameters import not_negative
 
 
 @dataclass(frozen=True)
@@ -22,10 +23,9 @@ class Payload(Effect):
         kg, not negative.
     """
 
-    mass: float
+    mass: float = field(metadata=one(not_negative))
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", not_negative("Payload.mass", number("Payload.mass", self.mass)))
+    example = Example({"mass": 0.5}, zero={"mass": 0.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return (PointMass(Point(arm.num_masses - 1), ".mass"),)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, strength
+from redundant_envs.robots.parameters import not_negative, strength
 
 ON_TIME = 1e-6
 """Share of an interval by which a time may be early and still counts as reached: sums of a million intervals
@@ -43,18 +44,15 @@ class PickUp(Effect):
         Time of the grasp, s, positive; a load from the start is a :class:`Payload`.
     """
 
-    mass: float
-    at: float
+    mass: float = field(metadata=one(not_negative, "kg"))
+    at: float = field(metadata=one(strength, "s"))
+
+    example = Example({"mass": 0.3, "at": 0.1})
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", not_negative("PickUp.mass", number("PickUp.mass", self.mass)))
-        at = strength("PickUp.at", self.at)
-        if at <= 0.0:
-            raise ValueError(f"PickUp.at is {at} s; it must be positive: give a Payload from the start")
-        object.__setattr__(self, "at", at)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"mass": "kg", "at": "s"}
+        super().__post_init__()
+        if self.at <= 0.0:
+            raise ValueError(f"PickUp.at is {self.at} s; it must be positive: give a Payload from the start")
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         """The object before it is grasped, which the tip will find wherever it then is."""

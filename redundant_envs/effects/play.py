@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, physics
 from redundant_envs.effects.hooks import (
@@ -13,8 +13,8 @@ from redundant_envs.effects.hooks import (
     Link,
     State,
     effort_unit,
-    units_of_joints,
 )
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -39,15 +39,9 @@ class Play(Effect):
         that takes a voltage. Not negative; one number serves all joints.
     """
 
-    gaps: float | Numbers
+    gaps: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
 
-    of_joints = ("gaps",)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "gaps", not_negative("Play.gaps", self.gaps))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("gaps", arm, COMMAND, COMMAND)
+    example = Example({"gaps": 0.3})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

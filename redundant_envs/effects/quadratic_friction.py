@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -32,16 +33,9 @@ class QuadraticFriction(Effect):
         N m s^2/rad^2 (revolute) or N s^2/m^2 (prismatic), not negative; one number serves all joints.
     """
 
-    coefficients: float | Numbers
+    coefficients: float | Numbers = field(metadata=each_joint(not_negative, "N m s^2/rad^2", "N s^2/m^2"))
 
-    of_joints = ("coefficients",)
-
-    def __post_init__(self) -> None:
-        checked = not_negative("QuadraticFriction.coefficients", self.coefficients)
-        object.__setattr__(self, "coefficients", checked)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("coefficients", arm, "N m s^2/rad^2", "N s^2/m^2")
+    example = Example({"coefficients": 0.1})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

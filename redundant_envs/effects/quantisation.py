@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.algebra import floor, physics
-from redundant_envs.effects.hooks import Effect, Hook, Sensing
-from redundant_envs.effects.readings import check_readings, sensors_of, units_of_readings
+from redundant_envs.effects.hooks import Hook, Sensing
+from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.readings import OfReadings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import SMALLEST, positive
 from redundant_envs.values import Numbers
@@ -31,7 +32,7 @@ def resolutions(field: str, values: Any) -> float | tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class Quantisation(Effect):
+class Quantisation(OfReadings):
     """Readings in whole steps, as those of encoders and converters; motion, reward, ``info`` and goals keep
     the true values.
 
@@ -43,19 +44,13 @@ class Quantisation(Effect):
         Step of the reading of its rate, rad/s or m/s, at least 1e-30.
     """
 
-    position: float | Numbers | None = None
-    rate: float | Numbers | None = None
+    position: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad", "m"))
+    rate: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad/s", "m/s"))
 
-    of_joints = ("position", "rate")
-
-    def __post_init__(self) -> None:
-        check_readings(self, resolutions)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_readings(self, arm)
+    example = Example({"position": 0.001, "rate": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
             Sensing(s.joint, counted, {"reading": s.quantity, "resolution": s.number}, s.reading)
-            for s in sensors_of(self, arm)
+            for s in self.sensors(arm)
         )

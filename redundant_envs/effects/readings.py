@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
-from redundant_envs.effects.hooks import Effect, Reading, units_of_joints
+from redundant_envs.effects.hooks import Effect, Reading
 from redundant_envs.robots.arm import Arm
 
 READINGS = {"position": Reading.POSITION, "rate": Reading.RATE}
@@ -35,33 +35,23 @@ class Sensor(NamedTuple):
         return length if self.reading is Reading.POSITION else f"{length}/s"
 
 
-def check_readings(effect: Any, check: Callable[[str, Any], Any]) -> None:
-    """Check the numbers of an effect, by a function of the name of a field and its value; ValueError if
-    neither positions nor rates have any."""
-    kind = type(effect).__name__
-    given = {field: getattr(effect, field) for field in READINGS if getattr(effect, field) is not None}
-    if not given:
-        raise ValueError(f"{kind} has neither position nor rate, and would change nothing; give one of them")
-    for field, value in given.items():
-        object.__setattr__(effect, field, check(f"{kind}.{field}", value))
-
-
-def sensors_of(effect: Effect, arm: Arm) -> Iterator[Sensor]:
-    """The sensors whose readings an effect changes: those for which it has numbers."""
-    return (s for s in every_sensor(arm) if getattr(effect, s.field) is not None)
-
-
 def every_sensor(arm: Arm) -> Iterator[Sensor]:
     """The sensors of all positions and rates."""
     for field, reading in READINGS.items():
         yield from (Sensor(field, reading, joint) for joint in range(len(arm.joints)))
 
 
-def units_of_readings(effect: Effect, arm: Arm) -> dict[str, str]:
-    """Units of the numbers of an effect: those of the readings."""
-    units = {"position": ("rad", "m"), "rate": ("rad/s", "m/s")}
-    found: dict[str, str] = {}
-    for field in READINGS:
-        if getattr(effect, field) is not None:
-            found |= units_of_joints(field, arm, *units[field])
-    return found
+class OfReadings(Effect):
+    """Base of effects with numbers for the readings of positions, of rates, or of both."""
+
+    def __post_init__(self) -> None:
+        if all(getattr(self, field) is None for field in READINGS):
+            raise ValueError(
+                f"{type(self).__name__} has neither position nor rate, and would change nothing; give one of "
+                "them"
+            )
+        super().__post_init__()
+
+    def sensors(self, arm: Arm) -> Iterator[Sensor]:
+        """The sensors whose readings it changes: those for which it has numbers."""
+        return (s for s in every_sensor(arm) if getattr(self, s.field) is not None)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Hook, Sensing
-from redundant_envs.effects.readings import check_readings, sensors_of, units_of_readings
+from redundant_envs.effects.hooks import Hook, Sensing
+from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.readings import OfReadings
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strengths
 from redundant_envs.values import Numbers
@@ -18,7 +19,7 @@ def shifted(reading, bias):
 
 
 @dataclass(frozen=True)
-class SensorBias(Effect):
+class SensorBias(OfReadings):
     """Constant errors of the sensors; motion, reward, ``info`` and goals keep the true values.
 
     Parameters
@@ -29,19 +30,13 @@ class SensorBias(Effect):
         Added to the reading of its rate, rad/s or m/s.
     """
 
-    position: float | Numbers | None = None
-    rate: float | Numbers | None = None
+    position: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad", "m"))
+    rate: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad/s", "m/s"))
 
-    of_joints = ("position", "rate")
-
-    def __post_init__(self) -> None:
-        check_readings(self, strengths)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_readings(self, arm)
+    example = Example({"position": 0.01, "rate": 0.02})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
             Sensing(s.joint, shifted, {"reading": s.quantity, "bias": s.number}, s.reading)
-            for s in sensors_of(self, arm)
+            for s in self.sensors(arm)
         )

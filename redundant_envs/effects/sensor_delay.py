@@ -12,6 +12,7 @@ from typing import Any
 
 from redundant_envs.algebra import floor, numbered, physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.robots.arm import Arm
@@ -80,23 +81,23 @@ class SensorDelay(Effect):
         Control interval of the scene that has the effect, s.
     """
 
-    seconds: float
-    longest: float
+    seconds: float = dataclasses.field(metadata=one(number, "s"))
+    longest: float = dataclasses.field(metadata=one(number))
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
 
+    example = Example({"seconds": 0.03, "longest": 0.1})
+
     def __post_init__(self) -> None:
-        seconds, longest = (number(f"SensorDelay.{n}", getattr(self, n)) for n in ("seconds", "longest"))
-        if longest < 0.0:
-            raise ValueError(f"SensorDelay.longest is {longest} s; it must not be negative")
-        if not 0.0 <= seconds <= longest:
+        super().__post_init__()
+        if self.longest < 0.0:
+            raise ValueError(f"SensorDelay.longest is {self.longest} s; it must not be negative")
+        if not 0.0 <= self.seconds <= self.longest:
             raise ValueError(
-                f"SensorDelay.seconds is {seconds} s; it must lie in 0 to longest, which is {longest} s: "
-                "give a longer 'longest' or a shorter delay"
+                f"SensorDelay.seconds is {self.seconds} s; it must lie in 0 to longest, which is "
+                f"{self.longest} s: give a longer 'longest' or a shorter delay"
             )
-        object.__setattr__(self, "seconds", seconds)
-        object.__setattr__(self, "longest", longest)
 
     def at_interval(self, control_dt: float) -> Effect:
         steps = self.longest / control_dt  # may be infinite, which is no number of steps
@@ -118,9 +119,6 @@ class SensorDelay(Effect):
                 "SensorDelay keeps as many readings as its scene's control_dt asks for; make a Scene"
             )
         return math.ceil(steps_back(self.longest, self.control_dt)) + 1
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"seconds": "s"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._late(s, arm) for s in every_sensor(arm))

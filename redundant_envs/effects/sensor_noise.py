@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.readings import Sensor, check_readings, sensors_of, units_of_readings
+from redundant_envs.effects.hooks import Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.readings import OfReadings, Sensor
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -23,7 +24,7 @@ def disturbed(reading, noise):
 
 
 @dataclass(frozen=True)
-class SensorNoise(Effect):
+class SensorNoise(OfReadings):
     """Normally distributed errors of the sensors, others in every observation; motion, reward, ``info`` and
     goals keep the true values.
 
@@ -38,19 +39,13 @@ class SensorNoise(Effect):
         Standard deviation of the reading of its rate, rad/s or m/s, not negative.
     """
 
-    position: float | Numbers | None = None
-    rate: float | Numbers | None = None
+    position: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad", "m"))
+    rate: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad/s", "m/s"))
 
-    of_joints = ("position", "rate")
-
-    def __post_init__(self) -> None:
-        check_readings(self, not_negative)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_readings(self, arm)
+    example = Example({"position": 0.001, "rate": 0.01})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._noisy(s, arm) for s in sensors_of(self, arm))
+        return tuple(self._noisy(s, arm) for s in self.sensors(arm))
 
     def _noisy(self, s: Sensor, arm: Arm) -> Hook:
         error = f"error_of_{s.field}[{s.joint}]"

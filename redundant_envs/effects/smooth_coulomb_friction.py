@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics, sqrt
-from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -43,17 +44,10 @@ class SmoothCoulombFriction(Effect):
         e, rad/s or m/s, positive: at this rate the friction is 1/sqrt(2) of its level.
     """
 
-    levels: float | Numbers
-    speed: float | Numbers = 0.01
+    levels: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
+    speed: float | Numbers = field(default=0.01, metadata=each_joint(positive, "rad/s", "m/s"))
 
-    of_joints = ("levels", "speed")
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "levels", not_negative("SmoothCoulombFriction.levels", self.levels))
-        object.__setattr__(self, "speed", positive("SmoothCoulombFriction.speed", self.speed))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("levels", arm, "N m", "N") | units_of_joints("speed", arm, "rad/s", "m/s")
+    example = Example({"levels": 0.5, "speed": 0.1})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = (

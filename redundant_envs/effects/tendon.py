@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from redundant_envs.algebra import maximum, numbered, physics, total
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, checked, one, text
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, numbers, strength
+from redundant_envs.robots.parameters import numbers, positive, strength, strengths
 from redundant_envs.values import Numbers, shown
-
-NAME = re.compile(r"\w*")
 
 
 class Laws(NamedTuple):
@@ -68,6 +66,15 @@ def _between(a: shapes.Place, b: shapes.Place) -> shapes.Place:
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
 
 
+def several_joints(field: str, value: Any) -> tuple[str, ...]:
+    """Names of two or more joints, each once."""
+    joints = tuple(value) if isinstance(value, list) else value
+    if not isinstance(joints, tuple) or len(joints) < 2 or len({*map(str, joints)}) < len(joints):
+        fix = "give the names of two or more joints, each once, such as ('joint2', 'joint3')"
+        raise ValueError(f"{field} is {shown(value)}; {fix}")
+    return joints
+
+
 @dataclass(frozen=True)
 class Tendon(Effect):
     """An elastic tendon along two or more joints, which pulls and never pushes.
@@ -92,31 +99,22 @@ class Tendon(Effect):
         Tells several tendons of a scene apart: "flexor" has the parameters "tendon.flexor.stiffness", ...
     """
 
-    joints: Sequence[str]
+    joints: Sequence[str] = field(metadata=checked(several_joints))
     moment_arms: Numbers
-    stiffness: float
-    pretension: float = 0.0
-    name: str = ""
+    stiffness: float = field(metadata=one(positive, "N/m"))
+    pretension: float = field(default=0.0, metadata=one(strength, "N"))
+    name: str = field(default="", metadata=checked(text))
 
     static = ("joints", "name")
 
+    example = Example(
+        {"joints": ("joint2", "joint3"), "moment_arms": (0.03, 0.02), "stiffness": 3000.0, "pretension": 60.0}
+    )
+
     def __post_init__(self) -> None:
-        joints = tuple(self.joints) if isinstance(self.joints, list) else self.joints
-        if not isinstance(joints, tuple) or len(joints) < 2 or len({*map(str, joints)}) < len(joints):
-            fix = "give the names of two or more joints, each once, such as ('joint2', 'joint3')"
-            raise ValueError(f"Tendon.joints is {shown(self.joints)}; {fix}")
-        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
-            raise ValueError(f"Tendon.name is {shown(self.name)}; give letters, digits and '_'")
-        arms = numbers("Tendon.moment_arms", self.moment_arms, len(joints))
-        for k, arm in enumerate(arms):
-            strength(f"Tendon.moment_arms[{k}]", arm)
-        stiffness = not_negative("Tendon.stiffness", number("Tendon.stiffness", self.stiffness))
-        if stiffness == 0.0:
-            raise ValueError(f"Tendon.stiffness is {stiffness}; it must be positive")
-        pretension = strength("Tendon.pretension", self.pretension)
-        values = {"joints": joints, "moment_arms": arms, "stiffness": stiffness, "pretension": pretension}
-        for field, value in values.items():
-            object.__setattr__(self, field, value)
+        super().__post_init__()
+        arms = numbers("Tendon.moment_arms", self.moment_arms, len(self.joints))
+        object.__setattr__(self, "moment_arms", strengths("Tendon.moment_arms", arms))
 
     @property
     def key(self) -> str:
@@ -133,7 +131,7 @@ class Tendon(Effect):
     def units(self, arm: Arm) -> dict[str, str]:
         slides = [arm.prismatic[joint] for joint in self._places(arm)]
         arms = {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)}
-        return {**arms, "stiffness": "N/m", "pretension": "N"}
+        return {**arms, **super().units(arm)}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         """A line from link to link that passes each revolute joint at its moment arm, on the outer side of a

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, checked, one, pair
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, numbers
+from redundant_envs.robots.parameters import not_negative, numbers
 from redundant_envs.values import Numbers, shown, whole_number
 
 
@@ -58,26 +59,18 @@ class Tether(Effect):
         c, N s/m, not negative.
     """
 
-    point: int
-    post: Numbers
-    stiffness: float
-    damping: float = 0.0
+    point: int = field(metadata=checked(whole_number))
+    post: Numbers = field(metadata=pair(numbers, "m"))
+    stiffness: float = field(metadata=one(not_negative, "N/m"))
+    damping: float = field(default=0.0, metadata=one(not_negative, "N s/m"))
 
     static = ("point",)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point", whole_number("Tether.point", self.point))
-        object.__setattr__(self, "post", numbers("Tether.post", self.post, 2))
-        for name in ("stiffness", "damping"):
-            value = not_negative(f"Tether.{name}", number(f"Tether.{name}", getattr(self, name)))
-            object.__setattr__(self, name, value)
+    example = Example({"point": 4, "post": (0.3, 0.2), "stiffness": 100.0, "damping": 1.0})
 
     @property
     def key(self) -> str:
         return f"tether.point{self.point}"
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {"post": "m", "stiffness": "N/m", "damping": "N s/m"}
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         x, y = self.post

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
+from redundant_envs.effects.hooks import Force, Hook, Point
+from redundant_envs.effects.numbers import Example, each_axis, one, pair
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.robots.parameters import strengths
 from redundant_envs.values import Numbers
 
 AXES = "[0]", "[1]"
@@ -31,7 +31,7 @@ def drawn(force_x, force_y):
 
 
 @dataclass(frozen=True)
-class TipForce(Effect):
+class TipForce(d.Disturbance):
     """A force at the tip that nobody controls. Each part is absent unless it is given; they add.
 
     Parameters
@@ -56,22 +56,19 @@ class TipForce(Effect):
         Time in which its correlation falls to 1/e, s, positive.
     """
 
-    step: Numbers | None = None
-    start: float | None = None
-    amplitude: Numbers | None = None
-    frequency: float | None = None
-    phase: float | Numbers | None = None
-    density: float | Numbers | None = None
-    deviation: float | Numbers | None = None
-    time_constant: float | None = None
+    step: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
+    start: float | None = field(default=None, metadata=one(d.from_the_start, "s"))
+    amplitude: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
+    frequency: float | None = field(default=None, metadata=one(d.moderate, "Hz"))
+    phase: float | Numbers | None = field(default=None, metadata=each_axis(strengths, "rad"))
+    density: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N sqrt(s)"))
+    deviation: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N"))
+    time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
 
-    def __post_init__(self) -> None:
-        d.check_parts(self, _pair)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        own = {"step": "N", "amplitude": "N", "density": "N sqrt(s)", "deviation": "N"}
-        own = {field: unit for field, unit in own.items() if getattr(self, field) is not None}
-        return own | d.shared_units(self)
+    example = Example(
+        {"step": (1.0, 0.0), "start": 0.1, "amplitude": (1.0, -1.0), "frequency": 2.0, "density": 0.1,
+         "deviation": 1.0, "time_constant": 0.2}
+    )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         tip, found = Point(arm.num_masses - 1), []
@@ -93,11 +90,3 @@ class TipForce(Effect):
 def _of_axes(argument: str, own: str) -> dict[str, str]:
     """Arguments of both axes, and what they stand for."""
     return {f"{argument}_{axis}": f".{own}{entry}" for axis, entry in zip("xy", AXES, strict=True)}
-
-
-def _pair(field: str, value: Any) -> tuple[float, ...]:
-    """Numbers of both axes; one stands for both where it is no direction."""
-    plain = not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0
-    if plain and field.partition(".")[2] not in ("step", "amplitude"):
-        value = (value, value)
-    return tuple(strength(f"{field}[{k}]", x) for k, x in enumerate(numbers(field, value, 2)))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import clamp, maximum, physics, where
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit, units_of_joints
+from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.values import Numbers
@@ -58,17 +59,10 @@ class TorqueSpeed(Effect):
         Rate of the joint at which none is left, rad/s or m/s, positive.
     """
 
-    stall: float | Numbers
-    free: float | Numbers
+    stall: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
+    free: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
 
-    of_joints = ("stall", "free")
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stall", not_negative("TorqueSpeed.stall", self.stall))
-        object.__setattr__(self, "free", positive("TorqueSpeed.free", self.free))
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("stall", arm, "N m", "N") | units_of_joints("free", arm, "rad/s", "m/s")
+    example = Example({"stall": 10.0, "free": 8.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))

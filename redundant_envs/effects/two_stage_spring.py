@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
+from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, travel
 
@@ -49,30 +50,22 @@ class TwoStageSpring(Effect):
     """
 
     coordinate: str
-    lower: float
-    upper: float
-    soft: float
-    harder: float
+    lower: float = field(metadata=one(number, "rad", "m"))
+    upper: float = field(metadata=one(number, "rad", "m"))
+    soft: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
+    harder: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
 
     static = ("coordinate",)
 
+    example = Example({"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0})
+
     def __post_init__(self) -> None:
-        ends = travel("TwoStageSpring.{}", self.lower, self.upper)
-        names = (f"TwoStageSpring.{name}" for name in NUMBERS[2:])
-        springs = (
-            not_negative(n, number(n, k)) for n, k in zip(names, (self.soft, self.harder), strict=True)
-        )
-        for name, value in zip(NUMBERS, (*ends, *springs), strict=True):
-            object.__setattr__(self, name, value)
+        super().__post_init__()
+        travel("TwoStageSpring.{}", self.lower, self.upper)
 
     @property
     def key(self) -> str:
         return f"two_stage_spring.{self.coordinate}"
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        slides = arm.prismatic[arm.joint_index(self.coordinate)]
-        units = ("m", "m", "N/m", "N/m") if slides else ("rad", "rad", "N m/rad", "N m/rad")
-        return dict(zip(NUMBERS, units, strict=True))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)

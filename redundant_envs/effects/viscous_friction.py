@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from redundant_envs.algebra import physics
-from redundant_envs.effects.hooks import Effect, Force, Hook, units_of_joints
+from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.values import Numbers
@@ -32,16 +33,9 @@ class ViscousFriction(Effect):
         N m s/rad (revolute) or N s/m (prismatic), not negative; one number serves all joints.
     """
 
-    coefficients: float | Numbers
+    coefficients: float | Numbers = field(metadata=each_joint(not_negative, "N m s/rad", "N s/m"))
 
-    of_joints = ("coefficients",)
-
-    def __post_init__(self) -> None:
-        checked = not_negative("ViscousFriction.coefficients", self.coefficients)
-        object.__setattr__(self, "coefficients", checked)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return units_of_joints("coefficients", arm, "N m s/rad", "N s/m")
+    example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(

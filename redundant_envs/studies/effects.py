@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from redundant_envs.effects import REGISTRY
-from redundant_envs.effects.hooks import Effect
+from redundant_envs.effects import OWN
+from redundant_envs.effects.hooks import Effect, snake_case
 from redundant_envs.envs import cost
 from redundant_envs.figures import bare as bare_axes
 from redundant_envs.figures import new_figure, save_figure
-from redundant_envs.files import exists, explained, read_yaml
+from redundant_envs.files import config_folder, exists, explained, read_text, read_yaml
 from redundant_envs.machine import versions
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene, load_scene, scene_names
 from redundant_envs.studies.timing import one_core
-from redundant_envs.values import check_keys, shown, typed, whole_number
+from redundant_envs.values import check_keys, shown, whole_number
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", *cost.COLUMNS, "ceiling", "held",
 )  # fmt: skip
-KEYS = ("lanes", "turns", "seconds", "bare", "effects", "scenes")
-OF_ENTRY = ("type", "bare", "numbers", "zero", "ceilings")
+KEYS = ("lanes", "turns", "seconds", "scenes")
+PAGES = config_folder("studies").parents[1] / "docs" / "effects"
+"""Pages of effects. The ceilings are in their tables of costs, not in the classes: they follow from what was
+measured on some machines, and a reader looks for them there."""
+ARM, ARM_WITH_SLIDERS = "four_r_reach", "rprp_reach"
+"""Scenes whose bare arms effects are added to: the first, or the second where an effect needs sliders."""
 BARE = "bare "
 """Begins the names of bare arms in the table."""
 MOST_TIMES = 1e6
@@ -99,10 +105,6 @@ def load_study(path: Path) -> Study:
 def study_of(data: Any) -> Study:
     """The study from plain data."""
     given = _mapping("config", data, KEYS, KEYS)
-    entries = {
-        name: _entry(f"config.effects.{name}", name, entry, given["bare"])
-        for name, entry in _mapping("config.effects", given["effects"]).items()
-    }
     scenes = {}
     for name, ceilings in _mapping("config.scenes", given["scenes"], scene_names()).items():
         scenes[name] = _ceilings(f"config.scenes.{name}", ceilings)
@@ -110,35 +112,49 @@ def study_of(data: Any) -> Study:
     if seconds <= 0.0:
         raise ValueError(f"config.seconds is {seconds}; it must be positive")
     lanes, turns = (whole_number(f"config.{name}", given[name]) for name in ("lanes", "turns"))
-    return Study(lanes, turns, seconds, entries, scenes)
+    return Study(lanes, turns, seconds, entries(), scenes)
 
 
-def _mapping(
-    name: str, data: Any, valid: Iterable[str] | None = None, needed: Iterable[str] = ()
-) -> Mapping[str, Any]:
+def entries() -> dict[str, Entry]:
+    """The examples of all effects of the package, with the ceilings of their pages."""
+    arm, with_sliders = (cost.bare(load_scene(name)) for name in (ARM, ARM_WITH_SLIDERS))
+    found = {}
+    for name, kind in OWN.items():
+        numbers, zero, variants = kind.example.numbers, kind.example.zero, kind.example.variants
+        every = {name: numbers, **{f"{name} {which}": {**numbers, **own} for which, own in variants.items()}}
+        for (of, own), ceilings in zip(every.items(), ceilings_of(kind), strict=True):
+            effect = kind(**own)
+            nothing = kind(**{**own, **zero}) if zero and of == name else None
+            found[of] = Entry(of, effect, arm if _fits(effect, arm) else with_sliders, ceilings, nothing)
+    return found
+
+
+def ceilings_of(kind: type[Effect]) -> list[Ceilings]:
+    """The ceilings of the examples of an effect, from the table of costs on its page."""
+    page = PAGES / f"{snake_case(kind.__name__)}.md"
+    rows = re.findall(rf"^\| `{kind.__name__}\(.*\)` \| (\S+) \| (\S+) \|$", read_text(page, "page"), re.M)
+    needed = 1 + len(kind.example.variants)
+    if len(rows) != needed:
+        raise ValueError(
+            f"{page} has ceilings of {len(rows)} examples of {needed}; give each a row in the table of costs"
+        )
+    return [Ceilings(float(step), float(tolerance)) for step, tolerance in rows]
+
+
+def _fits(effect: Effect, arm: Scene) -> bool:
+    with contextlib.suppress(ValueError):
+        return bool(cost.alone(arm, effect))
+    return False
+
+
+def _mapping(name: str, data: Any, valid: Iterable[str], needed: Iterable[str] = ()) -> Mapping[str, Any]:
     if not isinstance(data, Mapping):
         raise ValueError(f"{name} is {shown(data)}; give a mapping")
-    if valid is not None:
-        check_keys(name, data, [*valid])
+    check_keys(name, data, [*valid])
     for key in needed:
         if key not in data:
             raise ValueError(f"{name} lacks {key!r}; give all of {', '.join(needed)}")
     return data
-
-
-def _entry(where: str, name: str, data: Any, bare: Any) -> Entry:
-    given = _mapping(where, data, OF_ENTRY, ("numbers", "ceilings"))
-    kind = given.get("type", name)
-    numbers = _mapping(f"{where}.numbers", given["numbers"])
-    effect = typed(where, {"type": kind, **numbers}, REGISTRY)
-    zero = None
-    if "zero" in given:
-        changed = _mapping(f"{where}.zero", given["zero"])
-        zero = typed(f"{where}.zero", {"type": kind, **numbers, **changed}, REGISTRY)
-    arm = cost.bare(load_scene(given.get("bare", bare)))
-    entry = Entry(name, effect, arm, _ceilings(f"{where}.ceilings", given["ceilings"]), zero)
-    _ = entry.pair  # refuses an effect that does not fit the arm
-    return entry
 
 
 def _ceilings(where: str, data: Any) -> Ceilings:

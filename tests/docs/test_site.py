@@ -2,6 +2,7 @@
 
 import html.parser
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -44,6 +45,19 @@ def test_links_out_of_the_manual_lead_to_copies_of_the_source_tree(parts, tmp_pa
                 assert (page.parent / path).exists(), f"{page}: {link}"
     assert "mermaid" not in (tmp_path / "how_it_works.md").read_text(encoding="utf-8")
     assert (tmp_path / "source" / "tests" / "outside" / "three_r.py").is_file()
+
+
+def test_the_index_of_effects_has_the_sentence_of_each_page_and_those_that_no_group_links(parts, tmp_path):
+    shutil.copytree(ROOT / "docs" / "effects", tmp_path, dirs_exist_ok=True)
+    (tmp_path / "wind.md").write_text("# Wind\n\nAir that moves.\n\n## Equation\n", encoding="utf-8")
+    index = parts[1].index_of_effects(tmp_path)
+    for page in {*tmp_path.glob("*.md")} - {tmp_path / "README.md"}:
+        title, sentence = page.read_text(encoding="utf-8").split("\n\n")[:2]
+        assert index.count(f"\n| [`{title[2:]}`]({page.name}) | {sentence} |\n") == 1
+    *_, others, costs = index.split("\n## ")
+    assert others.startswith("Others\n")
+    assert "](wind.md)" in others
+    assert costs.startswith("What they cost\n")
 
 
 def test_every_block_of_the_new_pages_runs(pages, capsys):

@@ -192,16 +192,10 @@ def test_any_chain_has_delayed_commands(arm):
 
 
 REFUSED = {
-    "a negative delay": (
-        lambda: e.CommandDelay(-0.01, 0.1),
-        r"seconds is -0.01 s; it must lie in 0 to longest",
-    ),
     "one beyond the longest": (
         lambda: e.CommandDelay(0.2, 0.1),
         r"seconds is 0.2 s; .* is 0.1 s: give a shorter",
     ),
-    "a negative longest": (lambda: e.CommandDelay(0.0, -0.1), r"CommandDelay.longest .*-0.1"),
-    "no number": (lambda: e.CommandDelay("0.1", 0.2), r"CommandDelay.seconds"),
     "too many kept commands": (
         lambda: rde.Scene(FOUR_R, (e.CommandDelay(0.1, 20.5),), control_dt=0.02),
         r"longest is 20.5 s, .* 1026 kept commands; at most 1024 are: give a longest below 20.48 s",

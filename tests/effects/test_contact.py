@@ -218,13 +218,6 @@ def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstac
     ("make", "told"),
     [
         (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm.*smaller radius"),
-        (lambda: e.Disc((1.0, 0.0), -0.2), "Disc.radius is -0.2 m; it must be positive"),
-        (lambda: e.Disc((1.0, 0.0, 1.0), 0.2), "Disc.centre has 3 entries; give 2"),
-        (lambda: e.Disc((1.0, 0.0), 0.2, stiffness=0.0), "Disc.stiffness is 0.0; it must be positive"),
-        (lambda: e.Disc((1.0, 0.0), 0.2, friction=-0.1), "Disc.friction is -0.1; it must not be negative"),
-        (lambda: e.Disc((1.0, 0.0), 0.2, slip_speed=0.0), "Disc.slip_speed is 0.0; it must be positive"),
-        (lambda: e.Disc((1.0, 0.0), 0.2, along_links=1), "Disc.along_links is 1; give false"),
-        (lambda: e.Disc((1.0, 0.0), 0.2, name="a b"), "Disc.name is 'a b'; give letters"),
         (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is .*covers the base.*opposite normal"),
         (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is .*no direction"),
     ],

@@ -1,7 +1,9 @@
 """Effects of the package and of a user in motions: accelerations, potentials, and what is booked as work."""
 
+import importlib
 import math
 import pickle
+import pkgutil
 
 import numpy as np
 import pytest
@@ -20,12 +22,20 @@ Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
 
 
-def test_every_effect_is_tested():
-    """A new effect of the package joins a group of the catalogue."""
+def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
+    """What a module without a line in ``__init__.py`` has, nobody can name."""
+    modules = [importlib.import_module(f"{e.__name__}.{m.name}") for m in pkgutil.iter_modules(e.__path__)]
+    found = {
+        x.__name__: x
+        for module in modules
+        for x in vars(module).values()
+        if isinstance(x, type) and issubclass(x, e.Effect) and "hooks" in vars(x) and x is not e.Effect
+    }
+    assert found == e.OWN
+    assert all("example" in vars(kind) for kind in found.values())
     groups = (every_effect, *GROUPS.values())
-    used = {type(effect).__name__ for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
-    assert used == {n for n, x in e.REGISTRY.items() if x.__module__.startswith("redundant_envs.")}
-    assert used <= set(e.__all__)
+    used = {type(effect) for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
+    assert used == {*found.values()}
 
 
 def test_hooks_are_bound_once_and_not_pickled():

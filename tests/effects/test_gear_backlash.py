@@ -87,21 +87,3 @@ def test_the_energy_book_closes_at_the_joints(how):
     )
     assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
     assert np.abs(motion.work).max() > 0.01
-
-
-REFUSED = {
-    "GearBacklash.gap is -0.1; it must not be negative": lambda: e.GearBacklash(-0.1, K, J),
-    "GearBacklash.stiffness is 0.0; it must be positive": lambda: e.GearBacklash(GAP, 0.0, J),
-    "GearBacklash.inertia[1] is -1.0; it must be positive": lambda: e.GearBacklash(GAP, K, (1.0, -1.0)),
-    "GearBacklash.damping is -0.1; it must not be negative": lambda: e.GearBacklash(GAP, K, J, -0.1),
-    "GearBacklash.gap has 3 entries; FourR has 4 joints": (
-        lambda: rde.Scene(FOUR_R, (e.GearBacklash((GAP,) * 3, K, J),))
-    ),
-}
-
-
-@pytest.mark.parametrize("said", REFUSED)
-def test_wrong_numbers_are_refused(said):
-    with pytest.raises(ValueError) as error:
-        REFUSED[said]()
-    assert said in str(error.value)

@@ -338,8 +338,6 @@ def test_lanes_are_alike_alone_in_a_batch_after_a_snapshot_and_in_numpy():
 
 
 def test_what_friction_cannot_do_is_refused():
-    with pytest.raises(ValueError, match="level"):
-        e.CoulombFriction(-0.1)
     with pytest.raises(ValueError, match="speed"):
         rde.Scene(FOUR_R, (type("Odd", (Effect,), {"hooks": odd_hooks})(),))
     pytest.importorskip("torch")

@@ -1,4 +1,4 @@
-"""An effect of zero magnitude is as good as none, to the last bit, where its entry of the study says so."""
+"""An effect of zero magnitude is as good as none, to the last bit, where its example has one."""
 
 import dataclasses
 

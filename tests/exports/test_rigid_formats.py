@@ -55,13 +55,13 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
 
 
 @physics
-def towards(position, middle, stiffness):
-    return stiffness * (middle - position)
+def towards(position, middle, compliance):
+    return (middle - position) / compliance
 
 
 @physics
-def dead_beyond(position, middle, stiffness):
-    return where(position - middle > 1e6, 0.0, stiffness * (middle - position))
+def dead_beyond(position, middle, compliance):
+    return where(position - middle > 1e6, 0.0, (middle - position) / compliance)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,12 +70,12 @@ class Spring(Effect):
 
     law: int
     middle: float = 0.3
-    stiffness: float = 20.0
+    compliance: float = 0.05
 
     static = ("law",)
 
     def hooks(self, arm):
-        bind = {"position": "phi1", "middle": ".middle", "stiffness": ".stiffness"}
+        bind = {"position": "phi1", "middle": ".middle", "compliance": ".compliance"}
         return (Force(0, (towards, dead_beyond)[self.law], bind),)
 
 
@@ -194,10 +194,10 @@ class Push(Effect):
 class ByCoordinate(Effect):
     """A spring between a slider and the base, which names the coordinate."""
 
-    k: float = 30.0
+    k: float = 0.3
 
     def hooks(self, arm):
-        bind = {"position": "r1", "middle": ".k", "stiffness": ".k"}
+        bind = {"position": "r1", "middle": ".k", "compliance": ".k"}
         return (Force(1, towards, bind),)
 
 

@@ -7,6 +7,7 @@ import yaml
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
+from redundant_envs.effects import OWN
 from redundant_envs.envs import cost
 from redundant_envs.files import config_folder
 from redundant_envs.scene import scene_names
@@ -14,12 +15,14 @@ from redundant_envs.studies import effects
 
 SHIPPED = yaml.safe_load((config_folder("studies") / "effects.yaml").read_text(encoding="utf-8"))
 STUDY = effects.study_of(SHIPPED)
-FRICTION = SHIPPED["effects"]["ViscousFriction"]
 
 
 def test_every_effect_of_the_package_has_an_entry():
-    own = {n for n, kind in rde.effects.REGISTRY.items() if kind.__module__.startswith("redundant_envs.")}
-    assert {type(entry.effect).__name__ for entry in STUDY.entries.values()} == own
+    assert [*dict.fromkeys(type(entry.effect).__name__ for entry in STUDY.entries.values())] == [*OWN]
+    assert [name for name in STUDY.entries if name not in OWN] == [
+        "Disc along links",
+        "HalfPlane along links",
+    ]
     assert STUDY.lanes == 4096
     for entry in STUDY.entries.values():
         assert all(isinstance(effect, cost.BARE) for effect in entry.arm.effects)
@@ -37,21 +40,21 @@ def test_bare_arms_effects_and_scenes_are_timed_or_those_that_are_named():
 
 
 @pytest.mark.long
-def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys):
-    light = {"type": "ViscousFriction", "numbers": {"coefficients": 0.1}}
-    entries = {"ViscousFriction": FRICTION, "light": {**light, "ceilings": {"step": 1e6, "tolerance": 1e-6}}}
+def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(effects, "OWN", {"ViscousFriction": rde.effects.ViscousFriction})
+    monkeypatch.setattr(effects, "ceilings_of", lambda kind: [effects.Ceilings(1e6, 1e-6)])
     config = tmp_path / "config.yaml"
-    data = {**SHIPPED, "lanes": 16, "turns": 2, "effects": entries, "scenes": {}}
+    data = {**SHIPPED, "lanes": 16, "turns": 2, "scenes": {}}
     config.write_text(yaml.safe_dump(data), encoding="utf-8")
-    words = ["study", "effects", "light", "--config", str(config), "--out", str(tmp_path)]
+    words = ["study", "effects", "ViscousFriction", "--config", str(config), "--out", str(tmp_path)]
     assert main(words) == 0
     out = capsys.readouterr().out
-    assert "1 of 2 ceilings hold; not light at 1e-6 m (" in out
+    assert "1 of 2 ceilings hold; not ViscousFriction at 1e-6 m (" in out
     with (tmp_path / "effects.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == effects.COLUMNS
     assert [(row["at"], row["of"]) for row in rows] == [
-        (at, of) for at in ("one rk8 step", "1e-6 m") for of in ("bare FourR", "light")
+        (at, of) for at in ("one rk8 step", "1e-6 m") for of in ("bare FourR", "ViscousFriction")
     ]
     assert [(row["ceiling"], row["held"]) for row in rows[1::2]] == [
         ("1000000.0", "True"),
@@ -76,8 +79,13 @@ STAGED = [
 ]
 
 
-def changed(**entry):
-    return {"effects": {"ViscousFriction": {**FRICTION, **entry}}}
+def test_each_example_has_a_row_of_ceilings(tmp_path, monkeypatch):
+    page = effects.PAGES / "disc.md"
+    kept = [row for row in page.read_text(encoding="utf-8").splitlines() if "along_links=True" not in row]
+    (tmp_path / page.name).write_text("\n".join(kept), encoding="utf-8")
+    monkeypatch.setattr(effects, "PAGES", tmp_path)
+    with pytest.raises(ValueError, match=r"disc.md has ceilings of 1 examples of 2; give each a row"):
+        effects.ceilings_of(rde.effects.Disc)
 
 
 @pytest.mark.quick("change0-config.lanes is 0")
@@ -87,19 +95,13 @@ def changed(**entry):
         ({"lanes": 0}, "config.lanes is 0"),
         ({"seconds": 0.0}, "config.seconds is 0.0; it must be positive"),
         ({"wrong": 1}, "unknown key 'wrong'"),
-        ({"effects": []}, r"config.effects is \[\]; give a mapping"),
+        ({"scenes": []}, r"config.scenes is \[\]; give a mapping"),
         ({"scenes": {"nowhere": {}}}, "unknown key 'nowhere'; valid: cheap_sensors"),
         ({"scenes": {"four_r_free": {"step": 1.0}}}, "config.scenes.four_r_free lacks 'tolerance'"),
-        ({"effects": {"Wind": FRICTION}}, "config.effects.Wind.type is 'Wind'; valid: "),
-        (changed(numbers={"coefficients": -1.0}), "ViscousFriction.coefficients"),
-        (changed(numbers={"coefficients": [1.0, 2.0]}), "has 2 entries; FourR has 4 joints"),
-        (changed(zero={"mass": 0.0}), "zero has the unknown key 'mass'"),
         (
-            changed(ceilings={"step": 1.0, "tolerance": 0.0}),
-            "ceilings.tolerance is 0 times bare; give above 0",
+            {"scenes": {"four_r_free": {"step": 1.0, "tolerance": 0.0}}},
+            "four_r_free.tolerance is 0 times bare; give above 0",
         ),
-        (changed(bare="nowhere"), "scene is 'nowhere'"),
-        (changed(size=1), "unknown key 'size'; valid: type, bare, numbers, zero, ceilings"),
     ],
 )
 def test_configs_are_refused(change, said):

@@ -1,0 +1,123 @@
+"""Numbers of an effect, declared once: their check, their unit, and how many there are.
+
+The functions return the metadata of a field, ``field(metadata=one(not_negative, "kg"))``: so type checkers
+know which fields have a default, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from redundant_envs.robots.parameters import number, numbers
+from redundant_envs.values import shown
+
+Check = Callable[[str, Any], Any]
+"""From the name of a field and its value to the value as it is kept; ValueError that names the field."""
+COORDINATE = "coordinate"
+"""Field with the name of the joint to which the single numbers of an effect belong."""
+DECLARED = "declared"
+"""Key of a :class:`Declared` in the metadata of a field."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What a field of an effect holds.
+
+    Attributes
+    ----------
+    form : Check
+        What brings a value into its form, such as a single number, before its check.
+    check : Check
+        Of the value, or of all values of several.
+    units : tuple of str
+        Its unit, if that is known; or two, those at a revolute and at a prismatic joint, or of both axes.
+    of_joints : bool
+        Whether there is one for each joint; a single number serves all of them.
+    """
+
+    form: Check
+    check: Check
+    units: tuple[str, ...]
+    of_joints: bool = False
+
+    def checked(self, field: str, value: Any) -> Any:
+        """The value as it is kept; ValueError that names the field."""
+        return self.check(field, self.form(field, value))
+
+
+@dataclass(frozen=True)
+class Example:
+    """Numbers of an effect with which the package shows, tests and measures it, by their fields.
+
+    Attributes
+    ----------
+    numbers : mapping
+        They fit an arm of four joints.
+    zero : mapping, optional
+        What to change in them for a magnitude of zero, with which a motion keeps its bits. An effect that has
+        none changes the rounding wherever it is.
+    variants : mapping
+        What to change in them for another structure, by what that is called.
+    """
+
+    numbers: Mapping[str, Any]
+    zero: Mapping[str, Any] | None = None
+    variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+Metadata = Mapping[str, Declared]
+
+
+def one(check: Check, *units: str) -> Metadata:
+    """A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
+    return {DECLARED: Declared(number, check, units)}
+
+
+def pair(check: Check, *units: str) -> Metadata:
+    """A number for each axis, x and y."""
+    return {DECLARED: Declared(two, check, units)}
+
+
+def each_axis(check: Check, *units: str) -> Metadata:
+    """A number for each axis, or one for both."""
+    return {DECLARED: Declared(of_axes, check, units)}
+
+
+def each_joint(check: Check, *units: str) -> Metadata:
+    """A number for each joint, or one that serves all of them."""
+    return {DECLARED: Declared(_as_given, check, units, of_joints=True)}
+
+
+def row(check: Check, *units: str) -> Metadata:
+    """Numbers of which the effect says how many there are."""
+    return {DECLARED: Declared(numbers, check, units)}
+
+
+def checked(check: Check, *units: str) -> Metadata:
+    """What its check alone describes, such as a name."""
+    return {DECLARED: Declared(_as_given, check, units)}
+
+
+def text(field: str, value: Any) -> str:
+    """A name as part of a longer one: empty, or letters, digits and '_'."""
+    if not isinstance(value, str) or not re.fullmatch(r"\w*", value):
+        raise ValueError(f"{field} is {shown(value)}; give letters, digits and '_'")
+    return value
+
+
+def two(field: str, value: Any) -> tuple[float, ...]:
+    """A number for each axis."""
+    return numbers(field, value, 2)
+
+
+def of_axes(field: str, value: Any) -> tuple[float, ...]:
+    """The same, of one number for both, too."""
+    single = not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0
+    return two(field, (value, value) if single else value)
+
+
+def _as_given(_: str, value: Any) -> Any:
+    return value
