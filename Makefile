@@ -3,7 +3,7 @@
 # make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test-long
 # skips those whose program it does not find.
 # make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
-# network. Notebooks are executed again only if they or the package changed.
+# network. Notebooks are executed again only if they or the package changed, the hard cases each time.
 # make claims: measure again the numbers that README and manual state, in a quarter of an hour; which are off?
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?

@@ -1,8 +1,7 @@
 """Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
 
 It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
-figures are drawn from the tables in docs/results. Those of docs/hard_cases.md are drawn by
-``python -m tests.hard_cases --pictures``.
+figures are drawn from the tables in docs/results.
 """
 
 import csv

@@ -16,14 +16,13 @@ SECTIONS = {
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
-        "reference/api", "command_line", "configuration", "how_it_works", "errata", "changelog",
+        "reference/api", "command_line", "configuration", "how_it_works", "design", "errata", "changelog",
         "contributing",
     ],
     "Results": [
         "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",
         "energy", "fuzzing", "mutation", "gallery",
     ],
-    "Decisions": ["decisions/*"],
 }  # fmt: skip
 """Sections of the site, and their pages in order."""
 BELOW = {"effects/README": "effects/*", "scenes/index": "scenes/*"}

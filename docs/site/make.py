@@ -6,6 +6,7 @@ and no network.
 
 import argparse
 import shutil
+import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -26,13 +27,19 @@ def assembled(folder: Path, cache: Path) -> Path:
     """Write the sources of the site to a folder that is made anew; executed notebooks are kept in a cache."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    with ProcessPoolExecutor(2) as pool:
+    hard_cases = [sys.executable, "-m", "tests.hard_cases", "--out", str(folder.resolve())]
+    with (
+        subprocess.Popen(hard_cases, cwd=sources.ROOT, stdout=subprocess.DEVNULL) as cases,
+        ProcessPoolExecutor(2) as pool,
+    ):
         arms = pool.submit(page.write, folder / "_extra" / "page")
         sources.copied(folder)
         reference.written(folder, pool)
         notebooks.written(folder, cache, pool)
-        contents.written(folder)
         arms.result()
+        if cases.wait():
+            raise RuntimeError("the page of hard cases was not written")
+        contents.written(folder)
     shutil.copytree(
         sources.DOCS / "figures", folder / "_extra" / "figures", ignore=shutil.ignore_patterns("*.py")
     )

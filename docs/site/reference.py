@@ -42,7 +42,6 @@ HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
     "figures/page.png": "python docs/figures/picture_of_page.py",
     "figures/": "python docs/figures/remake.py",
-    "hard_cases/": "python -m tests.hard_cases --pictures",
     "results/accuracy/": "python -m redundant_envs study accuracy",
     "results/policy/": "python -m agents study policy",
 }

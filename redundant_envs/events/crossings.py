@@ -1,6 +1,6 @@
 """Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages.
 
-The decision record 0003 explains the bounds.
+docs/design.md explains the bounds: "An impact is found between the stages of a step".
 """
 
 from __future__ import annotations

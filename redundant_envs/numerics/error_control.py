@@ -58,7 +58,7 @@ def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
 # ---- a tolerance: 1, 2, 4, ... 16384 equal steps, until the sum of their errors passes ----------------
 
 # A sum of errors ignores their growth with many steps or impacts. Where that matters an interval must give
-# the same result, to the tolerance, with half as many steps: decision 0013 has the reasons.
+# the same result, to the tolerance, with half as many steps: docs/design.md has the reasons.
 
 MOST_DOUBLINGS = 14
 MOST_STEPS = 2.0**MOST_DOUBLINGS
@@ -69,7 +69,7 @@ CHECKED_IMPACTS = 8.0
 MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
 MANY_SHARE, MOST_MANY_SHARE, MANY_ROUNDING = 1e-3, 0.1, 1e-13
-"""The largest change to half as many steps after so many impacts, in tolerances (decision 0022): a tenth in
+"""The largest change to half as many steps after so many impacts, in tolerances: a tenth in
 place of a thousandth where rounding alone may be that much, 1e-13 m."""
 STEPS_PER_IMPACT = 8.0
 """With fewer steps a comparison of a kinked interval with half as many does not count."""

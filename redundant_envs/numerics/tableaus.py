@@ -123,7 +123,7 @@ RK8 = Tableau("rk8", 8, **_TABLE)
 """The twelve stages of DOP853, the method of order 8, with its estimates of order 5 and 3 (Hairer, Norsett,
 Wanner, Solving Ordinary Differential Equations I, 2nd ed.). ``error6`` is the sixth divided difference of the
 slopes over the stages 1 and 6 to 11, its largest weight 1 or -1, up to a factor the only estimate of order 6
-in these stages (decision record 0017)."""
+in these stages (docs/design.md)."""
 
 DOP853 = dataclasses.replace(RK8, name="dop853")
 """The same stages; each lane chooses its steps so that their error stays near rounding."""

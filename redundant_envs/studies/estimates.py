@@ -1,7 +1,7 @@
 """How sharp is the error estimate? Single steps of many scenes: their estimates beside their true errors.
 
 ``study estimates`` gives, for each range of estimates, quantiles of the errors; docs/results/estimates.csv
-also has the rows of the estimate before decision 0021, measured by this study at commit 379746d.
+also has rows of the estimate before the present one, measured by this study at commit 379746d.
 """
 
 from __future__ import annotations

@@ -168,7 +168,6 @@ def test_the_page_names_files_and_arguments_that_exist():
     text = PAGE.read_text(encoding="utf-8")
     for name in re.findall(r"(?:configs/zoo|docs/examples|agents/redundant_envs_train)/\w+\.\w+", text):
         assert (ROOT / name).exists(), name
-    assert len(re.findall(r"configs/zoo/\w+\.yml", text)) >= 2
 
 
 # ---- rl_zoo3 ---------------------------------------------------------------------------------------

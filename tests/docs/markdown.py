@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results"
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
-"""Pages for users: without tutorials, decisions and results."""
+"""Pages for users: without tutorials, effects and results."""
 EFFECTS = sorted((ROOT / "docs" / "effects").glob("*.md"))
 """A page for each effect."""
 PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

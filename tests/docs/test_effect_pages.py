@@ -51,7 +51,7 @@ def shown(entry):
 def costs(name):
     """The table of a page's section about costs, which has the ceilings."""
     rows = [(shown(entry), *(f"{most:g}" for most in entry.ceilings)) for entry in entries_of(name)]
-    return markdown(("times bare, at most", "one rk8 step", "1e-6 m"), rows, formatted=True)
+    return markdown(("slowdown, at most", "one rk8 step", "1e-6 m"), rows, formatted=True)
 
 
 def test_every_page_is_of_an_effect():

@@ -1,16 +1,16 @@
-"""Write docs/hard_cases.md and its pictures: ``python -m tests.hard_cases``, from the root of the repository.
+"""Write the page of hard cases and its pictures: ``python -m tests.hard_cases [--out FOLDER]``.
 
-The page has each case, and results of naive variants, MuJoCo and this package. ``--pictures`` draws the
-pictures alone.
+The page has each case, and results of naive variants, MuJoCo and this package. ``make docs`` makes it, too.
 """
 
+import argparse
 import datetime
 import importlib.util
 import math
 import os
 import sys
-import time
 from itertools import groupby
+from pathlib import Path
 
 import numpy as np
 
@@ -26,16 +26,13 @@ from .hard_case import all_cases, shown
 from .naive import CubicGuess, DenseSolve, ExplicitEuler, FixedSteps, FlippedVelocity, ImpulseAtStepEnd
 from .subject import Subject
 
-PAGE, PICTURES_FOLDER = TESTS.parent / "docs" / "hard_cases.md", TESTS.parent / "docs" / "hard_cases"
 INTRODUCTION = """# Hard cases
 
-    python -m tests.hard_cases
-
-writes this page and its figures from the tests in [tests/hard_cases](../tests/hard_cases). Each case is a
-test whose pass conditions are numbers. The same measurement is made of naive variants, each with one
-textbook mistake ([naive.py](../tests/hard_cases/naive.py)), and another test shows that they fail
-the case. Where MuJoCo can simulate the case, it is measured, too: RK4 with steps of 1 ms, the masses,
-efforts and travel of the case, links without inertia, and elastic limits.
+This page shows how this package, textbook methods and MuJoCo fare in cases that break simulators. Each case
+is a test in `tests/hard_cases`; its conditions are numbers. Naive variants have one textbook mistake each
+(`naive.py`), and a test shows that they fail the case. MuJoCo runs RK4 with steps of 1 ms, with the masses,
+efforts and travel of the case, links without inertia, and elastic limits. `python -m tests.hard_cases`
+writes this page.
 
 Bold numbers miss their bound. A dash means that there is no finite number, or no result. `standard` and
 `exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.
@@ -60,26 +57,6 @@ def cell(figure):
     return shown(figure.found) if figure.kept else f"**{shown(figure.found)}**"
 
 
-def subnormal_time():
-    """Time of an interval with subnormal rates relative to one with others; speeds are not tested."""
-    lanes, seconds = 1024, []
-    scene = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), tolerance=1e-6)
-    for rate in (1.0, 1e-310):
-        batch, best = rde.BatchSimulator(scene, lanes), math.inf
-        for _ in range(300):
-            batch.set_state(np.full(4, 0.3), np.full(4, rate))
-            start = time.perf_counter()
-            batch.advance()
-            best = min(best, time.perf_counter() - start)
-        seconds.append(best)
-    times = f"{seconds[1] / seconds[0]:.2g} times as long as one at 1 rad/s"
-    return (
-        f"An interval at 1e-310 rad/s takes {times}. That is the processor's: an Intel needs many cycles for "
-        "an operation with such a number, an AMD hardly more than for another one. To flush them to 0 would "
-        "lose the rate."
-    )
-
-
 def section(case, found):
     """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
@@ -91,8 +68,6 @@ def section(case, found):
         label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
         rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
     lines += ["", markdown(["", "promised", *found], rows, formatted=True), ""]
-    if case.number == "18":
-        lines += [subnormal_time(), ""]
     if case.number in PICTURES:
         draw, what = PICTURES[case.number]
         lines += [f"![{what}](hard_cases/{draw.__name__}.png)", ""]
@@ -188,30 +163,34 @@ PICTURES = {
 """Cases with a picture: what draws it, whose name is that of its file, and its title."""
 
 
-def draw_pictures(with_mujoco):
-    PICTURES_FOLDER.mkdir(exist_ok=True)
+def draw_pictures(folder, with_mujoco):
+    folder.mkdir(parents=True, exist_ok=True)
     for draw, _ in PICTURES.values():
         figure = new_figure(6.4, 3.6, 120)
         axes = figure.subplots()
         draw(axes, with_mujoco)
         bare(axes)
         axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-        save_figure(figure, PICTURES_FOLDER / f"{draw.__name__}.png")
+        save_figure(figure, folder / f"{draw.__name__}.png")
 
 
 def main(arguments):
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.hard_cases", description="Write the page of hard cases."
+    )
+    parser.add_argument("--out", type=Path, default=Path("runs/hard_cases"), help="default: %(default)s")
+    out = parser.parse_args(arguments).out
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(TESTS.parent / ".pytest_cache" / "kernels"))
     with_mujoco = importlib.util.find_spec("mujoco") is not None
     if not with_mujoco:
         print("mujoco is not installed: the page will have no figures of it", file=sys.stderr)
-    if "--pictures" not in arguments:
-        cases, results = all_cases(), {}
-        for case in cases:
-            print(case.name, flush=True)
-            results[case.number] = measured_by(case, with_mujoco)
-        today = datetime.date.today().isoformat()
-        PAGE.write_text(text(cases, results, machine_name(), today), encoding="utf-8")
-    draw_pictures(with_mujoco)
+    draw_pictures(out / "hard_cases", with_mujoco)
+    cases, results = all_cases(), {}
+    for case in cases:
+        print(case.name, flush=True)
+        results[case.number] = measured_by(case, with_mujoco)
+    today = datetime.date.today().isoformat()
+    (out / "hard_cases.md").write_text(text(cases, results, machine_name(), today), encoding="utf-8")
 
 
 if __name__ == "__main__":

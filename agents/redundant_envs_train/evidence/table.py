@@ -29,12 +29,12 @@ BRIEF = {
 }  # fmt: skip
 """Columns of the table of the README, and those of RESULTS that they show."""
 EXPLANATION = (
-    "Computed torque acts on the same goals as the learners; a difference between their hold successes is "
-    "one beyond chance, by a sign test of all missed goals. IQM is the interquartile mean of the seeds, and "
-    f"its interval a bootstrap over seeds (unknown with fewer than {LEAST_RUNS}). Figures without "
-    "another label are medians over seeds. Time to hold is the median over held episodes, of the seeds that "
-    "held any. Effort is the mean squared normalised action, smoothness the mean change of the action from "
-    "step to step; less is better for all three. Steps per second are those of the whole training."
+    "Computed torque acts on the same goals as the learners. 'Hold compared' is a sign test of the goals "
+    "that only one of them missed. IQM is the interquartile mean of the seeds, with a bootstrap interval "
+    f"over seeds (unknown with fewer than {LEAST_RUNS}). Other figures are medians over seeds. Time to hold "
+    "is the median over held episodes. Effort is the mean squared normalised action, smoothness the mean "
+    "change of the action from step to step; less is better for all three. Steps per second are those of the "
+    "whole training."
 )
 UNKNOWN = "-"
 

@@ -13,7 +13,7 @@ from redundant_envs.tracing.graph import FREE, Operation, Value, reached
 
 ISSUED = {4: 3, 8: 1}
 """Instructions that may begin in a cycle, by the lanes of a vector. Processors begin up to two with 8 lanes,
-but with more than one here too many values are computed long before they are used (docs/decisions/0011)."""
+but with more than one here too many values are computed long before they are used (docs/design.md)."""
 REGISTERS = 22
 """Values that may wait to be used before the order prefers to use them up (32 registers)."""
 FAR = 120
