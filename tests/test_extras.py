@@ -42,14 +42,14 @@ for call in {calls!r}:
 print(json.dumps(told))
 """
 SIMULATE = "redundant_envs simulate --scene four_r_free --seconds 0.1"
-ACCURACY = "redundant_envs study accuracy"
+ACCURACY = "studies accuracy"
 AGENTS = "redundant_envs_train"
-TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", f"{AGENTS} study"
+TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", "studies"
 DATASET = f"{AGENTS} dataset random --env RPRPReach-v0 --out x"
 REPORT = f"{AGENTS} report RUN --out out"
 MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
-SCENE = f"{ARM} from redundant_envs.studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
+SCENE = f"{ARM} from studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 MISSING = {
     "matplotlib": (
         "plot", [SIMULATE, ACCURACY, TRAIN, f"{AGENTS} curves RUN", f"{STUDY} strength", f"{STUDY} policy"],

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "redundant_envs"
 PAGE = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
 MOST_WORDS, MOST_FILES = 1200, 40
-NOT_DRAWN = {"configs": "presets", "studies": "our own measurements, not in the wheel"}
+NOT_DRAWN = {"configs": "presets"}
 EXCUSED = {
     "imports on demand": "__init__ extras",
     "arithmetic of numbers of any kind": "algebra",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from redundant_envs.robots.parameters import LARGEST_RATIO
-from redundant_envs.studies.drawing import (
+from studies.drawing import (
     MOTORS,
     TRIES,
     drawn_actions,

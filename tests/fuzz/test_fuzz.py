@@ -11,7 +11,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.backends import cache
-from redundant_envs.studies.drawing import drawn_scene, own_effects
+from studies.drawing import drawn_scene, own_effects
 
 from . import cases
 from .drawing_calls import AUTORESETS, drawn

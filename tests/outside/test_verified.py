@@ -20,8 +20,6 @@ import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
 from redundant_envs.lane import common_step
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.studies.drawing import drawn_scene
-from redundant_envs.studies.kinked_effects import KINKED
 from redundant_envs.verify import (
     Mode,
     Subject,
@@ -43,6 +41,8 @@ from redundant_envs.verify import (
 )  # fmt: skip
 from redundant_envs.verify.checks import Trial, checks_of
 from redundant_envs.verify.report import checks_in
+from studies.drawing import drawn_scene
+from studies.kinked_effects import KINKED
 
 EQUATIONS = checks_of(equations, kinematics)
 F, S, T, R = rde.FourR, rde.RPRP, three_r.ThreeR, rrp.RRP

@@ -13,13 +13,13 @@ import pytest
 import yaml
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
 from redundant_envs.files import config_folder
-from redundant_envs.studies import accuracy, accuracy_methods, accuracy_plots, accuracy_report, impacts
-from redundant_envs.studies import accuracy_long as long
-from redundant_envs.studies import accuracy_metrics as metrics
-from redundant_envs.studies.accuracy_config import Panel, Study, build, load_study
-from redundant_envs.studies.accuracy_methods import MuJoCo, Ours
+from studies import accuracy, accuracy_methods, accuracy_plots, accuracy_report, impacts
+from studies import accuracy_long as long
+from studies import accuracy_metrics as metrics
+from studies.__main__ import main
+from studies.accuracy_config import Panel, Study, build, load_study
+from studies.accuracy_methods import MuJoCo, Ours
 
 e = rde.effects
 STUDIES = config_folder("studies")
@@ -242,13 +242,13 @@ def test_the_study_writes_its_files(tmp_path, capsys):
 
 
 def test_configs_are_there_and_figures_are_drawn_again_only_from_tables_of_the_study(tmp_path, capsys):
-    assert main(["study", "accuracy", "--config", str(tmp_path / "no.yaml")]) == 2
+    assert main(["accuracy", "--config", str(tmp_path / "no.yaml")]) == 2
     assert "there is no such file" in capsys.readouterr().err
-    assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+    assert main(["accuracy", "--redraw", str(tmp_path)]) == 2
     assert "has no accuracy.csv" in capsys.readouterr().err
     for name in accuracy_plots.TABLES:
         (tmp_path / name).write_text("panel,peer,method,setting\nother,,rk4,1 x 20 ms\n", encoding="utf-8")
-    assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+    assert main(["accuracy", "--redraw", str(tmp_path)]) == 2
     assert "has no panel '4R calm', only other" in capsys.readouterr().err
     for head, row in (
         ("setting,floor_mm", "1,x"),
@@ -258,7 +258,7 @@ def test_configs_are_there_and_figures_are_drawn_again_only_from_tables_of_the_s
     ):
         text = f"panel,peer,method,{head}\n4R calm,,rk4,{row}\n"
         (tmp_path / "accuracy.csv").write_text(text, encoding="utf-8")
-        assert main(["study", "accuracy", "--redraw", str(tmp_path)]) == 2
+        assert main(["accuracy", "--redraw", str(tmp_path)]) == 2
         assert "accuracy.csv" in capsys.readouterr().err
 
 

@@ -6,11 +6,11 @@ import pytest
 import yaml
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.files import config_folder
 from redundant_envs.scene import scene_names
-from redundant_envs.studies import effects
+from studies import effects
+from studies.__main__ import main
 
 SHIPPED = yaml.safe_load((config_folder("studies") / "effects.yaml").read_text(encoding="utf-8"))
 STUDY = effects.study_of(SHIPPED)
@@ -43,7 +43,7 @@ def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys):
     config = tmp_path / "config.yaml"
     data = {**SHIPPED, "lanes": 16, "turns": 2, "effects": entries, "scenes": {}}
     config.write_text(yaml.safe_dump(data), encoding="utf-8")
-    words = ["study", "effects", "light", "--config", str(config), "--out", str(tmp_path)]
+    words = ["effects", "light", "--config", str(config), "--out", str(tmp_path)]
     assert main(words) == 0
     out = capsys.readouterr().out
     assert "1 of 2 ceilings hold; not light at 1e-6 m (" in out

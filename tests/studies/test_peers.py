@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.studies import peers
+from studies import peers
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
 pytest.importorskip("scipy", reason="SciPy is in the extra 'verify'")

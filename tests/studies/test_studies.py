@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import importlib.metadata
 import os
+import shutil
 
 import numpy as np
 import pytest
 import yaml
 
 from redundant_envs import load_scene
-from redundant_envs.__main__ import main
 from redundant_envs.files import config_folder
-from redundant_envs.studies import environments, stops, throughput
+from studies import environments, stops, throughput
+from studies.__main__ import main
 
 
 def written(path, **changes):
@@ -27,7 +28,7 @@ def written(path, **changes):
 def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
     config = written(tmp_path / "c.yaml", cases=[{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}])
     allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    assert main(["study", "throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
+    assert main(["throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
     if allowed is not None:
         assert os.sched_getaffinity(0) == allowed
     assert "ns_per_step_best" in capsys.readouterr().out
@@ -118,3 +119,27 @@ def test_touching_lanes_are_those_that_a_stop_concerns():
     qd = np.array([[0.0] * 4, [0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0] * 4])
     got = stops.touching(scene, q, qd, np.zeros((4, 4)))
     np.testing.assert_array_equal(got, [False, True, True, True])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("throughput --config nowhere.yaml", "no such file"),
+        ("throughput --out broken/a", "is broken/a, which is below the broken link"),
+        ("throughput --config c.csv --out c.csv --force", "c.csv would be replaced"),
+        ("environments --lanes 0", "lanes is 0"),
+        ("effects --config nowhere.yaml", "no such file"),
+        ("effects Wind", "effect is 'Wind'; choose Armature, "),
+        ("stops --lanes 7", "lanes is 7; give at least 8"),
+        ("nothing", "invalid choice: 'nothing'"),
+        ("", "required: study"),
+    ],
+)
+def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken").symlink_to("nowhere")
+    shutil.copy(config_folder("studies") / "throughput.yaml", "c.csv")
+    assert main(words.split()) == 2
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert message in err

@@ -15,13 +15,20 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.extras import needs
 from redundant_envs.machine import versions
 from redundant_envs.progress import progress_bars
+from redundant_envs_train.config import Config, check_telemetry, load
+from redundant_envs_train.policies import load_policy
+from redundant_envs_train.rollout import policy_act, run_episodes
+from redundant_envs_train.run_folder import (
+    SELECTION,
+    check_study,
+    own_config,
+    read_config,
+    read_facts,
+    read_table,
+)
+from redundant_envs_train.run_folder import difference as other_scene
+from redundant_envs_train.training.train import simulator_hash, train
 
-from ...config import Config, check_telemetry, load
-from ...policies import load_policy
-from ...rollout import policy_act, run_episodes
-from ...run_folder import SELECTION, check_study, own_config, read_config, read_facts, read_table
-from ...run_folder import difference as other_scene
-from ...training.train import simulator_hash, train
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
 from .settings import Study, load_study, slug
 

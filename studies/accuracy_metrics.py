@@ -12,7 +12,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scene import Scene
-from redundant_envs.studies.accuracy_config import States
+from studies.accuracy_config import States
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from redundant_envs.effects import (
 from redundant_envs.robots import RPRP, FourR
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies.kinked_effects import KINKED, Kinked
+from studies.kinked_effects import KINKED, Kinked
 
 Array = NDArray[np.float64]
 REACH = 1.0

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
-from redundant_envs.studies import accuracy_metrics as metrics
-from redundant_envs.studies import peers
-from redundant_envs.studies.accuracy_config import Panel, States, Study, Timing
-from redundant_envs.studies.accuracy_long import (
+from studies import accuracy_metrics as metrics
+from studies import peers
+from studies.accuracy_config import Panel, States, Study, Timing
+from studies.accuracy_long import (
     Free,
     error_names,
     free_motions,
     long_metrics,
     second_reference,
 )
-from redundant_envs.studies.accuracy_methods import Method, installed, long_methods, panel_methods
-from redundant_envs.studies.impacts import impact_motion
-from redundant_envs.studies.timing import dgemm_rate, one_core
+from studies.accuracy_methods import Method, installed, long_methods, panel_methods
+from studies.impacts import impact_motion
+from studies.timing import dgemm_rate, one_core
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

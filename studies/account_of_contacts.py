@@ -2,7 +2,7 @@
 """A control interval with hard stops and dry friction by another account, which shares with the simulator the
 laws of single effects alone.
 
-The equations are those of :mod:`redundant_envs.studies.another_account`; SciPy's DOP853 integrates them in
+The equations are those of :mod:`studies.another_account`; SciPy's DOP853 integrates them in
 the angles and travels of the joints, and locates events. What a joint without a rate does, and which stops an
 impact involves, is found by trying every possibility. A lane takes about a second.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from redundant_envs.effects.hooks import SPEED, Friction, Gap, Impact, Impulse
 from redundant_envs.scene import Scene
-from redundant_envs.studies.another_account import Account, Known
+from studies.another_account import Account, Known
 
 BOUNCE = 1e-15
 """A joint whose bounce stays below this comes to rest, rad or m."""

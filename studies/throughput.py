@@ -24,8 +24,8 @@ from redundant_envs.model.programs import batch_simulator, traced_batch
 from redundant_envs.progress import counted
 from redundant_envs.robots import RPRP, Arm, Chain, FourR
 from redundant_envs.scene import Scene
-from redundant_envs.studies.timing import dgemm_rate, one_core
 from redundant_envs.values import check_keys, shown
+from studies.timing import dgemm_rate, one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",

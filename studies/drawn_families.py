@@ -2,7 +2,7 @@
 
 The references are the same scene at tolerances 100 and 1000 times smaller; a part of the lanes, and all that
 are off, are crossed by another account, too, where one knows the scene
-(:mod:`redundant_envs.studies.another_account` and :mod:`redundant_envs.studies.account_of_contacts`).
+(:mod:`studies.another_account` and :mod:`studies.account_of_contacts`).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from redundant_envs.model import parameters
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scene import Scene
-from redundant_envs.studies import account_of_contacts, another_account, drawing
-from redundant_envs.studies.account_of_contacts import ContactAccount
-from redundant_envs.studies.another_account import Account
-from redundant_envs.studies.interval_families import Draw, chosen
 from redundant_envs.verify.judging import agree
+from studies import account_of_contacts, another_account, drawing
+from studies.account_of_contacts import ContactAccount
+from studies.another_account import Account
+from studies.interval_families import Draw, chosen
 
 Array = NDArray[np.float64]
 KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"

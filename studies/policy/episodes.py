@@ -11,9 +11,8 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import Scene
-
-from ...rollout import Act, Outcome, run_episodes, told
-from ...statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
+from redundant_envs_train.rollout import Act, Outcome, run_episodes, told
+from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
 Array = NDArray[np.float64]
 TIMING_REPEATS = 5

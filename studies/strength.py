@@ -26,15 +26,14 @@ from redundant_envs.scene import load_scene, scene_at, scene_data
 from redundant_envs.tables import markdown, write_rows
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
-
-from ..config import Config, checked, load
-from ..evidence.curves import EXPERT_COLOR, LEARNER_COLORS
-from ..evidence.runs import Run, read_runs, value_of
-from ..rollout import EVALUATION_SEED, expert_act, run_episodes
-from ..run_folder import check_study, evaluate_anew
-from ..statistics import wilson
-from ..training.many import train_many
-from ..training.pool import count_of
+from redundant_envs_train.config import Config, checked, load
+from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
+from redundant_envs_train.evidence.runs import Run, read_runs, value_of
+from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
+from redundant_envs_train.run_folder import check_study, evaluate_anew
+from redundant_envs_train.statistics import wilson
+from redundant_envs_train.training.many import train_many
+from redundant_envs_train.training.pool import count_of
 
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
@@ -46,6 +45,7 @@ FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of 
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
+MOST_FACTORS, MOST_FACTOR = 100, 10.0
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that do not change its goals and its hold success."""
@@ -244,6 +244,21 @@ def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, tuple
     return chosen
 
 
+def factors_of(text: str) -> tuple[float, ...]:
+    """Factors of the effort limits as a user writes them, ``0.6,0.5``."""
+    try:
+        factors = tuple(round(float(part), 6) for part in text.split(","))
+    except ValueError:
+        factors = ()
+    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
+    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
+        raise ValueError(
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            "as 0.6,0.5"
+        )
+    return factors
+
+
 def run_study(
     factors: Sequence[float], seeds: Sequence[int], episodes: int, runs: Sequence[Path],
     processes: int | None, out: Path,
@@ -258,7 +273,6 @@ def run_study(
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
     if processes is not None:
         count_of(processes)
-    factors = factors or FACTORS
     given = learner_rows(runs)
     path = out / "strength.csv"
     check_study(out, [path.name])

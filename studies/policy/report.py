@@ -10,9 +10,9 @@ import numpy as np
 from redundant_envs.disk import replacing, write_text
 from redundant_envs.figures import bare, literal, new_figure, save_figure
 from redundant_envs.tables import write_rows
+from redundant_envs_train import COMMAND
+from redundant_envs_train.pages import page
 
-from ... import COMMAND
-from ...pages import page
 from . import words
 from .episodes import TIMING_REPEATS
 from .run import ArmResult, Row, save_scenes, stamp
@@ -37,7 +37,8 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
             save_figure(drawn, folder / "figures" / f"{slug(result.name)}.{kind}", dpi=150)
     target = folder / "report.md"
     text = page(
-        "policy_study", study=study, results=[(arm, reference_of(arm.rows, study)) for arm in results],
+        "report", Path(__file__).parent, study=study,
+        results=[(arm, reference_of(arm.rows, study)) for arm in results],
         about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
         all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
     )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from redundant_envs.effects import Gravity, PrismaticStop, ViscousFriction
 from redundant_envs.robots import RPRP
 from redundant_envs.scene import Scene
-from redundant_envs.studies.interval_families import Draw, decades
+from studies.interval_families import Draw, decades
 
 
 @dataclass(frozen=True)

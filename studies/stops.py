@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -16,7 +17,7 @@ from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene, load_scene
-from redundant_envs.studies.timing import one_core
+from studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",
@@ -37,6 +38,20 @@ def random_policy(seed: int) -> Policy:
     """Uniform actions."""
     rng = np.random.default_rng(seed)
     return lambda obs: rng.uniform(-1.0, 1.0, (len(obs), 4)).astype(np.float32)
+
+
+def trained_policy(folder: Path, trust: bool) -> Policy:
+    """The policy of a run folder, which may be unpickled only if it is trusted."""
+    from redundant_envs_train import run_folder
+
+    config = run_folder.own_config(folder)
+    if config.env != ENVIRONMENT:
+        raise ValueError(f"folder is a run of {config.env}; the study is of {ENVIRONMENT}")
+    run_folder.tell_differences([folder])
+    from redundant_envs_train.policies import load_policy
+
+    model = load_policy(folder, config, trust)
+    return lambda obs: model.predict(obs, deterministic=True)[0]
 
 
 def visited_states(policy: Policy, count: int, seed: int = 0) -> tuple[Array, Array, Array]:

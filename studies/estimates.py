@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.figures import bare, new_figure
 from redundant_envs.progress import counted
-from redundant_envs.studies.interval_families import FAMILIES
-from redundant_envs.studies.intervals import tips_after
+from studies.interval_families import FAMILIES
+from studies.intervals import tips_after
 
 COLUMNS = "measure", "estimate", "steps", "beyond", "median", "q999", "largest"
 BATCH = 4096

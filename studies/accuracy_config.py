@@ -15,8 +15,8 @@ from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots.parameters import number, numbers
 from redundant_envs.scene import Scene
-from redundant_envs.studies.peers import MUJOCO_INTEGRATORS
 from redundant_envs.values import check_keys, shown
+from studies.peers import MUJOCO_INTEGRATORS
 
 Array = NDArray[np.float64]
 States = tuple[Array, Array, Array]

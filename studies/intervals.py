@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
-from redundant_envs.studies import account_of_contacts
-from redundant_envs.studies.drawn_families import DrawnFamily
-from redundant_envs.studies.interval_families import FAMILIES, Draw, Family, chosen
-from redundant_envs.studies.stop_families import NAMED, StopFamily, drawn_families
 from redundant_envs.verify.judging import judge
+from studies import account_of_contacts
+from studies.drawn_families import DrawnFamily
+from studies.interval_families import FAMILIES, Draw, Family, chosen
+from studies.stop_families import NAMED, StopFamily, drawn_families
 
 COLUMNS = (
     "family", "tolerance", "intervals", "judged", "told", "beyond", "missed", "flagged", "spent",

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from redundant_envs.disk import write_text
 from redundant_envs.extras import INSTALL, needs
-from redundant_envs.studies import accuracy, accuracy_plots
-from redundant_envs.studies.accuracy import Answer, PanelResult, Row
-from redundant_envs.studies.accuracy_config import PEERS, Study
-from redundant_envs.studies.accuracy_long import PATH_SECONDS, error_names
-from redundant_envs.studies.accuracy_methods import brief
 from redundant_envs.tables import markdown, write_rows
+from studies import accuracy, accuracy_plots
+from studies.accuracy import Answer, PanelResult, Row
+from studies.accuracy_config import PEERS, Study
+from studies.accuracy_long import PATH_SECONDS, error_names
+from studies.accuracy_methods import brief
 
 LONG_HEADS = {
     "energy_rate": "energy",

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from redundant_envs.effects import Gravity
 from redundant_envs.extras import needs
 from redundant_envs.scene import Scene
-from redundant_envs.studies.accuracy_config import States
-from redundant_envs.studies.accuracy_metrics import stops
+from studies.accuracy_config import States
+from studies.accuracy_metrics import stops
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.machine import versions
 from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene, load_scene, scene_names
-from redundant_envs.studies.timing import one_core
 from redundant_envs.values import check_keys, shown, typed, whole_number
+from studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", *cost.COLUMNS, "ceiling", "held",

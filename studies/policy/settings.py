@@ -10,10 +10,21 @@ from redundant_envs.files import text_value
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import ACCURACIES, scene_data
 from redundant_envs.values import shown
-
-from ...config import MOST_EPISODES, Config, Model, Real, Text, Whole, checked, merged, number, read, value
-from ...rollout import STUDY_SEED
-from ...run_folder import named_scene
+from redundant_envs_train.config import (
+    MOST_EPISODES,
+    Config,
+    Model,
+    Real,
+    Text,
+    Whole,
+    checked,
+    merged,
+    number,
+    read,
+    value,
+)
+from redundant_envs_train.rollout import STUDY_SEED
+from redundant_envs_train.run_folder import named_scene
 
 with needs("train"):
     from pydantic import PlainValidator, model_validator

@@ -12,8 +12,8 @@ import numpy as np
 
 from redundant_envs.bounded import read_rows
 from redundant_envs.figures import bare, literal, new_figure, save_figure
-from redundant_envs.studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
-from redundant_envs.studies.accuracy_config import Panel, Study
+from studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
+from studies.accuracy_config import Panel, Study
 
 # Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
 OURS: dict[str, dict[str, Any]] = {

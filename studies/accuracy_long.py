@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects import CentringSpring, Gravity
 from redundant_envs.scene import Scene
-from redundant_envs.studies import accuracy_metrics as metrics
-from redundant_envs.studies.accuracy_config import Panel, States, Study
-from redundant_envs.studies.accuracy_methods import LongMethod, installed
-from redundant_envs.studies.impacts import impact_motion
+from studies import accuracy_metrics as metrics
+from studies.accuracy_config import Panel, States, Study
+from studies.accuracy_methods import LongMethod, installed
+from studies.impacts import impact_motion
 
 Array = NDArray[np.float64]
 

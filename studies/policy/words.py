@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...statistics import wilson
+from redundant_envs_train.statistics import wilson
+
 from .episodes import FEW
 from .settings import Study
 

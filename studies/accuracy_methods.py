@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.trajectory import simulate
 from redundant_envs.scene import Scene
-from redundant_envs.studies import peers
-from redundant_envs.studies.accuracy_config import TOLERANCE, Panel, States, Study
-from redundant_envs.studies.accuracy_metrics import stops
+from studies import peers
+from studies.accuracy_config import TOLERANCE, Panel, States, Study
+from studies.accuracy_metrics import stops
 
 Array = NDArray[np.float64]
 

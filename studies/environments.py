@@ -15,7 +15,7 @@ from redundant_envs.envs.registration import NAMESPACE, SCENES
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import load_scene
-from redundant_envs.studies.timing import one_core
+from studies.timing import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
