@@ -113,7 +113,7 @@ def throughput() -> Found:
     from studies import throughput as study
 
     found: Found = {}
-    for row in study.run(study.load_config(config_folder("studies") / "throughput.yaml")):
+    for row in study.run(study.load_study(config_folder("studies") / "throughput.yaml")):
         name = f"{row['arm']} {row['integrator']}{' ' * bool(row['tolerance'])}{row['tolerance']}"
         found[f"{name} ns"] = row["ns_per_step_best"]
         found["least avx2"] = min(found.get("least avx2", np.inf), row["avx2_over_avx512"] or np.nan)

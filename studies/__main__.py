@@ -123,7 +123,7 @@ def throughput(options: argparse.Namespace) -> None:
     """Time the compiled core."""
     from studies import throughput as study
 
-    config = study.load_config(_config(options))
+    config = study.load_study(_config(options))
     path = _target(options)
     _report(study.run(config), study.COLUMNS, "dgemm_gflops", path)
 

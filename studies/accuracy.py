@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
+from redundant_envs.timing import by_turns
 from studies import accuracy_metrics as metrics
 from studies import peers
-from studies.accuracy_config import Panel, States, Study, Timing
+from studies.accuracy_config import Panel, States, Study
 from studies.accuracy_long import (
     Free,
     error_names,
@@ -30,7 +31,7 @@ from studies.accuracy_long import (
 )
 from studies.accuracy_methods import Method, installed, long_methods, panel_methods
 from studies.impacts import impact_motion
-from studies.timing import dgemm_rate, one_core
+from studies.speed import dgemm, dgemm_rate, one_core
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -41,7 +42,9 @@ COLUMNS = (
     *STAMP, *WHAT, "ns_best", "ns_median", "evaluations", "tip_mm_median", "tip_mm_p99", "tip_mm_max",
     "q_p99", "qd_p99", "floor_mm",
 )  # fmt: skip
-ROUNDS_PER_DGEMM = 10
+ROUNDS_PER_DGEMM = 2
+DGEMM = -1
+"""Stands for the product of matrices among the numbers of configurations."""
 
 
 @dataclass(frozen=True)
@@ -116,25 +119,31 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
     done(f"{panel.name}: reference")
     free = free_motions(study, panel, start)
     done(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
-    turns = Turns(study.timing)
-    for method in panel_methods(study, panel):
+    rounds, rows, long_rows = study.timing.rounds, list[Row](), list[Row]()
+    samplers, fewer = {DGEMM: dgemm()}, {DGEMM: max(1, rounds // ROUNDS_PER_DGEMM)}
+    for k, method in enumerate(panel_methods(study, panel)):
         count = study.scipy_states if method.peer == "scipy" else study.states
         some: States = (start[0][:count], start[1][:count], start[2][:count])
         known = reference[0][:count], reference[1][:count]
-        turns.add(
-            {**name(panel, method), **interval_errors(method, scene, some, known)}, method.timer(scene, some)
-        )
+        rows.append({**name(panel, method), **interval_errors(method, scene, some, known)})
+        samplers[k] = method.timer(scene, some)
+        fewer |= {k: study.timing.scipy_rounds} if method.peer == "scipy" else {}
         done(f"{panel.name}: error of {method.line}, {method.setting}")
-    long_rows, methods = [], long_methods(study, panel)
-    for i, method in enumerate(methods):
-        row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
-        long_rows.append(row)
-        # The rounds of timing are spread out, since the speed of a machine changes within seconds.
-        turns.until((i + 1) / len(methods))
-        done(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
-    rows = turns.timed()
+    methods = long_methods(study, panel)
+
+    def go_on(turns: int) -> None:
+        """Measure long motions between the rounds, since the speed of a machine changes within seconds."""
+        for method in methods[len(long_rows) : round(len(methods) * turns / rounds)]:
+            row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
+            long_rows.append(row)
+            done(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
+
+    times = by_turns(samplers, rounds, fewer, done=go_on)
+    for k, row in enumerate(rows):
+        row["ns_best"] = round(1e9 * float(times[k].best), 2)
+        row["ns_median"] = round(1e9 * float(times[k].median), 2)
     result = PanelResult(panel, agreements, rows, long_rows, free)
-    stamp = {**about(), "dgemm_gflops": round(turns.rate, 2)}
+    stamp = {**about(), "dgemm_gflops": round(dgemm_rate(times[DGEMM]), 2)}
     for row in (*rows, *long_rows):
         row.update(stamp)
     for row in rows:
@@ -167,11 +176,11 @@ def check_reference(
         q = impact_motion(scene, few, seconds, rtol)[0][:, :4]
         found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
     elif "scipy" in panel.peers and installed("scipy"):
-        q = peers.scipy_interval(scene, "DOP853", rtol, rtol, few, seconds)[0]
+        q = peers.scipy_motion(scene, "DOP853", rtol, few, seconds)[0]
         found.append(agreement(f"SciPy's DOP853, rtol {rtol:.0e}", q))
     if stops is None and "mujoco" in panel.peers and installed("mujoco"):
         dt = seconds / study.reference.mujoco_steps
-        q = peers.mujoco_interval(scene, "RK4", dt, few, seconds)[0]
+        q = peers.mujoco_motion(scene, peers.mujoco_model(scene, "RK4", dt), few, seconds)[0]
         found.append(agreement(f"MuJoCo's RK4, {1e3 * dt:.3g} ms", q))
     return found
 
@@ -188,42 +197,6 @@ def interval_errors(method: Method, scene: Scene, start: States, reference: tupl
         "q_p99": metrics.quantile(metrics.largest_error(q, reference[0]), 0.99),
         "qd_p99": metrics.quantile(metrics.largest_error(qd, reference[1]), 0.99),
     }
-
-
-class Turns:
-    """Timing in rounds, every configuration once in each, so that slow phases of a machine affect all
-    equally.
-
-    Attributes
-    ----------
-    rate : float
-        Best dgemm rate seen, 1e9 floating point operations per second.
-    """
-
-    def __init__(self, timing: Timing) -> None:
-        self.rate = 0.0
-        self._timing, self._done = timing, 0
-        self._entries: list[tuple[Row, Callable[[], float], list[float]]] = []
-
-    def add(self, row: Row, timer: Callable[[], float]) -> None:
-        """A configuration, and the function that measures its cost."""
-        self._entries.append((row, timer, []))
-
-    def until(self, share: float) -> None:
-        """Continue until this share of the rounds is done."""
-        while self._done < round(share * self._timing.rounds):
-            if self._done % ROUNDS_PER_DGEMM == 0:
-                self.rate = max(self.rate, dgemm_rate())
-            for row, timer, samples in self._entries:
-                if row["peer"] != "scipy" or self._done < self._timing.scipy_rounds:
-                    samples.append(timer())
-            self._done += 1
-
-    def timed(self) -> list[Row]:
-        """The rows with their costs, ns of one core per control interval of one arm."""
-        for row, _, samples in self._entries:
-            row["ns_best"], row["ns_median"] = round(min(samples), 2), round(float(np.median(samples)), 2)
-        return [row for row, _, _ in self._entries]
 
 
 def about() -> dict[str, str]:

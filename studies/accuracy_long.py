@@ -12,7 +12,7 @@ from redundant_envs.effects import CentringSpring, Gravity
 from redundant_envs.scene import Scene
 from studies import accuracy_metrics as metrics
 from studies.accuracy_config import Panel, States, Study
-from studies.accuracy_methods import LongMethod, installed
+from studies.accuracy_methods import MuJoCo, Ours, installed
 from studies.impacts import impact_motion
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def first_impacts(scene: Scene, start: States) -> dict[int, float]:
     return {i: found[0] for i, found in enumerate(times) if found}
 
 
-def long_metrics(method: LongMethod, free: Free) -> dict[str, float]:
+def long_metrics(method: Ours | MuJoCo, free: Free) -> dict[str, float]:
     """All long metrics of one configuration, by column."""
     row: dict[str, float] = {}
     rest = free.start[2]
@@ -130,7 +130,7 @@ def long_metrics(method: LongMethod, free: Free) -> dict[str, float]:
     return row | stop_metrics(method, free)
 
 
-def stop_metrics(method: LongMethod, free: Free) -> dict[str, float]:
+def stop_metrics(method: Ours | MuJoCo, free: Free) -> dict[str, float]:
     """Penetration of the stops by sliders, and errors of the times of the first impacts."""
     ends = metrics.stops(free.scene)
     if ends is None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -15,9 +14,11 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.trajectory import simulate
 from redundant_envs.scene import Scene
+from redundant_envs.timing import seconds
 from studies import peers
-from studies.accuracy_config import TOLERANCE, Panel, States, Study
+from studies.accuracy_config import MuJoCoSweep, OurSweep, Panel, States, Study
 from studies.accuracy_metrics import stops
+from studies.speed import second_call
 
 Array = NDArray[np.float64]
 
@@ -46,14 +47,7 @@ class Method(Protocol):
         """q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval."""
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        """A function that measures once more, ns of one core per control interval of one arm."""
-
-
-class LongMethod(Method, Protocol):
-    """A configuration with which long motions are measured."""
-
-    def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
-        """q of a motion without efforts at equal times, (T, n, 4); and its impacts, if they are known."""
+        """A function that measures once more, s of one core per control interval of one arm."""
 
 
 def brief(x: float) -> str:
@@ -110,18 +104,8 @@ class Ours:
         return motion.q, [(e.lane, e.time) for e in motion.events if "impact" in e.kind]
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        batch = self.batch(scene, start)
-        snapshot, efforts = batch.save(), np.ascontiguousarray(start[2])
-
-        def sample() -> float:
-            # The second of two calls is timed: restoring a snapshot has just replaced the caches.
-            batch.restore(snapshot)
-            batch.advance(efforts)
-            before = time.process_time()
-            batch.advance(efforts)
-            return 1e9 * (time.process_time() - before) / batch.num_envs
-
-        return sample
+        sample = second_call(self.batch(scene, start), start[2])
+        return lambda: sample() / len(start[0])
 
 
 @dataclass(frozen=True)
@@ -149,14 +133,15 @@ class MuJoCo:
     def setting(self) -> str:
         return f"{self.substeps} x {_milliseconds(self.control_dt / self.substeps)}"
 
-    def stops(self, scene: Scene) -> tuple[dict[int, tuple[float, float]] | None, tuple[float, float]]:
-        """Limits of the joints and their solref, in MuJoCo's direct form."""
-        return stops(scene), (-self.stiffness * (self.substeps / self.control_dt) ** 2, 0.0)
+    def model(self, scene: Scene) -> Any:
+        """MuJoCo's model, with springs at the stops."""
+        dt = self.control_dt / self.substeps
+        solref = -self.stiffness / dt**2, 0.0
+        return peers.mujoco_model(scene, self.integrator, dt, stops(scene), solref)
 
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
-        dt = scene.control_dt / self.substeps
-        ends = peers.mujoco_interval(scene, self.integrator, dt, start, seconds, *self.stops(scene))
-        return *ends, float(EVALUATIONS[self.integrator] * self.substeps)
+        q, qd, _ = peers.mujoco_motion(scene, self.model(scene), start, seconds)
+        return q, qd, float(EVALUATIONS[self.integrator] * self.substeps)
 
     def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
         # Whole steps only: a long step gives fewer samples.
@@ -170,14 +155,12 @@ class MuJoCo:
         return np.array(path), None
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        dt = scene.control_dt / self.substeps
-        few = (start[0][: self.states], start[1][: self.states], start[2][: self.states])
+        model = self.model(scene)
+        few = start[0][: self.states], start[1][: self.states], np.zeros((len(start[0][: self.states]), 4))
 
         def sample() -> float:
-            per_second = peers.mujoco_cost(
-                scene, self.integrator, dt, few, self.steps * dt, 1, *self.stops(scene)
-            )
-            return per_second * scene.control_dt
+            spent = peers.mujoco_motion(scene, model, few, self.steps * model.opt.timestep)[2]
+            return float(spent.mean()) * self.substeps / self.steps
 
         return sample
 
@@ -200,21 +183,12 @@ class SciPy:
         return f"rtol {brief(self.rtol)}"
 
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
-        q, qd, evaluations = peers.scipy_interval(
-            scene, self.method, self.rtol, self.rtol, start, seconds, together=True
-        )
+        q, qd, evaluations = peers.scipy_motion(scene, self.method, self.rtol, start, seconds, together=True)
         return q, qd, float(evaluations.mean()) * scene.control_dt / seconds
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        dt = scene.control_dt
-
-        def sample() -> float:
-            per_second = peers.scipy_cost(
-                scene, self.method, self.rtol, self.rtol, start, dt, repeats=1, together=True
-            )
-            return per_second * dt
-
-        return sample
+        few = start[0], start[1], np.zeros_like(start[0])
+        return lambda: seconds(self.motion, scene, few, scene.control_dt) / len(few[0])
 
 
 def installed(peer: str) -> bool:
@@ -225,41 +199,33 @@ def installed(peer: str) -> bool:
         return False
 
 
-def our_methods(study: Study, sweep: Mapping[str, Any]) -> list[Ours]:
-    """Ours, from integrator -> substeps and "tolerance" -> tolerances."""
+def our_methods(study: Study, sweep: OurSweep) -> list[Ours]:
+    """Ours, of the study or of its long runs."""
     dt = study.control_dt
+    fixed = {name: values for name, values in sweep if name != "tolerance"}
     return [
-        Ours("rk8", dt, tolerance=value) if name == TOLERANCE else Ours(name, dt, value)
-        for name, values in sweep.items()
-        for value in values
+        *(Ours(name, dt, value) for name, values in fixed.items() for value in values),
+        *(Ours("rk8", dt, tolerance=value) for value in sweep.tolerance),
     ]
 
 
-def mujoco_methods(study: Study, sweep: Mapping[str, Any]) -> list[MuJoCo]:
-    """MuJoCo's, from integrator -> steps per control interval."""
-    timing = study.timing
-    return [
-        MuJoCo(
-            name, study.control_dt, value, timing.mujoco_states, timing.mujoco_steps, study.mujoco_stiffness
-        )
-        for name, values in sweep.items()
-        for value in values
-    ]
+def mujoco_methods(study: Study, panel: Panel, sweep: MuJoCoSweep) -> list[MuJoCo]:
+    """MuJoCo's, if it is installed and can simulate the panel."""
+    if not ("mujoco" in panel.peers and installed("mujoco")):
+        return []
+    more = study.timing.mujoco_states, study.timing.mujoco_steps, study.mujoco_stiffness
+    return [MuJoCo(name, study.control_dt, value, *more) for name, values in sweep for value in values]
 
 
 def panel_methods(study: Study, panel: Panel) -> list[Method]:
     """All configurations of a panel whose package is installed."""
-    methods: list[Method] = [*our_methods(study, study.ours)]
-    if "mujoco" in panel.peers and installed("mujoco"):
-        methods += mujoco_methods(study, study.mujoco)
+    methods: list[Method] = [*our_methods(study, study.ours), *mujoco_methods(study, panel, study.mujoco)]
     if "scipy" in panel.peers and installed("scipy"):
-        methods += [SciPy(name, rtol) for name, rtols in study.scipy.items() for rtol in rtols]
+        methods += [SciPy(name, rtol) for name, rtols in study.scipy for rtol in rtols]
     return methods
 
 
-def long_methods(study: Study, panel: Panel) -> list[LongMethod]:
+def long_methods(study: Study, panel: Panel) -> list[Ours | MuJoCo]:
     """The configurations with which the long motions are measured."""
-    methods: list[LongMethod] = [*our_methods(study, study.long_runs.ours)]
-    if "mujoco" in panel.peers and installed("mujoco"):
-        methods += mujoco_methods(study, study.long_runs.mujoco)
-    return methods
+    long = study.long_runs
+    return [*our_methods(study, long.ours), *mujoco_methods(study, panel, long.mujoco)]

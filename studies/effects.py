@@ -2,62 +2,59 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Effect
 from redundant_envs.envs import cost
+from redundant_envs.extras import needs
 from redundant_envs.figures import bare as bare_axes
 from redundant_envs.figures import new_figure, save_figure
-from redundant_envs.files import exists, explained, read_yaml
 from redundant_envs.machine import versions
-from redundant_envs.robots.parameters import number
 from redundant_envs.scene import Scene, load_scene, scene_names
-from redundant_envs.values import check_keys, shown, typed, whole_number
-from studies.timing import one_core
+from redundant_envs.values import check_keys, typed
+from redundant_envs_train.config import Model, Real, Text, Whole, checked, merged, number, read, value
+from studies.speed import one_core
+
+with needs("train"):
+    from pydantic import model_validator
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", *cost.COLUMNS, "ceiling", "held",
 )  # fmt: skip
-KEYS = ("lanes", "turns", "seconds", "bare", "effects", "scenes")
-OF_ENTRY = ("type", "bare", "numbers", "zero", "ceilings")
 BARE = "bare "
 """Begins the names of bare arms in the table."""
 MOST_TIMES = 1e6
 """Largest ceiling, times bare: an effect that costs more cannot be timed."""
 
 
-class Ceilings(NamedTuple):
+class Ceilings(Model):
     """Most that a control step may cost, times bare."""
 
-    step: float  # at one rk8 step
-    tolerance: float  # at 1e-6 m
+    step: Real = number(..., 1e-9, MOST_TIMES, "ceiling at one rk8 step")
+    tolerance: Real = number(..., 1e-9, MOST_TIMES, "ceiling at 1e-6 m")
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An effect of the study.
+class EntryOfFile(Model):
+    """An effect of the study as its file has it."""
 
-    Attributes
-    ----------
-    name : str
-    effect : Effect
-    arm : Scene
-        The bare arm to which it is added.
-    ceilings : Ceilings
-    zero : Effect, optional
-        The same with zero magnitude.
-    """
-
-    name: str
-    effect: Effect
-    arm: Scene
+    type: Text = value("", "class of the effect, by default the name of the entry")
+    bare: Text = value("", "scene of the bare arm, by default that of the study")
+    numbers: Mapping[str, Any]
     ceilings: Ceilings
-    zero: Effect | None = None
+    zero: Mapping[str, Any] | None = value(None, "numbers of the same effect with zero magnitude")
+
+
+class Entry(NamedTuple):
+    """An effect of the study."""
+
+    effect: Effect
+    arm: Scene  # the bare arm to which it is added
+    ceilings: Ceilings
+    zero: Effect | None  # the same with zero magnitude
 
     @property
     def pair(self) -> cost.Pair:
@@ -65,121 +62,61 @@ class Entry:
         return cost.alone(self.arm, self.effect)
 
 
-@dataclass(frozen=True)
-class Study:
-    """The numbers of the study.
+class Study(Model):
+    """The numbers of the study."""
 
-    Attributes
-    ----------
-    lanes, turns : int
-    seconds : float
-        After which a scene has no more turns, s.
-    entries : dict of str to Entry
-        Effects by the names of their entries.
-    scenes : dict of str to Ceilings
-        Ceilings of scenes by their names.
-    """
+    lanes: Whole = number(..., 1, 1e6, "lanes of a batch")
+    turns: Whole = number(..., 1, 1e6, "turns of a scene")
+    seconds: Real = number(..., 1e-9, 1e6, "time after which a scene has no more turns", "s")
+    bare: Text
+    effects: Mapping[str, EntryOfFile]
+    scenes: Mapping[str, Ceilings]  # of scenes by their names
 
-    lanes: int
-    turns: int
-    seconds: float
-    entries: dict[str, Entry]
-    scenes: dict[str, Ceilings]
+    @cached_property
+    def entries(self) -> dict[str, Entry]:
+        """Effects by the names of their entries."""
+        return {name: self._entry(name, given) for name, given in self.effects.items()}
+
+    def _entry(self, name: str, given: EntryOfFile) -> Entry:
+        where, numbers = f"effects.{name}", {"type": given.type or name, **given.numbers}
+        effect = typed(where, numbers, REGISTRY)
+        zero = None if given.zero is None else typed(f"{where}.zero", {**numbers, **given.zero}, REGISTRY)
+        return Entry(effect, cost.bare(load_scene(given.bare or self.bare)), given.ceilings, zero)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_keys("scenes", self.scenes, scene_names())
+        for entry in self.entries.values():
+            _ = entry.pair  # refuses an effect that does not fit the arm
+        return self
 
 
 def load_study(path: Path) -> Study:
     """The study that a YAML file describes; a ValueError names a mistake, its file and line."""
-    if not exists(path):
-        raise ValueError(f"config is {shown(str(path))}; there is no such file")
-    data = read_yaml(path, "config")
-    with explained(path):
-        return study_of(data)
+    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
+    return study
 
 
-def study_of(data: Any) -> Study:
-    """The study from plain data."""
-    given = _mapping("config", data, KEYS, KEYS)
-    entries = {
-        name: _entry(f"config.effects.{name}", name, entry, given["bare"])
-        for name, entry in _mapping("config.effects", given["effects"]).items()
-    }
-    scenes = {}
-    for name, ceilings in _mapping("config.scenes", given["scenes"], scene_names()).items():
-        scenes[name] = _ceilings(f"config.scenes.{name}", ceilings)
-    seconds = number("config.seconds", given["seconds"])
-    if seconds <= 0.0:
-        raise ValueError(f"config.seconds is {seconds}; it must be positive")
-    lanes, turns = (whole_number(f"config.{name}", given[name]) for name in ("lanes", "turns"))
-    return Study(lanes, turns, seconds, entries, scenes)
-
-
-def _mapping(
-    name: str, data: Any, valid: Iterable[str] | None = None, needed: Iterable[str] = ()
-) -> Mapping[str, Any]:
-    if not isinstance(data, Mapping):
-        raise ValueError(f"{name} is {shown(data)}; give a mapping")
-    if valid is not None:
-        check_keys(name, data, [*valid])
-    for key in needed:
-        if key not in data:
-            raise ValueError(f"{name} lacks {key!r}; give all of {', '.join(needed)}")
-    return data
-
-
-def _entry(where: str, name: str, data: Any, bare: Any) -> Entry:
-    given = _mapping(where, data, OF_ENTRY, ("numbers", "ceilings"))
-    kind = given.get("type", name)
-    numbers = _mapping(f"{where}.numbers", given["numbers"])
-    effect = typed(where, {"type": kind, **numbers}, REGISTRY)
-    zero = None
-    if "zero" in given:
-        changed = _mapping(f"{where}.zero", given["zero"])
-        zero = typed(f"{where}.zero", {"type": kind, **numbers, **changed}, REGISTRY)
-    arm = cost.bare(load_scene(given.get("bare", bare)))
-    entry = Entry(name, effect, arm, _ceilings(f"{where}.ceilings", given["ceilings"]), zero)
-    _ = entry.pair  # refuses an effect that does not fit the arm
-    return entry
-
-
-def _ceilings(where: str, data: Any) -> Ceilings:
-    given = _mapping(where, data, Ceilings._fields, Ceilings._fields)
-    found = []
-    for name in Ceilings._fields:
-        most = number(f"{where}.{name}", given[name])
-        if not 0.0 < most <= MOST_TIMES:
-            raise ValueError(f"{where}.{name} is {most:g} times bare; give above 0, at most {MOST_TIMES:g}")
-        found.append(most)
-    return Ceilings(*found)
-
-
-def chosen(study: Study, names: Sequence[str]) -> Study:
-    """The study of some effects and scenes alone; of all, if none is named."""
-    if not names:
-        return study
+def pairs_of(study: Study, names: Sequence[str] = ()) -> dict[str, cost.Pair]:
+    """Effects and scenes, or those that are named, each beside its bare arm; and these arms."""
     known = [*study.entries, *scene_names()]
     for name in names:
         if name not in known:
             raise ValueError(f"effect is {name!r}; choose {', '.join(known)}")
-    kept = {name: entry for name, entry in study.entries.items() if name in names}
-    return dataclasses.replace(study, entries=kept)
-
-
-def pairs_of(study: Study, names: Sequence[str]) -> dict[str, cost.Pair]:
-    """Bare arms, each with an effect more, and scenes."""
-    arms = {f"{BARE}{e.arm.robot.kind}": cost.Pair(e.arm, e.arm) for e in study.entries.values()}
-    effects = {name: entry.pair for name, entry in study.entries.items()}
+    entries = {name: entry for name, entry in study.entries.items() if not names or name in names}
+    arms = {f"{BARE}{e.arm.robot.kind}": cost.Pair(e.arm, e.arm) for e in entries.values()}
     scenes = {name: load_scene(name) for name in scene_names() if not names or name in names}
-    return {**arms, **effects, **{name: cost.Pair(s, cost.bare(s)) for name, s in scenes.items()}}
+    bare = {name: cost.Pair(scene, cost.bare(scene)) for name, scene in scenes.items()}
+    return {**arms, **{name: entry.pair for name, entry in entries.items()}, **bare}
 
 
 def run(study: Study, names: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Time all effects and scenes of the study, or those named; two rows of :data:`COLUMNS` for each."""
-    study = chosen(study, names)
-    ceilings = {name: e.ceilings for name, e in study.entries.items()} | study.scenes
-    about, rows = versions(), []
+    ceilings = {name: e.ceilings for name, e in study.entries.items()} | dict(study.scenes)
+    about, rows, pairs = versions(), [], pairs_of(study, names)
     with one_core():
-        found = cost.costs(pairs_of(study, names), study.lanes, study.turns, study.seconds)
-    of_accuracy = dict(zip(cost.TOLERANCES, Ceilings._fields, strict=True))
+        found = cost.costs(pairs, study.lanes, study.turns, study.seconds)
+    of_accuracy = dict(zip(cost.TOLERANCES, Ceilings.model_fields, strict=True))
     for row in found:
         most = getattr(ceilings.get(row["of"]), of_accuracy[row["at"]], "")
         held = "" if most == "" else row["times_bare"] <= most

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import statistics
+import functools
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -15,7 +16,8 @@ from redundant_envs.envs.registration import NAMESPACE, SCENES
 from redundant_envs.machine import versions
 from redundant_envs.progress import counted
 from redundant_envs.scene import load_scene
-from studies.timing import one_core
+from redundant_envs.timing import Times, by_turns, seconds
+from studies.speed import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
@@ -39,74 +41,81 @@ print(time.process_time() - start)
 """
 
 
-def vector_rates(
-    name: str, lanes: int, rounds: int, controlled: bool = True, renewed: bool = False
-) -> list[float]:
-    """Environment steps per second of the native vector environment, one number per round.
+VECTORS = {
+    "controlled": (True, False), "renewed": (True, True),
+    "one step": (False, False), "one step, renewed": (False, True),
+}  # fmt: skip
+"""How vectors are timed: with error control or not, with renewed actions or not."""
+FIRST_STEPS = 3
+"""Processes whose first step is timed."""
 
-    With error control, the default, or with one rk8 step for every control step; with random actions
-    that each environment keeps, or with ``renewed`` ones at every step, with which the sliders of RPRP
-    reach and leave their stops more often.
+
+def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
+    """A function that times an episode of a vector environment, s.
+
+    With random actions that each environment keeps, or with ``renewed`` ones at every step, with which the
+    sliders of RPRP reach and leave their stops more often.
     """
-    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
-    env = gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
-    env.reset(seed=0)
     tables = VECTOR_STEPS if renewed else 1
     shape = (tables, *np.shape(env.action_space.sample()))
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
+    env.reset(seed=0)
     env.step(drawn[0])
-    rates = []
-    for _ in range(rounds):
-        start = time.process_time()
+
+    def steps() -> None:
         for k in range(VECTOR_STEPS):
             env.step(drawn[k % tables])
-        rates.append(lanes * VECTOR_STEPS / (time.process_time() - start))
-    env.close()
-    return rates
+
+    return functools.partial(seconds, steps)
 
 
-def step_seconds(env: gym.Env[Any, Any], actions: list[Any], read: bool = False) -> float:
-    """Mean time of one step, s, and with ``read`` of reading its info; resets are not counted."""
-    env.reset(seed=0)
-    spent, start = 0.0, time.process_time()
-    for action in actions:
-        _, _, terminated, truncated, info = env.step(action)
-        if read:
-            info["numerics"]
-        if terminated or truncated:
-            spent += time.process_time() - start
-            env.reset()
-            start = time.process_time()
-    return (spent + time.process_time() - start) / len(actions)
+def vector_env(name: str, lanes: int, controlled: bool) -> Any:
+    """The native vector environment, with its error control or with one rk8 step for every control step."""
+    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
+    return gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
 
 
-def single_against_baseline(name: str, rounds: int, steps: int) -> tuple[float, float, float]:
-    """Microseconds per step of an environment, of CartPole, and of the first with its info read; the best of
-    alternating rounds."""
-    timed = []
-    for key, read in ((name, False), (BASELINE, False), (name, True)):
-        env = gym.make(key)
-        env.action_space.seed(0)
-        timed.append((env, [env.action_space.sample() for _ in range(steps)], read))
-    best = [np.inf] * len(timed)
-    for _ in range(rounds):
-        best = [min(b, 1e6 * step_seconds(*one)) for b, one in zip(best, timed, strict=True)]
-    for env, *_ in timed:
-        env.close()
-    return best[0], best[1], best[2]
+def single_steps(env: gym.Env[Any, Any], count: int, read: bool = False) -> Callable[[], float]:
+    """A function that times a step of an environment, s, the mean of some, and with ``read`` the reading of
+    its info; resets are not counted."""
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(count)]
+
+    def sample() -> float:
+        env.reset(seed=0)
+        spent, start = 0.0, time.process_time()
+        for action in actions:
+            _, _, terminated, truncated, info = env.step(action)
+            if read:
+                info["numerics"]
+            if terminated or truncated:
+                spent += time.process_time() - start
+                env.reset()
+                start = time.process_time()
+        return (spent + time.process_time() - start) / count
+
+    return sample
 
 
-def first_step_seconds(name: str, tries: int = 3) -> float:
-    """Seconds from before the imports to after the first step in a new process, the best of a few.
-
-    One process runs first, unmeasured, so that the compiled module is on disk.
-    """
+def first_step_seconds(name: str) -> float:
+    """Seconds from before the imports to after the first step in a new process."""
     command = [sys.executable, "-c", FIRST_STEP.format(name=name)]
-    times = []
-    for _ in range(1 + tries):
-        result = subprocess.run(command, capture_output=True, text=True, check=True)
-        times.append(float(result.stdout.split()[-1]))
-    return min(times[1:])
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(result.stdout.split()[-1])
+
+
+def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
+    """Times of a reach environment and of CartPole, by turns."""
+    vectors = {how: vector_env(name, lanes, controlled) for how, (controlled, _) in VECTORS.items()}
+    samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
+    singles = {"single": gym.make(name), "baseline": gym.make(BASELINE), "read": gym.make(name)}
+    samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}
+    first_step_seconds(name)  # puts the compiled module on disk
+    samplers["first"] = functools.partial(first_step_seconds, name)
+    found = by_turns(samplers, rounds, {"first": FIRST_STEPS})
+    for env in (*vectors.values(), *singles.values()):
+        env.close()
+    return found
 
 
 def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:
@@ -117,28 +126,29 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
     rows, about = [], versions()
     with one_core(), counted("environments", len(IDS)) as done:
         for name in IDS:
-            rates = vector_rates(name, lanes, rounds)
-            lively = vector_rates(name, lanes, rounds, renewed=True)
-            fixed = vector_rates(name, lanes, rounds, controlled=False)
-            fixed_lively = vector_rates(name, lanes, rounds, controlled=False, renewed=True)
-            single, baseline, info_read = single_against_baseline(name, rounds, steps)
+            times = times_of(name, lanes, rounds, steps)
+            best = {how: float(of.best) for how, of in times.items()}
+            rate = {how: round(lanes * VECTOR_STEPS / best[how]) for how in VECTORS}
             rows.append(
                 {
                     **about,
                     "gymnasium": gym.__version__,
                     "env": name,
                     "lanes": lanes,
-                    "vector_steps_per_s_best": round(max(rates)),
-                    "vector_steps_per_s_median": round(statistics.median(rates)),
-                    "vector_renewed_actions_best": round(max(lively)),
-                    "vector_one_rk8_step_best": round(max(fixed)),
-                    "vector_one_rk8_step_renewed_actions_best": round(max(fixed_lively)),
-                    "single_us_per_step": round(single, 2),
-                    "cartpole_us_per_step": round(baseline, 2),
-                    "single_over_cartpole": round(single / baseline, 2),
-                    "import_to_first_step_s": round(first_step_seconds(name), 3),
-                    "single_info_read_us_per_step": round(info_read, 2),
+                    "vector_steps_per_s_best": rate["controlled"],
+                    "vector_steps_per_s_median": round(
+                        lanes * VECTOR_STEPS / float(times["controlled"].median)
+                    ),
+                    "vector_renewed_actions_best": rate["renewed"],
+                    "vector_one_rk8_step_best": rate["one step"],
+                    "vector_one_rk8_step_renewed_actions_best": rate["one step, renewed"],
+                    "single_us_per_step": round(1e6 * best["single"], 2),
+                    "cartpole_us_per_step": round(1e6 * best["baseline"], 2),
+                    "single_over_cartpole": round(best["single"] / best["baseline"], 2),
+                    "import_to_first_step_s": round(best["first"], 3),
+                    "single_info_read_us_per_step": round(1e6 * best["read"], 2),
                 }
             )
-            done(f"{name} {max(rates) / 1e6:.2f} million steps/s, single {single:.1f} us")
+            spread = 100 * times["controlled"].spread
+            done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
     return rows

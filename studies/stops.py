@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,8 @@ from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.progress import counted
 from redundant_envs.scene import Scene, load_scene
-from studies.timing import one_core
+from redundant_envs.timing import by_turns, seconds
+from studies.speed import one_core
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",
@@ -93,19 +93,17 @@ def without_stops(scene: Scene) -> Scene:
     return dataclasses.replace(scene, effects=effects)
 
 
-def paired_times(batches: list[BatchSimulator], efforts: Array, repeats: int) -> list[float]:
-    """Best time of an interval of each batch from its present state, s; batches alternate."""
-    snapshots = [batch.save() for batch in batches]
-    best = [np.inf] * len(batches)
-    for _ in range(repeats):
-        for i, (batch, snapshot) in enumerate(zip(batches, snapshots, strict=True)):
-            batch.restore(snapshot)
-            batch.advance(efforts)  # brings memory back into the caches
-            batch.restore(snapshot)
-            start = time.process_time()
-            batch.advance(efforts)
-            best[i] = min(best[i], time.process_time() - start)
-    return best
+def interval_time(batch: BatchSimulator, efforts: Array) -> Callable[[], float]:
+    """A function that times an interval of a batch from its present state, s."""
+    snapshot = batch.save()
+
+    def sample() -> float:
+        batch.restore(snapshot)
+        batch.advance(efforts)  # brings memory back into the caches
+        batch.restore(snapshot)
+        return seconds(batch.advance, efforts)
+
+    return sample
 
 
 def rows_of(
@@ -159,11 +157,9 @@ def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) ->
     batches[1].set_state(q, qd)
     batches[1].advance(efforts[0])
     batches[0].set_state(batches[1].q, batches[1].qd)
-    snapshots = [batch.save() for batch in batches]
+    samplers = {k: interval_time(batch, efforts[1]) for k, batch in enumerate(batches)}
     free, stopped = (batch.advance(efforts[1]) for batch in batches)
-    for batch, snapshot in zip(batches, snapshots, strict=True):
-        batch.restore(snapshot)
-    without, with_stops = paired_times(batches, efforts[1], repeats)
+    without, with_stops = (float(times.best) for times in by_turns(samplers, repeats).values())
     counts = (free.evaluations, stopped.evaluations, stopped.events)
     return without, with_stops, *(float(n.mean()) for n in counts)
 

@@ -86,8 +86,8 @@ MISSING = {
     ),
     "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
     "casadi": ("casadi", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
-    "mujoco": ("verify", [f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)"]),
-    "scipy": ("verify", [f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)"]),
+    "mujoco": ("verify", [f"{SCENE} peers.mujoco_model(s, 'RK4', .01)"]),
+    "scipy": ("verify", [f"{SCENE} peers.scipy_motion(s, 'RK45', .01, (z, z, z), .02)"]),
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [

@@ -1,6 +1,5 @@
 """Episodes of a policy under one physics: outcomes, numerics flags, evaluations, time; and comparisons."""
 
-import time
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scene import Scene
+from redundant_envs.timing import by_turns, timed
 from redundant_envs_train.rollout import Act, Outcome, run_episodes, told
 from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
@@ -54,11 +54,11 @@ def evaluate_under(
         return actions[-1]
 
     outcome = run_episodes(env_id, recorded, episodes, seed, **kwargs)
-    core, flags, seconds = _replay(env_id, actions, outcome, seed, repeats, kwargs)
+    core, flags, spent = _replay(env_id, actions, outcome, seed, repeats, kwargs)
     return Evaluation(
         scene=core.scene, start=begun[0][0], goal=begun[0][1], hold=held(outcome),
         returns=outcome.returns, steps=outcome.steps, evaluations=outcome.evaluations, ended=outcome.ended,
-        flags=flags, ns_per_step=1e9 * seconds / (len(actions) * episodes),
+        flags=flags, ns_per_step=1e9 * spent / (len(actions) * episodes),
     )  # fmt: skip
 
 
@@ -68,19 +68,22 @@ def _replay(
 ) -> tuple[Core, dict[str, int], float]:  # fmt: skip
     """The same steps without policy and autoreset: numerics flags, seconds (best of ``repeats`` of each)."""
     env = make_sb3(env_id, len(outcome.steps), **kwargs)
-    core, times = env.core, np.empty((repeats, len(actions)))
-    codes = np.zeros((len(actions), len(outcome.steps)), dtype=np.int64)
-    for i in range(repeats):
+    core, codes = env.core, np.zeros((len(actions), len(outcome.steps)), dtype=np.int64)
+
+    def sample() -> list[float]:
         env.seed(seed)
         env.reset()
+        spent = []
         for k, action in enumerate(actions):
-            start = time.process_time()
-            out = core.step(action, NO_AUTORESET)[1]
-            times[i, k] = time.process_time() - start
+            time, (_, out, *_) = timed(core.step, action, NO_AUTORESET)
             codes[k] = core.columns.of(out, "numerics")
+            spent.append(time)
+        return spent
+
+    best = by_turns({"steps": sample}, repeats)["steps"].best
     codes[np.arange(len(actions))[:, None] >= outcome.steps] = 0  # steps after an episode's end
     counts = {str(flag.name): int(np.count_nonzero(codes & flag)) for flag in Numerics}
-    return core, {name: n for name, n in counts.items() if n}, float(times.min(axis=0).sum())
+    return core, {name: n for name, n in counts.items() if n}, float(best.sum())
 
 
 def held(outcome: Outcome) -> NDArray[np.bool_]:

@@ -52,7 +52,7 @@ def shown(entry):
 
 def ceilings(name):
     """The table of a page's section about costs."""
-    rows = [(shown(entry), *(f"{most:g}" for most in entry.ceilings)) for entry in entries_of(name)]
+    rows = [(shown(entry), *(f"{most:g}" for _, most in entry.ceilings)) for entry in entries_of(name)]
     return markdown(("times bare, at most", "one rk8 step", "1e-6 m"), rows, formatted=True)
 
 

@@ -14,11 +14,12 @@ import yaml
 
 import redundant_envs as rde
 from redundant_envs.files import config_folder
+from redundant_envs_train.config import checked
 from studies import accuracy, accuracy_methods, accuracy_plots, accuracy_report, impacts
 from studies import accuracy_long as long
 from studies import accuracy_metrics as metrics
 from studies.__main__ import main
-from studies.accuracy_config import Panel, Study, build, load_study
+from studies.accuracy_config import Panel, Study, load_study
 from studies.accuracy_methods import MuJoCo, Ours
 
 e = rde.effects
@@ -36,7 +37,7 @@ PANEL = QUICK["panels"][0]
 
 def smallest() -> Study:
     """The part of the quick study that is short enough for a test."""
-    return build(Study, "config", QUICK | {"ours": {"rk4": [1, 4], "rk8": [2]}})
+    return checked(Study, QUICK | {"ours": {"rk4": [1, 4], "rk8": [2]}})
 
 
 def test_tip_error_is_a_distance_and_infinite_where_lost():
@@ -163,7 +164,7 @@ def test_shipped_configs_ask_what_was_promised():
 
 
 def test_states_are_drawn_as_told():
-    panel = build(Panel, "panel", PANEL | {"low": [0, 1, 2, 3], "high": [1, 2, 3, 4]})
+    panel = checked(Panel, PANEL | {"low": [0, 1, 2, 3], "high": [1, 2, 3, 4]})
     q, qd, efforts = panel.states(4000, 3)
     assert (np.floor(q) == np.arange(4)).all()
     np.testing.assert_allclose(qd.std(axis=0), panel.rate_sd, rtol=0.05)
@@ -176,25 +177,25 @@ def test_states_are_drawn_as_told():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"speed": 1}, "unknown key 'speed'; valid: control_dt, states"),
-        ({"ours": {"rk5": [1]}}, "ours has the unknown key 'rk5'; valid: euler, rk4, rk8"),
-        ({"ours": {"rk4": [1, 2.5]}}, r"ours.rk4\[1\] is 2.5; give a whole number"),
-        ({"ours": {"tolerance": [0.0]}}, r"ours.tolerance\[0\] is 0.0; it must be positive"),
-        ({"mujoco": {"rk4": [1]}}, "mujoco has the unknown key 'rk4'; valid: Euler"),
-        ({"scipy": {"LSODA": [1e-3]}}, "valid: RK45, DOP853"),
-        ({"control_dt": -1.0}, "control_dt is -1.0; it must be positive"),
-        ({"timing": {"rounds": 1}}, "timing lacks 'scipy_rounds'; give all of rounds"),
+        ({"speed": 1}, "speed is unknown; valid: control_dt, states"),
+        ({"ours": {"rk5": [1]}}, "ours.rk5 is unknown; valid: ours.euler, ours.rk4, ours.rk8"),
+        ({"ours": {"rk4": [1, 2.5]}}, r"ours.rk4\[1\] is 2.5; give a whole number from 1 to 1e\+06"),
+        ({"ours": {"tolerance": [0.0]}}, r"ours.tolerance\[0\] is 0.0; give a number from 1e-15"),
+        ({"mujoco": {"rk4": [1]}}, "mujoco.rk4 is unknown; valid: mujoco.Euler"),
+        ({"scipy": {"LSODA": [1e-3]}}, "valid: scipy.RK45, scipy.DOP853"),
+        ({"control_dt": -1.0}, "control_dt is -1.0; give a number from 1e-15 to 1e"),
+        ({"timing": {"rounds": 1}}, "timing.scipy_rounds is missing"),
         ({"long_runs": QUICK["long_runs"] | {"mujoco": {"RK4": [5]}}}, "RK4 has 5, which mujoco.RK4 lacks"),
         ({"reference": QUICK["reference"] | {"scene": {"integrator": "rk5"}}}, "integrator is 'rk5'"),
-        ({"panels": [PANEL | {"peers": ["drake"]}]}, "4R.peers has 'drake'; choose mujoco, scipy"),
-        ({"panels": [PANEL | {"rate_sd": [1.0]}]}, "4R.rate_sd has 1 entries; give 4"),
-        ({"panels": [PANEL | {"effort_share": 2.0}]}, "effort_share is 2.0; it must lie in 0 to 1"),
+        ({"panels": [PANEL | {"peers": ["drake"]}]}, r"panels\[0\].peers\[0\] is 'drake'; choose 'mujoco'"),
+        ({"panels": [PANEL | {"rate_sd": [1.0]}]}, r"panels\[0\].rate_sd has 1 entries; give at least 4"),
+        ({"panels": [PANEL | {"effort_share": 2.0}]}, "effort_share is 2.0; give a number from 0 to 1"),
         ({"panels": [PANEL | {"effects": [{"type": "Wind"}]}]}, r"effects\[0\].type is 'Wind'; valid"),
     ],
 )  # fmt: skip
 def test_config_errors(change, said):
     with pytest.raises(ValueError, match=said):
-        build(Study, "config", QUICK | change)
+        checked(Study, QUICK | change)
 
 
 @pytest.mark.long
