@@ -52,13 +52,13 @@ def complementary(W, d):
 class ContactAccount(Account):
     """One lane: its numbers and commands are arrays with one row. States y have angles and travels of joints,
     their rates, and states of effects; those of joints that have been at a stop count from there, so that the
-    lowest bounce has all its digits."""
+    lowest bounce has all its digits. ``impacts`` are the times at which joints met their stops, s."""
 
     def __init__(self, scene: Scene, numbers: Any, commands: Any) -> None:
         super().__init__(scene, numbers, commands)
         x, n = Known(self.given), len(self.arm.joints)
         self.n, self.rates, self.inverse = n, slice(n, 2 * n), np.linalg.inv(self.B)
-        self.origin, self.loose = np.zeros(n), set[int]()
+        self.origin, self.loose, self.impacts = np.zeros(n), set[int](), list[float]()
         self.stops = {
             a.hook.joint: tuple(
                 float(x[a.parameter(name)][0]) for name in (a.hook.lower, a.hook.upper, a.hook.restitution)
@@ -208,7 +208,9 @@ class ContactAccount(Account):
         for _ in range(MOST_EVENTS):
             if t >= end:
                 return y
-            y = self.settled(*self.struck(y))
+            y, hit = self.struck(y)
+            self.impacts += [t] * len(hit)
+            y = self.settled(y, hit)
             modes, terms = self.modes(y)
             self.loose.clear()
             t, y = self.to_event(y, modes, self.moved(terms, modes)[0], t, end, error)
@@ -271,6 +273,17 @@ class ContactAccount(Account):
         terms = self.terms(y)
         push = self.moved(terms, modes)[1][k]
         return self.held_by(push, side) - terms[3][k] * (1.0 + TORN) - SLOW
+
+
+def contact_motion(scene, start, error):
+    """Coordinates after an interval of a scene with its own numbers, (lanes, joints), and the times of the
+    impacts of each lane, s; ``start`` has coordinates, velocities and efforts, (lanes, joints) each."""
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    accounts = [ContactAccount(scene, numbers, efforts[None]) for efforts in start[2]]
+    found = [
+        a.motion_after(q[None], qd[None], {}, error)[0] for a, q, qd in zip(accounts, *start[:2], strict=True)
+    ]
+    return np.array(found), [account.impacts for account in accounts]
 
 
 def _beyond(y, k, way, end):

@@ -21,6 +21,7 @@ from redundant_envs.scene import Scene
 from redundant_envs.timing import by_turns
 from studies import accuracy_metrics as metrics
 from studies import peers
+from studies.account_of_contacts import contact_motion
 from studies.accuracy_config import Panel, States, Study
 from studies.accuracy_long import (
     Free,
@@ -30,7 +31,6 @@ from studies.accuracy_long import (
     second_reference,
 )
 from studies.accuracy_methods import Method, installed, long_methods, panel_methods
-from studies.impacts import impact_motion
 from studies.speed import dgemm, dgemm_rate, one_core
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
     free = free_motions(study, panel, start)
     done(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
     rounds, rows, long_rows = study.timing.rounds, list[Row](), list[Row]()
-    samplers, fewer = {DGEMM: dgemm()}, {DGEMM: max(1, rounds // ROUNDS_PER_DGEMM)}
+    samplers, fewer = {DGEMM: dgemm()}, {DGEMM: max(4, rounds // ROUNDS_PER_DGEMM)}
     for k, method in enumerate(panel_methods(study, panel)):
         count = study.scipy_states if method.peer == "scipy" else study.states
         some: States = (start[0][:count], start[1][:count], start[2][:count])
@@ -173,7 +173,7 @@ def check_reference(
     found = [agreement(f"rk8, {other.substeps} steps", metrics.end(other, start, seconds)[0])]
     rtol, stops = study.reference.scipy_rtol, metrics.stops(scene)
     if stops is not None and installed("scipy"):
-        q = impact_motion(scene, few, seconds, rtol)[0][:, :4]
+        q, _ = contact_motion(scene, few, rtol)
         found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
     elif "scipy" in panel.peers and installed("scipy"):
         q = peers.scipy_motion(scene, "DOP853", rtol, few, seconds)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from redundant_envs.effects import CentringSpring, Gravity
 from redundant_envs.scene import Scene
 from studies import accuracy_metrics as metrics
+from studies.account_of_contacts import contact_motion
 from studies.accuracy_config import Panel, States, Study
 from studies.accuracy_methods import MuJoCo, Ours, installed
-from studies.impacts import impact_motion
 
 Array = NDArray[np.float64]
 
@@ -104,8 +105,8 @@ def first_impacts(scene: Scene, start: States) -> dict[int, float]:
     """The first motions that meet a stop, and the time of the first impact, s, located by SciPy."""
     if metrics.stops(scene) is None or not installed("scipy"):
         return {}
-    q, qd, rest = (x[:IMPACT_STATES] for x in start)
-    _, times = impact_motion(scene, (q, qd, rest), IMPACT_SECONDS, IMPACT_RTOL)
+    few = tuple(x[:IMPACT_STATES] for x in start)
+    _, times = contact_motion(dataclasses.replace(scene, control_dt=IMPACT_SECONDS), few, IMPACT_RTOL)
     return {i: found[0] for i, found in enumerate(times) if found}
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from redundant_envs.disk import write_text
 from redundant_envs.extras import INSTALL, needs
 from redundant_envs.tables import markdown, write_rows
+from redundant_envs_train.pages import page
 from studies import accuracy, accuracy_plots
 from studies.accuracy import Answer, PanelResult, Row
 from studies.accuracy_config import PEERS, Study
@@ -22,12 +23,6 @@ LONG_HEADS = {
     "impact_time_s": "first impact, s",
 }
 """Metric -> its heading; a metric that no row has is left out."""
-MUJOCO_FAULT = (
-    "MuJoCo 4.0.0 has a fault in its Newton solver with a sparse constraint Jacobian, mended in 4.0.1. It "
-    "does not touch models without constraints: all panels without impacts. A panel with impacts uses that "
-    "solver for its stops, but with the dense Jacobian, MuJoCo's choice below 60 degrees of freedom: the "
-    "fault is not in its figures."
-)
 
 
 def duration(nanoseconds: float) -> str:
@@ -114,68 +109,20 @@ def after(name: str) -> str:
 
 
 def page_text(study: Study, results: Sequence[PanelResult], command: str, figures: Sequence[Path]) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    command : str
-        The command that made the page.
-    figures : sequence of Path
-        Pictures in the same folder.
-    """
-    stamp, long = results[0].rows[0], study.long_runs
-    names = ("python", "llvmlite", "numpy", *PEERS)
-    packages = ", ".join(f"{name} {stamp[name]}" for name in names if stamp[name])
-    absent = [peer for peer in PEERS if not stamp[peer]]
-    exponents = ", ".join(f"{r.panel.name} {r.free.exponent:.2g}" for r in results)
-    doubt = 1e3 * max((x for r in results for x in r.free.doubt.values()), default=math.nan)
-    stepping = ", ".join(f"{name} {value}" for name, value in study.reference.scene.items())
-    lines = [
-        "# Accuracy against cost",
-        "",
-        f"`{command}` on {stamp['date']}, commit {stamp['commit'] or 'unknown'}. One core of "
-        f"{stamp['machine']}, NumPy's dgemm {stamp['dgemm_gflops']:g} GFLOP/s; {packages}.",
-        "",
-        *(f"![]({path.name})" for path in figures),
-        "",
-        "## What an error costs",
-        "",
-        f"Error: that of the tip's position after one control interval of {1e3 * study.control_dt:g} ms, "
-        f"from {study.states} random states. Cost: one core's time for that interval of one arm, the best of "
-        f"{study.timing.rounds} rounds in which all configurations took turns. MuJoCo makes "
-        f"{study.timing.mujoco_steps} steps in a call from C, without its clock and without the stages that "
-        "the arm does not need; its stops are springs without damping, as stiff as its step allows "
-        f"({brief(study.mujoco_stiffness)}/step^2). Its evaluations are those of a step, ours the mean.",
-        "",
-        answer_table(study, results),
-        "",
-    ]
-    if stamp["mujoco"] == "4.0.0":
-        lines += [MUJOCO_FAULT, ""]
-    for peer in absent:
-        lines += [f"{peer} is not installed, so its lines are missing; {INSTALL.format('verify')}", ""]
-    lines += [
-        "## The reference",
-        "",
-        f"The reference is this package's own ({stepping}), on the same states. Errors below the largest "
-        "difference from another account of the same arm mean nothing; the figures shade them.",
-        "",
-        reference_table(results),
-        "",
-        "## Beyond a control interval",
-        "",
-        f"{long.states} of the states, released without efforts; medians of all. Lyapunov exponents "
-        f"(Benettin, {long.lyapunov_seconds:g} s, median), 1/s: {exponents}. The reference of these tip "
-        f"errors is itself known to {doubt:.0e} mm (median, the worst of the columns). Energy: its change "
-        f"after {long.seconds:g} s, per second, relative to what raises the stretched arm upright. Momentum: "
-        f"change of the angular momentum after {long.seconds:g} s at g = 0, relative to its median. Stops: "
-        f"how far a slider is beyond one at most within {PATH_SECONDS:g} s, and the error of the time of the "
-        "first impact.",
-        "",
-        long_table(study, results),
-        "",
-    ]
-    return "\n".join(lines)
+    """The page, of a command and with pictures of the same folder."""
+    stamp = results[0].rows[0]
+    packages = (f"{name} {stamp[name]}" for name in ("python", "llvmlite", "numpy", *PEERS) if stamp[name])
+    doubts = [x for r in results for x in r.free.doubt.values()]
+    return page(
+        "accuracy", Path(__file__).parent, study=study, command=command, stamp=stamp, brief=brief,
+        packages=", ".join(packages), figures=[path.name for path in figures],
+        dt=f"{1e3 * study.control_dt:g}", answers=answer_table(study, results),
+        absent=[(peer, INSTALL.format("verify")) for peer in PEERS if not stamp[peer]],
+        stepping=", ".join(f"{name} {value}" for name, value in study.reference.scene.items()),
+        references=reference_table(results), path_seconds=PATH_SECONDS, motions=long_table(study, results),
+        exponents=", ".join(f"{r.panel.name} {r.free.exponent:.2g}" for r in results),
+        doubt=f"{1e3 * max(doubts, default=math.nan):.0e}",
+    )  # fmt: skip
 
 
 def files(folder: Path) -> list[Path]:
@@ -192,11 +139,11 @@ def write(study: Study, command: str, folder: Path) -> list[Path]:
         import matplotlib  # noqa: F401
         import PIL  # noqa: F401
     results = accuracy.run(study)
-    page, *tables = files(folder)[: 1 + len(accuracy_plots.TABLES)]
+    text, *tables = files(folder)[: 1 + len(accuracy_plots.TABLES)]
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
-    write_text(page, page_text(study, results, command, []))
+    write_text(text, page_text(study, results, command, []))
     figures = accuracy_plots.save_figures(accuracy_plots.drawn(results), study, folder)
     shown = [path for path in figures if path.suffix == ".png"]
-    write_text(page, page_text(study, results, command, shown))
-    return [page, *tables, *figures]
+    write_text(text, page_text(study, results, command, shown))
+    return [text, *tables, *figures]

@@ -138,13 +138,12 @@ class DrawnFamily:
         tables = [s.parameters() for s in scenes]
         numbers = {name: np.array([table[name] for table in tables])[which] for name in tables[0]}
         shares = [(s, int((which == k).sum())) for k, s in enumerate(scenes) if (which == k).any()]
-        q, qd = (
-            np.concatenate(parts)
-            for parts in zip(*(drawing.drawn_states(s, n, rng, KINDS) for s, n in shares), strict=True)
-        )
+        starts = [drawing.drawn_states(s, rng.choice(KINDS, n), rng) for s, n in shares]
+        q, qd = (np.concatenate(parts) for parts in zip(*starts, strict=True))
         batch, fine, drawn, spent = begun(self.scene(), numbers, q, qd), np.arange(few), [], 0.0
         for _ in range(SUCCESSIVE):
-            efforts = np.concatenate([drawing.drawn_efforts(s, n, rng, EFFORTS) for s, n in shares])
+            pushes = [drawing.drawn_efforts(s, rng.choice(EFFORTS, n), rng) for s, n in shares]
+            efforts = np.concatenate(pushes)
             efforts *= drawing.decades(rng, *EFFORT, (few, 1))
             begin = batch.q, batch.qd, efforts, batch.z
             status = batch.advance(efforts)

@@ -11,6 +11,7 @@ import pytest
 import rrp
 import three_r
 from arms import ARMS, STEPS, e, effects_from_outside, stops
+from fuzz.drawing_scenes import drawn_scene
 from held_command import HeldCommand
 from humming_stop import HummingStop
 from lag_chain import LagChain
@@ -41,7 +42,6 @@ from redundant_envs.verify import (
 )  # fmt: skip
 from redundant_envs.verify.checks import Trial, checks_of
 from redundant_envs.verify.report import checks_in
-from studies.drawing import drawn_scene
 from studies.kinked_effects import KINKED
 
 EQUATIONS = checks_of(equations, kinematics)
