@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -40,12 +41,26 @@ def parser() -> argparse.ArgumentParser:
         return p
 
     def configured(p: argparse.ArgumentParser, name: str) -> None:
-        default = config_folder("studies") / f"{name}.yaml"
-        p.add_argument("--config", type=Path, metavar="YAML", help=f"default: configs/studies/{default.name}")
+        p.add_argument("--config", type=Path, metavar="YAML", help=f"default: configs/studies/{name}.yaml")
 
     def written(p: argparse.ArgumentParser) -> None:
         p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="folder, or a .csv file")
         add_force(p)
+
+    def trusted(p: argparse.ArgumentParser) -> None:
+        p.add_argument(
+            "--trust", action="store_true",
+            help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in",
+        )  # fmt: skip
+
+    def continued(p: argparse.ArgumentParser, name: str) -> None:
+        p.add_argument(
+            "--out",
+            type=Path,
+            default=OUT / name,
+            metavar="FOLDER",
+            help="a stopped study in it is continued",
+        )
 
     p = study(throughput, "throughput", "nanoseconds per step of the compiled core")
     configured(p, "throughput")
@@ -61,7 +76,7 @@ def parser() -> argparse.ArgumentParser:
     p = study(stops, "stops", "cost of the hard stops of the RPRP scene")
     p.add_argument("run", nargs="?", type=Path, metavar="RUN", help="also on the states of this policy")
     p.add_argument("--lanes", type=int, default=4096)
-    _add_trust(p)
+    trusted(p)
     written(p)
     for name, text in (
         ("impacts", "whether error control finds every impact at hard stops"),
@@ -91,8 +106,8 @@ def parser() -> argparse.ArgumentParser:
     p = study(policy, "policy", "effect of the physics on a policy, and training under the cheapest")
     p.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="such as train_seeds=0")
     configured(p, "policy")
-    _add_trust(p)
-    _add_continued(p, "policy")
+    trusted(p)
+    continued(p, "policy")
     p = study(strength, "strength", "where learning pays: hold success over the strength of the motors")
     p.add_argument("--seeds", default="0..2", help="of the learners, such as 0..2; none: no training")
     p.add_argument("--factors", default="", help="effort limits, times those of the reach scenes")
@@ -102,29 +117,15 @@ def parser() -> argparse.ArgumentParser:
         help="run folder or table of runs, taken beside those trained; may be given again",
     )  # fmt: skip
     p.add_argument("--processes", type=int, help="trainings at a time (default: all cores)")
-    _add_continued(p, "strength")
+    continued(p, "strength")
     return top
-
-
-def _add_trust(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "--trust", action="store_true",
-        help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in",
-    )  # fmt: skip
-
-
-def _add_continued(p: argparse.ArgumentParser, name: str) -> None:
-    p.add_argument(
-        "--out", type=Path, default=OUT / name, metavar="FOLDER", help="a stopped study in it is continued"
-    )
 
 
 def throughput(options: argparse.Namespace) -> None:
     """Time the compiled core."""
     from studies import throughput as study
 
-    config = study.load_study(_config(options))
-    path = _target(options)
+    config, path = study.load_study(_config(options)), _target(options)
     _report(study.run(config), study.COLUMNS, "dgemm_gflops", path)
 
 
@@ -140,12 +141,10 @@ def effects(options: argparse.Namespace) -> None:
     """Time effects and scenes beside bare arms; write a table and a picture."""
     from studies import effects as study
 
-    config = study.load_study(_config(options))
-    path = _target(options, "effects.png", "effects.svg")
+    config, path = study.load_study(_config(options)), _target(options, "effects.png", "effects.svg")
     rows = study.run(config, options.name)
     _report(rows, study.COLUMNS, "at", path)
-    say(study.verdict(rows))
-    say("\n".join(str(picture) for picture in study.save_pictures(rows, path.parent)))
+    say(study.verdict(rows), *study.save_pictures(rows, path.parent), sep="\n")
 
 
 def stops(options: argparse.Namespace) -> None:
@@ -181,23 +180,20 @@ def estimates(options: argparse.Namespace) -> None:
 
 def accuracy(options: argparse.Namespace) -> None:
     """Measure errors and costs; write tables, figures and a page."""
-    from studies import accuracy_config, accuracy_report
+    from studies import accuracy_config, accuracy_plots, accuracy_report
 
-    command = "python -m studies accuracy"
-    if options.config:
-        command += f" --config {options.config}"
     study = accuracy_config.load_study(_config(options))
     if options.redraw:
-        from studies import accuracy_plots
-
         check_plain(options.redraw)
         drawn = accuracy_plots.read(study, options.redraw)
-        say("\n".join(str(path) for path in accuracy_plots.save_figures(drawn, study, options.redraw)))
+        say(*accuracy_plots.save_figures(drawn, study, options.redraw), sep="\n")
         return
-    check_kept(accuracy_report.files(options.out), options.force, [options.config] if options.config else ())
+    given = [options.config] if options.config else []
+    check_kept(accuracy_report.files(options.out), options.force, given)
+    command = shlex.join(["python", "-m", "studies", "accuracy", *(f"--config={path}" for path in given)])
     page, *others = accuracy_report.write(study, command, options.out)
     say(page.read_text(encoding="utf-8"))
-    say("\n".join(str(path) for path in (page, *others)))
+    say(page, *others, sep="\n")
 
 
 def policy(options: argparse.Namespace) -> None:

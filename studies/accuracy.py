@@ -9,8 +9,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,49 +46,24 @@ DGEMM = -1
 """Stands for the product of matrices among the numbers of configurations."""
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Largest distance of another method from the reference after a control interval.
-
-    Attributes
-    ----------
-    by : str
-    states : int
-    metres : float
-    digits : float
-        Decimal digits of the tip's position that agree.
-    """
+class Agreement(NamedTuple):
+    """Largest distance of another method from the reference after a control interval."""
 
     by: str
     states: int
     metres: float
-    digits: float
+    digits: float  # decimal digits of the tip's position that agree
 
 
-@dataclass(frozen=True)
-class PanelResult:
-    """Results of a panel.
-
-    Attributes
-    ----------
-    panel : Panel
-    agreements : list of Agreement
-        The reference against itself with twice the steps, then against others.
-    rows, long_rows : list of dict
-        Of ``COLUMNS`` and ``long_columns``, one for each configuration.
-    free : Free
-    """
+class PanelResult(NamedTuple):
+    """Results of a panel, from a run or, but for the last two, from its tables."""
 
     panel: Panel
-    agreements: list[Agreement]
-    rows: list[Row]
-    long_rows: list[Row]
-    free: Free
-
-    @property
-    def floor(self) -> float:
-        """Error [m] of the reference itself: smaller errors cannot be measured."""
-        return max(a.metres for a in self.agreements)
+    rows: list[Row]  # of COLUMNS, one for each configuration
+    long_rows: list[Row]  # of long_columns
+    floor: float  # error of the reference itself, m: smaller ones cannot be measured
+    agreements: Sequence[Agreement] = ()  # with itself with twice the steps, then with others
+    free: Free | None = None
 
 
 def long_columns(study: Study) -> tuple[str, ...]:
@@ -142,13 +116,13 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
     for k, row in enumerate(rows):
         row["ns_best"] = round(1e9 * float(times[k].best), 2)
         row["ns_median"] = round(1e9 * float(times[k].median), 2)
-    result = PanelResult(panel, agreements, rows, long_rows, free)
+    floor = max(a.metres for a in agreements)
     stamp = {**about(), "dgemm_gflops": round(dgemm_rate(times[DGEMM]), 2)}
     for row in (*rows, *long_rows):
         row.update(stamp)
     for row in rows:
-        row["floor_mm"] = 1e3 * result.floor
-    return result
+        row["floor_mm"] = 1e3 * floor
+    return PanelResult(panel, rows, long_rows, floor, agreements, free)
 
 
 def name(panel: Panel, method: Method) -> Row:
@@ -207,16 +181,9 @@ def about() -> dict[str, str]:
     return found
 
 
-@dataclass(frozen=True)
-class Answer:
-    """Cost of an error: the cheapest configurations whose 99th percentile is below it.
-
-    Attributes
-    ----------
-    threshold_mm : float
-    ours, mujoco : dict, optional
-        Their rows; None if no configuration reaches the error, or none was run.
-    """
+class Answer(NamedTuple):
+    """Cost of an error: the cheapest configurations whose 99th percentile is below it; None if no
+    configuration reaches it, or none was run."""
 
     threshold_mm: float
     ours: Row | None

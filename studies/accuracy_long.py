@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,40 +24,18 @@ IMPACT_STATES, IMPACT_SECONDS, IMPACT_RTOL = 16, 0.2, 1e-12
 """Number of motions whose first impact is also located by SciPy."""
 
 
-@dataclass(frozen=True)
-class Free:
-    """The free motions of a panel.
+class Free(NamedTuple):
+    """The free motions of a panel."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The reference.
-    start : q, qd and efforts of zero, (n, 4)
-    seconds : float
-        Length of the motions, s.
-    exponent : float
-        Lyapunov exponent, median over the states, 1/s.
-    times : mapping
-        Error -> its time, s, rising; times after the end are absent.
-    reference : mapping
-        Error -> coordinates of the reference, (n, 4).
-    doubt : mapping
-        Error -> distance of a reference with half as many steps, median over the states, m.
-    energy_scale : float
-        J.
-    impacts : mapping
-        Index of a motion -> time of its first impact by SciPy, s; empty without stops.
-    """
-
-    scene: Scene
-    start: States
-    seconds: float
-    exponent: float
-    times: dict[str, float]
-    reference: dict[str, Array]
-    doubt: dict[str, float]
-    energy_scale: float
-    impacts: dict[int, float]
+    scene: Scene  # the reference
+    start: States  # without efforts
+    seconds: float  # length of the motions
+    exponent: float  # of Lyapunov, median over the states, 1/s
+    times: dict[str, float]  # error -> its time, s, rising; times after the end are absent
+    reference: dict[str, Array]  # error -> coordinates of the reference, (n, 4)
+    doubt: dict[str, float]  # error -> distance of a second reference, median over the states, m
+    energy_scale: float  # J
+    impacts: dict[int, float]  # motion -> time of its first impact by SciPy, s; empty without stops
 
 
 def error_names(study: Study) -> list[str]:

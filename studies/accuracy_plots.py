@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from redundant_envs.bounded import read_rows
 from redundant_envs.figures import bare, literal, new_figure, save_figure
 from studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
-from studies.accuracy_config import Panel, Study
+from studies.accuracy_config import Study
 
 # Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
 OURS: dict[str, dict[str, Any]] = {
@@ -46,37 +45,9 @@ TICKS = {1e1: "10 ns", 1e2: "100 ns", 1e3: "1 µs", 1e4: "10 µs", 1e5: "100 µs
 NOTE: dict[str, Any] = {"fontsize": 7.5, "color": "#555555"}
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Data of a panel for the figures.
-
-    Attributes
-    ----------
-    panel : Panel
-    rows, long_rows : list of dict
-    floor : float
-        Error [m] of the reference itself.
-    """
-
-    panel: Panel
-    rows: list[Row]
-    long_rows: list[Row]
-    floor: float
-
-
-def drawn(results: Sequence[PanelResult]) -> list[Drawn]:
-    """Data for the figures from the results of a run."""
-    return [Drawn(r.panel, r.rows, r.long_rows, r.floor) for r in results]
-
-
-def read(study: Study, folder: Path) -> list[Drawn]:
-    """Data for the figures from the tables that a run of the study wrote into a folder.
-
-    Raises
-    ------
-    ValueError
-        A table is missing or damaged, or has no rows of a panel of the study.
-    """
+def read(study: Study, folder: Path) -> list[PanelResult]:
+    """Results from the tables that a run of the study wrote into a folder; a ValueError if one is missing or
+    damaged, or has no rows of a panel of the study."""
     tables = []
     for name in TABLES:
         path = folder / name
@@ -95,7 +66,7 @@ def read(study: Study, folder: Path) -> list[Drawn]:
         floor = rows[0].get("floor_mm", math.nan)
         if not 0.0 <= floor < math.inf:
             raise ValueError(f"{folder / TABLES[0]} has {floor} as 'floor_mm'; write it again with the study")
-        result.append(Drawn(panel, rows, long_rows, 1e-3 * floor))
+        result.append(PanelResult(panel, rows, long_rows, 1e-3 * floor))
     return result
 
 
@@ -105,7 +76,7 @@ def _typed(row: dict[str, str]) -> Row:
     return texts | {name: float(cell) for name, cell in row.items() if cell and name not in (*STAMP, *WHAT)}
 
 
-def work_precision_figure(results: Sequence[Drawn], control_dt: float) -> Any:
+def work_precision_figure(results: Sequence[PanelResult], control_dt: float) -> Any:
     """Tip error of a control interval against its cost."""
     figure, axes = _grid(len(results), 3.3)
     for panel, result in zip(axes, results, strict=True):
@@ -124,7 +95,7 @@ def work_precision_figure(results: Sequence[Drawn], control_dt: float) -> Any:
     return figure
 
 
-def energy_figure(results: Sequence[Drawn], control_dt: float, motions: int) -> Any:
+def energy_figure(results: Sequence[PanelResult], control_dt: float, motions: int) -> Any:
     """Rate of the energy error of free motions against the cost of a control interval."""
     figure, axes = _grid(len(results), 3.0)
     for panel, result in zip(axes, results, strict=True):
@@ -165,7 +136,7 @@ def _lines(panel: Any, rows: Sequence[Row], value: Callable[[Row], float]) -> No
                 panel.plot(x, y, label=method, zorder=4 if styles is OURS else 3, **size, **style)
 
 
-def _advantage(panel: Any, result: Drawn) -> None:
+def _advantage(panel: Any, result: PanelResult) -> None:
     """An arrow from our cheapest configuration within the encoder's error to MuJoCo's."""
     answer = answers(result.rows, [ENCODER_MM])[0]
     if answer.ours is None or answer.mujoco is None:
@@ -189,7 +160,7 @@ def _settings(panel: Any, rows: Sequence[Row]) -> None:
                 panel.annotate(text, (row["ns_best"], row["tip_mm_p99"]), **beside)
 
 
-def _title(panel: Any, result: Drawn) -> None:
+def _title(panel: Any, result: PanelResult) -> None:
     panel.set_title(literal(result.panel.name), loc="left", fontsize=10.5, fontweight="bold", pad=16)
     panel.text(
         0.0, 1.02, literal(result.panel.about), transform=panel.transAxes, fontsize=8.5, color="#555555"
@@ -234,7 +205,7 @@ def files(folder: Path) -> list[Path]:
     return [folder / f"{name}.{kind}" for kind in ("png", "svg") for name in PICTURES]
 
 
-def save_figures(results: Sequence[Drawn], study: Study, folder: Path) -> list[Path]:
+def save_figures(results: Sequence[PanelResult], study: Study, folder: Path) -> list[Path]:
     """Write both figures as SVG and PNG; returns the PNG files, then the SVG files."""
     figures = (
         work_precision_figure(results, study.control_dt),

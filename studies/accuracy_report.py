@@ -112,7 +112,8 @@ def page_text(study: Study, results: Sequence[PanelResult], command: str, figure
     """The page, of a command and with pictures of the same folder."""
     stamp = results[0].rows[0]
     packages = (f"{name} {stamp[name]}" for name in ("python", "llvmlite", "numpy", *PEERS) if stamp[name])
-    doubts = [x for r in results for x in r.free.doubt.values()]
+    free = {r.panel.name: r.free for r in results if r.free is not None}
+    doubts = [x for motions in free.values() for x in motions.doubt.values()]
     return page(
         "accuracy", Path(__file__).parent, study=study, command=command, stamp=stamp, brief=brief,
         packages=", ".join(packages), figures=[path.name for path in figures],
@@ -120,7 +121,7 @@ def page_text(study: Study, results: Sequence[PanelResult], command: str, figure
         absent=[(peer, INSTALL.format("verify")) for peer in PEERS if not stamp[peer]],
         stepping=", ".join(f"{name} {value}" for name, value in study.reference.scene.items()),
         references=reference_table(results), path_seconds=PATH_SECONDS, motions=long_table(study, results),
-        exponents=", ".join(f"{r.panel.name} {r.free.exponent:.2g}" for r in results),
+        exponents=", ".join(f"{name} {motions.exponent:.2g}" for name, motions in free.items()),
         doubt=f"{1e3 * max(doubts, default=math.nan):.0e}",
     )  # fmt: skip
 
@@ -143,7 +144,7 @@ def write(study: Study, command: str, folder: Path) -> list[Path]:
     write_rows([row for r in results for row in r.rows], accuracy.COLUMNS, tables[0])
     write_rows([row for r in results for row in r.long_rows], accuracy.long_columns(study), tables[1])
     write_text(text, page_text(study, results, command, []))
-    figures = accuracy_plots.save_figures(accuracy_plots.drawn(results), study, folder)
+    figures = accuracy_plots.save_figures(results, study, folder)
     shown = [path for path in figures if path.suffix == ".png"]
     write_text(text, page_text(study, results, command, shown))
     return [text, *tables, *figures]

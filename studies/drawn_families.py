@@ -56,19 +56,12 @@ LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 @dataclass(frozen=True)
 class DrawnFamily:
-    """Scenes of one structure, which follows from a seed and a number.
-
-    Attributes
-    ----------
-    seed, number : int
-        Every effect comes alone once in as many numbers as there are.
-    tolerance : float, optional
-        m; by default one is drawn.
-    """
+    """Scenes of one structure, which follows from a seed and a number. Every effect comes alone once in as
+    many numbers as there are."""
 
     seed: int
     number: int
-    tolerance: float = 0.0
+    tolerance: float = 0.0  # m; by default one is drawn
 
     def __post_init__(self) -> None:
         if self.tolerance == 0.0:

@@ -33,21 +33,13 @@ REACH = 1.0
 
 @dataclass
 class Draw:
-    """Random data of the lanes of a family.
+    """Random data of the lanes of a family."""
 
-    Attributes
-    ----------
-    joints, rates : positions of the joints, (count, joints), rad and m, and their rates
-    efforts : of the motors, (count, joints), N m and N
-    parameters : numbers of the scene by name, (count, entries) each
-    states : of effects by name, (count,) each, where they are not those of the start of a motion
-    """
-
-    joints: Array
+    joints: Array  # positions of the joints, (count, joints), rad and m
     rates: Array
-    efforts: Array
-    parameters: dict[str, Array]
-    states: dict[str, Array] = field(default_factory=dict)
+    efforts: Array  # of the motors, (count, joints), N m and N
+    parameters: dict[str, Array]  # numbers of the scene by name, (count, entries) each
+    states: dict[str, Array] = field(default_factory=dict)  # of effects, where they are not those of a start
 
 
 def chosen(drawn: Draw, lanes: NDArray[Any]) -> Draw:
@@ -62,27 +54,16 @@ Change = Callable[[Draw, np.random.Generator], None]
 
 @dataclass(frozen=True)
 class Family:
-    """Scenes of one structure.
-
-    Attributes
-    ----------
-    name : str
-    arm : class of the arm
-    effects : of the scene; their numbers may be drawn again for each lane
-    changes : functions that replace the usual draws, in order
-    control_dt, tolerance : of the scene, s and m
-    actuation : "joint" or "generalized"
-    steps : equal steps of rk8 per interval that confirm the reference
-    """
+    """Scenes of one structure, whose numbers may be drawn again for each lane."""
 
     name: str
     arm: type[Arm]
     effects: tuple[Effect, ...] = (Gravity(),)
-    changes: tuple[Change, ...] = ()
-    control_dt: float = 0.02
-    tolerance: float = 1e-6
+    changes: tuple[Change, ...] = ()  # replace the usual draws, in order
+    control_dt: float = 0.02  # s
+    tolerance: float = 1e-6  # m
     actuation: str = "joint"
-    steps: int = 96
+    steps: int = 96  # equal ones of rk8 per interval that confirm the reference
 
     @property
     def robot(self) -> Any:

@@ -50,30 +50,18 @@ AnyFamily = Family | StopFamily | DrawnFamily
 
 @dataclass
 class Tally:
-    """Counts over the intervals of a family.
-
-    Attributes
-    ----------
-    intervals, judged : all, and those with a confirmed reference
-    told : intervals that another account crosses, which then judges them
-    beyond, missed : of those judged, the ones off by more than one and two tolerances without a flag
-    flagged : intervals with a flag of any kind and less than 256 impacts
-    spent : intervals with more impacts than an interval may have
-    largest_error : of those judged, in units of the tolerance
-    events : impacts
-    evaluations : of the right-hand side, in all
-    """
+    """Counts over the intervals of a family."""
 
     intervals: int = 0
-    judged: int = 0
-    told: int = 0
-    beyond: int = 0
-    missed: int = 0
-    flagged: int = 0
-    spent: int = 0
-    largest_error: float = 0.0
-    events: int = 0
-    evaluations: int = 0
+    judged: int = 0  # with a confirmed reference
+    told: int = 0  # crossed by another account, which then judges them
+    beyond: int = 0  # of those judged, off by more than one tolerance without a flag
+    missed: int = 0  # off by more than two
+    flagged: int = 0  # with a flag of any kind and less than 256 impacts
+    spent: int = 0  # with more impacts than an interval may have
+    largest_error: float = 0.0  # of those judged, in units of the tolerance
+    events: int = 0  # impacts
+    evaluations: int = 0  # of the right-hand side, in all
 
 
 def families(study: str, seed: int) -> Sequence[AnyFamily]:

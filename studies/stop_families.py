@@ -15,35 +15,19 @@ from studies.interval_families import Draw, decades
 
 @dataclass(frozen=True)
 class StopFamily:
-    """Numbers of a scene of the RPRP arm, and of the states and efforts drawn for it.
+    """Numbers of a scene of the RPRP arm, and of the states and efforts drawn for it."""
 
-    Attributes
-    ----------
-    control_dt : float
-        s.
-    effort : float
-        Largest motor effort, N m and N.
-    travel : float
-        Of both sliders, m.
-    masses, lengths : kg, m
-    restitution, tolerance, g, friction : float
-    rate : float
-        Scale of joint rates, rad/s; for sliders it is a travel in 60 ms, at most 3 m/s.
-    steps : int
-        Equal steps of rk8 per interval that confirm the reference.
-    """
-
-    control_dt: float = 0.02
-    effort: float = 30.0
-    travel: float = 0.25
-    masses: tuple[float, ...] = (0.5,) * 4
-    lengths: tuple[float, ...] = (0.25, 0.25)
+    control_dt: float = 0.02  # s
+    effort: float = 30.0  # largest of a motor, N m and N
+    travel: float = 0.25  # of both sliders, m
+    masses: tuple[float, ...] = (0.5,) * 4  # kg
+    lengths: tuple[float, ...] = (0.25, 0.25)  # m
     restitution: float = 0.0
-    tolerance: float = 1e-6
+    tolerance: float = 1e-6  # m
     g: float = 9.81
     friction: float = 0.2
-    rate: float = 3.0
-    steps: int = 160
+    rate: float = 3.0  # scale of joint rates, rad/s; for sliders it is a travel in 60 ms, at most 3 m/s
+    steps: int = 160  # equal ones of rk8 per interval that confirm the reference
     actuation = "joint"
 
     @property
