@@ -1,4 +1,10 @@
-"""Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same three methods each."""
+"""Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same methods each.
+
+``line`` is the name of a configuration's line in the figures, ``setting`` that of its point there. ``motion``
+gives q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval; ``timer`` a
+function that measures once more, s of one core per control interval of one arm; and ``path`` q of a motion
+without efforts at equal times, (T, n, 4), and its impacts, if they are known.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,7 @@ import dataclasses
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,27 +33,6 @@ Impacts = list[tuple[int, float]] | None
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "implicit": 1, "RK4": 4}
 """Evaluations of the right-hand side in one MuJoCo step."""
-
-
-class Method(Protocol):
-    """One configuration of an integrator, ours or a peer's."""
-
-    peer: ClassVar[str]
-    """Package that it belongs to, "" for ours."""
-
-    @property
-    def line(self) -> str:
-        """Name of its line in the figures."""
-
-    @property
-    def setting(self) -> str:
-        """Name of its point on the line."""
-
-    def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
-        """q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval."""
-
-    def timer(self, scene: Scene, start: States) -> Callable[[], float]:
-        """A function that measures once more, s of one core per control interval of one arm."""
 
 
 def brief(x: float) -> str:
@@ -191,12 +176,12 @@ class SciPy:
         return lambda: seconds(self.motion, scene, few, scene.control_dt) / len(few[0])
 
 
+Method = Ours | MuJoCo | SciPy
+
+
 def installed(peer: str) -> bool:
     """Whether a peer of the extra "verify" can be imported."""
-    try:
-        return importlib.util.find_spec(peer) is not None
-    except ImportError:
-        return False
+    return importlib.util.find_spec(peer) is not None
 
 
 def our_methods(study: Study, sweep: OurSweep) -> list[Ours]:

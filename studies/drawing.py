@@ -8,6 +8,7 @@ import numpy as np
 from redundant_envs.effects import REGISTRY
 from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.tasks.base import hard_stops, spring_limits
+from studies.interval_families import decades
 
 ARMS = ((RPRP, 2), (FourR, 4))
 """Arms and their numbers of lengths."""
@@ -15,11 +16,6 @@ TRIES = 50
 """Most draws of numbers until a scene accepts them."""
 OF_SLIDERS = "CentringSpring", "PrismaticStop"
 """Effects with a number for each slider."""
-
-
-def decades(rng, low, high, count=None):
-    """Uniform in the logarithm: a number, or some of them."""
-    return np.exp(rng.uniform(np.log(low), np.log(high), count))
 
 
 def spread(rng, count, ratio):

@@ -26,7 +26,7 @@ from redundant_envs.verify.judging import agree
 from studies import account_of_contacts, another_account, drawing
 from studies.account_of_contacts import ContactAccount
 from studies.another_account import Account
-from studies.interval_families import Draw, chosen
+from studies.interval_families import Draw, chosen, decades
 
 Array = NDArray[np.float64]
 KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"
@@ -75,7 +75,7 @@ class DrawnFamily:
         """Scenes that differ in numbers alone."""
         rng, kinds = self._rng(), moving_effects()
         name = [*kinds][self.number % len(kinds)]
-        control_dt = float(np.round(drawing.decades(rng, 0.005, 0.2), 4))
+        control_dt = float(np.round(decades(rng, 0.005, 0.2), 4))
         actuation = "generalized" if self._rng(2).random() < GENERALIZED else "joint"
         made = None
         while made is None:
@@ -137,7 +137,7 @@ class DrawnFamily:
         for _ in range(SUCCESSIVE):
             pushes = [drawing.drawn_efforts(s, rng.choice(EFFORTS, n), rng) for s, n in shares]
             efforts = np.concatenate(pushes)
-            efforts *= drawing.decades(rng, *EFFORT, (few, 1))
+            efforts *= decades(rng, *EFFORT, (few, 1))
             begin = batch.q, batch.qd, efforts, batch.z
             status = batch.advance(efforts)
             fine = fine[status.evaluations[fine] <= MOST_EVALUATIONS]

@@ -129,26 +129,18 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
             times = times_of(name, lanes, rounds, steps)
             best = {how: float(of.best) for how, of in times.items()}
             rate = {how: round(lanes * VECTOR_STEPS / best[how]) for how in VECTORS}
-            rows.append(
-                {
-                    **about,
-                    "gymnasium": gym.__version__,
-                    "env": name,
-                    "lanes": lanes,
-                    "vector_steps_per_s_best": rate["controlled"],
-                    "vector_steps_per_s_median": round(
-                        lanes * VECTOR_STEPS / float(times["controlled"].median)
-                    ),
-                    "vector_renewed_actions_best": rate["renewed"],
-                    "vector_one_rk8_step_best": rate["one step"],
-                    "vector_one_rk8_step_renewed_actions_best": rate["one step, renewed"],
-                    "single_us_per_step": round(1e6 * best["single"], 2),
-                    "cartpole_us_per_step": round(1e6 * best["baseline"], 2),
-                    "single_over_cartpole": round(best["single"] / best["baseline"], 2),
-                    "import_to_first_step_s": round(best["first"], 3),
-                    "single_info_read_us_per_step": round(1e6 * best["read"], 2),
-                }
-            )
+            rows.append({
+                **about, "gymnasium": gym.__version__, "env": name, "lanes": lanes,
+                "vector_steps_per_s_best": rate["controlled"],
+                "vector_steps_per_s_median": round(lanes * VECTOR_STEPS / float(times["controlled"].median)),
+                "vector_renewed_actions_best": rate["renewed"], "vector_one_rk8_step_best": rate["one step"],
+                "vector_one_rk8_step_renewed_actions_best": rate["one step, renewed"],
+                "single_us_per_step": round(1e6 * best["single"], 2),
+                "cartpole_us_per_step": round(1e6 * best["baseline"], 2),
+                "single_over_cartpole": round(best["single"] / best["baseline"], 2),
+                "import_to_first_step_s": round(best["first"], 3),
+                "single_info_read_us_per_step": round(1e6 * best["read"], 2),
+            })  # fmt: skip
             spread = 100 * times["controlled"].spread
             done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
     return rows

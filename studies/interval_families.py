@@ -92,8 +92,8 @@ class Family:
         return drawn
 
 
-def decades(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
-    """Numbers whose logarithms are uniform."""
+def decades(rng: np.random.Generator, low: float, high: float, shape: Any = None) -> Any:
+    """A number or numbers whose logarithms are uniform."""
     return np.exp(rng.uniform(np.log(low), np.log(high), shape))
 
 

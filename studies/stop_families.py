@@ -95,7 +95,7 @@ def drawn_families(count: int, seed: int) -> list[StopFamily]:
     rng = np.random.default_rng(seed)
 
     def about(low: float, high: float) -> float:
-        return float(decades(rng, low, high, None))
+        return float(decades(rng, low, high))
 
     return [
         StopFamily(

@@ -122,30 +122,18 @@ def rows_of(
         count = min(round(share * lanes), int(touched.sum()))
         drawn = []
         for _ in range(DRAWS):
-            chosen = np.concatenate(
-                [
-                    rng.choice(np.flatnonzero(touched), count, replace=False),
-                    rng.choice(
-                        np.flatnonzero(~touched), lanes - count, replace=lanes - count > (~touched).sum()
-                    ),
-                ]
-            )
+            own = rng.choice(np.flatnonzero(touched), count, replace=False)
+            others, few = np.flatnonzero(~touched), lanes - count
+            chosen = np.concatenate([own, rng.choice(others, few, replace=few > len(others))])
             rng.shuffle(chosen)
             drawn.append(measured(scene, q[chosen], qd[chosen], efforts[:, chosen], repeats))
         without, with_stops, evaluations, evaluations_with, events = np.mean(drawn, axis=0).tolist()
-        rows.append(
-            {
-                "states": name,
-                "lanes": lanes,
-                "touched_share": round(count / lanes, 4),
-                "ns_without": round(1e9 * without / lanes, 1),
-                "ns_with": round(1e9 * with_stops / lanes, 1),
-                "ratio": round(with_stops / without, 2),
-                "evaluations_without": round(evaluations, 2),
-                "evaluations_with": round(evaluations_with, 2),
-                "events_per_lane": round(events, 4),
-            }
-        )
+        rows.append({
+            "states": name, "lanes": lanes, "touched_share": round(count / lanes, 4),
+            "ns_without": round(1e9 * without / lanes, 1), "ns_with": round(1e9 * with_stops / lanes, 1),
+            "ratio": round(with_stops / without, 2), "evaluations_without": round(evaluations, 2),
+            "evaluations_with": round(evaluations_with, 2), "events_per_lane": round(events, 4),
+        })  # fmt: skip
         done(f"{name}, {100 * count / lanes:.1f} % touched: {rows[-1]['ratio']}")
     return rows
 

@@ -183,9 +183,8 @@ def run(study: Study) -> list[dict[str, Any]]:
     rows, about = [], versions()
     with one_core(), counted("throughput", len(study.cases)) as done:
         for case in study.cases:
-            scene, figures = case.scene, None
-            if case.tolerance is not None:
-                figures = control_figures(scene, study.lanes)
+            scene = case.scene
+            figures = None if case.tolerance is None else control_figures(scene, study.lanes)
             make = functools.partial(lively_batch if figures else filled_batch, scene, study.lanes)
             # By turns, since the speed of a shared machine changes within seconds.
             times = by_turns(
@@ -196,28 +195,18 @@ def run(study: Study) -> list[dict[str, Any]]:
             scaled = case.bar_ns * study.bar_gflops / rate
             count, register = packed_instructions(scene)
             ratio = avx2_over_avx512(make, study.repeats)
-            rows.append(
-                {
-                    **about,
-                    "dgemm_gflops": round(rate, 2),
-                    "arm": case.arm,
-                    "integrator": case.integrator,
-                    "lanes": study.lanes,
-                    "ns_per_step_best": round(best, 2),
-                    "ns_per_step_median": round(step * float(times["step"].median), 2),
-                    "bar_ns": case.bar_ns,
-                    "scaled_bar_ns": round(scaled, 2),
-                    "within_bar": best <= scaled,
-                    "tolerance": blank(case.tolerance),
-                    "evaluations_mean": round(figures[0], 2) if figures else "",
-                    "bar_evaluations": blank(case.bar_evaluations),
-                    "share_below_tolerance": round(figures[1], 5) if figures else "",
-                    "packed_instructions": blank(count),
-                    "vector_register": register,
-                    "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
-                    "compile_seconds": round(compile_seconds(scene), 2),
-                }
-            )
+            rows.append({
+                **about, "dgemm_gflops": round(rate, 2), "arm": case.arm, "integrator": case.integrator,
+                "lanes": study.lanes, "ns_per_step_best": round(best, 2),
+                "ns_per_step_median": round(step * float(times["step"].median), 2), "bar_ns": case.bar_ns,
+                "scaled_bar_ns": round(scaled, 2), "within_bar": best <= scaled,
+                "tolerance": blank(case.tolerance), "bar_evaluations": blank(case.bar_evaluations),
+                "evaluations_mean": round(figures[0], 2) if figures else "",
+                "share_below_tolerance": round(figures[1], 5) if figures else "",
+                "packed_instructions": blank(count), "vector_register": register,
+                "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
+                "compile_seconds": round(compile_seconds(scene), 2),
+            })  # fmt: skip
             to = f" to {case.tolerance} m" if figures else ""
             done(f"{case.arm} {case.integrator}{to} {best:.1f} ns, spread {100 * times['step'].spread:.0f} %")
     return rows
