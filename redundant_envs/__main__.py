@@ -112,7 +112,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
     p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
-    p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
     add_force(p)
 
@@ -232,10 +231,6 @@ def show_scene(options: argparse.Namespace) -> None:
     """Print a scene as YAML, its traced program or its costs, or draw its arm."""
     from redundant_envs import load_scene
 
-    if options.source:
-        raise ValueError(
-            "--source is gone: simulators are traced, not written as text; use --listing or --bill"
-        )
     scene = load_scene(options.scene)
     if options.listing:
         from redundant_envs.model.listing import listing

@@ -22,8 +22,8 @@ EVENTS = (
 """Program, boundaries, searches and contacts."""
 MOST_ARGUMENTS, MOST_LINES = 8, 60
 BEFORE = {"core": 8338, "wheel": 28989, "agents": 9074, "tests": 38330, "selections": 179}
-"""Lines at commit 86b3b5f, when wheel and agents had the studies, and calls of ``where`` and ``cases`` in what
-EVENTS replaces."""
+"""Lines at commit 86b3b5f, when wheel and agents had the studies, and calls of ``where`` and ``cases`` in
+what EVENTS replaces."""
 SHARES = {"core": 0.84, "wheel": 0.75, "agents": 0.82, "tests": 0.63}
 
 

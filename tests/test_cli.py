@@ -97,7 +97,6 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("simulate --scene four_r_free four_r_free", "same name twice"),
         ("simulate --scene four_r_free --seconds -1", "seconds is -1.0"),
         ("study effects Wind --help", "not in the wheel; run there: python -m studies effects Wind --help"),
-        ("scene four_r_free --source", "use --listing or --bill"),
         ("scene chain.yaml --drawing chain.svg", "only RPRP and FourR have a drawing"),
         ("scene nowhere", ", ".join(scene_names())),
         ("scene nowhere --cost", ", ".join(scene_names())),
