@@ -1,1 +1,1 @@
-"""Measurements of the library: speed, energy, and their figures."""
+"""Our measurements of the library and of policies: ``python -m studies NAME``, in the source tree only."""
