@@ -110,10 +110,10 @@ def starting() -> Found:
 def throughput() -> Found:
     """The core's steps."""
     from redundant_envs.files import config_folder
-    from redundant_envs.studies import throughput as study
+    from studies import throughput as study
 
     found: Found = {}
-    for row in study.run(study.load_config(config_folder("studies") / "throughput.yaml")):
+    for row in study.run(study.load_study(config_folder("studies") / "throughput.yaml")):
         name = f"{row['arm']} {row['integrator']}{' ' * bool(row['tolerance'])}{row['tolerance']}"
         found[f"{name} ns"] = row["ns_per_step_best"]
         found["least avx2"] = min(found.get("least avx2", np.inf), row["avx2_over_avx512"] or np.nan)
@@ -126,7 +126,7 @@ def throughput() -> Found:
 
 def environments() -> Found:
     """Vectors of environments, and single ones beside CartPole."""
-    from redundant_envs.studies import environments as study
+    from studies import environments as study
 
     found: Found = {}
     for row in study.run(LANES, TURNS):
@@ -141,7 +141,7 @@ def environments() -> Found:
 def effects() -> Found:
     """Costs of all effects and scenes, times bare, and their evaluations; and what is beyond its ceiling."""
     from redundant_envs.files import config_folder
-    from redundant_envs.studies import effects as study
+    from studies import effects as study
 
     rows = study.run(study.load_study(config_folder("studies") / "effects.yaml"))
     print(study.verdict(rows))

@@ -1,11 +1,10 @@
-"""Command line: python -m redundant_envs simulate | verify | study | scene | export | wasm | page | list |
-cache."""
+"""Command line: python -m redundant_envs simulate | verify | scene | export | wasm | page | list | cache."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +58,7 @@ def verify(options: argparse.Namespace) -> int:
     )
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Report a mistake in the words of a command, in one line."""
         raise ValueError(f"{message}; see {self.prog} --help")
@@ -67,7 +66,7 @@ class _Parser(argparse.ArgumentParser):
 
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
-    top = _Parser(prog="python -m redundant_envs", description="Planar redundant arms.")
+    top = Parser(prog="python -m redundant_envs", description="Planar redundant arms.")
     top.add_argument(
         OPTION, metavar="MODULE",
         help="import a module of yours first, whose arms, effects, tasks are then known; before the command",
@@ -103,14 +102,9 @@ def parser() -> argparse.ArgumentParser:
     p.set_defaults(handler=verify)
     add_force(p)
 
-    p = commands.add_parser("study", help="measure the library; in the source tree only")
-    try:
-        from redundant_envs.studies.command import add_studies
-    except ModuleNotFoundError:
-        p.add_argument("study", nargs=argparse.REMAINDER)
-        p.set_defaults(handler=no_studies)
-    else:
-        add_studies(p)
+    p = commands.add_parser("study", help="say where the studies are")
+    p.add_argument("study", nargs=argparse.REMAINDER)
+    p.set_defaults(handler=no_studies)
 
     p = commands.add_parser("scene", help="print or draw a scene")
     p.add_argument("scene", metavar="NAME_OR_PATH")
@@ -118,7 +112,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
     p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
-    p.add_argument("--source", action="store_true", help=argparse.SUPPRESS)
     p.set_defaults(handler=show_scene)
     add_force(p)
 
@@ -150,7 +143,7 @@ def parser() -> argparse.ArgumentParser:
     p.set_defaults(handler=write_page)
     add_force(p)
 
-    p = commands.add_parser("list", help="ids, scenes, effects, integrators, studies")
+    p = commands.add_parser("list", help="ids, scenes, effects, integrators")
     p.set_defaults(handler=list_names)
 
     p = commands.add_parser("cache", help="where the compiled simulators are kept, and how large they are")
@@ -203,9 +196,8 @@ def simulate(options: argparse.Namespace) -> None:
 
 def no_studies(options: argparse.Namespace) -> None:
     """Say where the studies are."""
-    raise ValueError(
-        "the studies are in the source tree, not in the wheel; run python -m redundant_envs study there"
-    )
+    command = shlex.join(("python", "-m", "studies", *options.study))
+    raise ValueError(f"the studies are in the source tree, not in the wheel; run there: {command}")
 
 
 def list_names(options: argparse.Namespace) -> None:
@@ -225,10 +217,6 @@ def list_names(options: argparse.Namespace) -> None:
         "effects": [f"{name}({', '.join(numbers(kind))})" for name, kind in sorted(effects.REGISTRY.items())],
         "integrators": list(METHODS),
     }
-    with contextlib.suppress(ModuleNotFoundError):
-        from redundant_envs.studies.command import STUDIES
-
-        groups["studies"] = list(STUDIES)
     say("\n\n".join("\n  ".join((kind, *names)) for kind, names in groups.items()))
 
 
@@ -243,10 +231,6 @@ def show_scene(options: argparse.Namespace) -> None:
     """Print a scene as YAML, its traced program or its costs, or draw its arm."""
     from redundant_envs import load_scene
 
-    if options.source:
-        raise ValueError(
-            "--source is gone: simulators are traced, not written as text; use --listing or --bill"
-        )
     scene = load_scene(options.scene)
     if options.listing:
         from redundant_envs.model.listing import listing

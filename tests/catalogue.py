@@ -19,10 +19,10 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.studies.account_of_contacts import ContactAccount
 from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
 from redundant_envs.verify.checks import random_states
+from studies.account_of_contacts import ContactAccount
 
 e = rde.effects
 FOUR_R, RPRP = aimed.ARMS["4R"], aimed.ARMS["RPRP"]

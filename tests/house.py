@@ -1,4 +1,5 @@
-"""Weight of the house: ``python -m tests.house`` prints lines by room, words of the docs, and counts of the engine.
+"""Weight of the house: ``python -m tests.house`` prints lines by room, words of the docs, and counts of the
+engine.
 
 A branch on a feature asks what a scene has; a test of a kind asks what kind a boundary is.
 """
@@ -13,14 +14,15 @@ from pathlib import Path
 from tests.docs.words import count_words
 
 ROOT = Path(__file__).parents[1]
-FEATURES = {
-    "active", "attempts", "begins", "bounces", "bounded", "boundaries", "bounds_late_switch", "closed",
-    "compares_bounces", "control", "controlled", "counted", "counts_evaluations", "doubts", "draws", "frictions",
-    "gripped", "guarded", "guards", "holding", "impulses_change_laws", "instants", "kinks", "laws", "local",
-    "located", "locates_laws", "logs", "origin", "passed", "pieces", "pose_tells_distances", "renewed",
-    "repeats_common_step", "resolves", "rests", "slipping", "sticking", "stiction", "stops", "varying",
-    "watched_sliders", "weighs_laws",
-}  # fmt: skip
+FEATURES = set(
+    """
+    active attempts begins bounces bounded boundaries bounds_late_switch closed compares_bounces control
+    controlled counted counts_evaluations doubts draws frictions gripped guarded guards holding
+    impulses_change_laws instants kinks laws local located locates_laws logs origin passed pieces
+    pose_tells_distances renewed repeats_common_step resolves rests slipping sticking stiction stops varying
+    watched_sliders weighs_laws
+    """.split()
+)
 KINDS = {"HoldingStop", "Stop", "HingeStop", "Wall", "LawChange", "Guard", "StickingJoint", "TravelStop"}
 FLAGS = re.compile(r"\bb\.(joint|bounces|guards|sticks|holds)\b|\bb (not )?in (self\.)?dynamics\.\w+")
 

@@ -7,7 +7,6 @@ import functools
 import importlib.util
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import time
@@ -22,7 +21,6 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
-from redundant_envs.files import config_folder
 from redundant_envs.modules import status_of
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.progress import counted, progress_bars
@@ -98,20 +96,15 @@ CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.
         ("simulate --clip a.gif", "exactly one --scene"),
         ("simulate --scene four_r_free four_r_free", "same name twice"),
         ("simulate --scene four_r_free --seconds -1", "seconds is -1.0"),
-        ("study throughput --config nowhere.yaml", "no such file"),
-        ("study environments --lanes 0", "lanes is 0"),
-        ("scene four_r_free --source", "use --listing or --bill"),
+        ("study effects Wind --help", "not in the wheel; run there: python -m studies effects Wind --help"),
         ("scene chain.yaml --drawing chain.svg", "only RPRP and FourR have a drawing"),
         ("scene nowhere", ", ".join(scene_names())),
         ("scene nowhere --cost", ", ".join(scene_names())),
-        ("study effects --config nowhere.yaml", "no such file"),
-        ("study effects Wind", "effect is 'Wind'; choose Armature, "),
         (
             "simulate --scene four_r_free --out chain.yaml",
             "the folder of four_r_free.csv is chain.yaml, which",
         ),
         ("verify --quick four_r_reach --json broken/a", "is broken, which is a broken link; choose"),
-        ("study throughput --out broken/a", "is broken/a, which is below the broken link"),
         ("cache", "relative cannot be used (it is not an absolute path); set REDUNDANT_"),
         ("simulate --scene nowhere", ", ".join(scene_names())),
         ("wasm nowhere", ", ".join(scene_names())),
@@ -187,8 +180,7 @@ def test_a_command_of_a_notebook_does_not_take_its_back_end_for_figures(kept, mo
 def test_list_names_everything(capsys):
     assert main(["list"]) == 0
     registered = {i for i in gym.registry if i.startswith("redundant_envs/")}
-    studies = {"throughput", "environments", "effects", "stops", "accuracy"}
-    assert {*ids(), *registered, *scene_names(), *METHODS, *studies} <= {*capsys.readouterr().out.split()}
+    assert {*ids(), *registered, *scene_names(), *METHODS} <= {*capsys.readouterr().out.split()}
 
 
 # ---- progress on standard error, and tables ----------------------------------------------------------
@@ -316,16 +308,11 @@ def test_a_pipe_of_other_processes_that_breaks_is_told(capsys):
 
 def test_no_output_is_written_twice_or_in_the_place_of_an_input(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(config_folder("studies") / "throughput.yaml", "c.csv")
     Path("mine.py").write_text("import redundant_envs as rde\narm = rde.FourR\n")
     verify = ["verify", "--quick", "mine:arm"]
     for words, what in (
         ([*verify, "--json", "a", "--markdown", "./a"], "a would be written twice"),
         ([*verify, "--json", "./mine.py", "--force"], "mine.py would be replaced, and is what"),
-        (
-            ["study", "throughput", "--config", "c.csv", "--out", "c.csv", "--force"],
-            "c.csv would be replaced",
-        ),
     ):
         before = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
         assert main(words) == 2

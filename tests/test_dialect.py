@@ -19,14 +19,16 @@ from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 
 PLACES = (
-    "algebra", "draws", "ranges", "robots", "effects", "tasks", "studies.kinked_effects", "verify.aimed",
-)  # fmt: skip
-PACKAGE = Path(redundant_envs.__file__).parent
+    *(f"redundant_envs.{name}" for name in ("algebra", "draws", "ranges", "robots", "effects", "tasks")),
+    "redundant_envs.verify.aimed",
+    "studies.kinked_effects",
+)
+ROOT = Path(redundant_envs.__file__).parents[1]
 
 
 def marked_functions():
     """Every function marked @physics in the package, by its full name."""
-    modules = [importlib.import_module(f"redundant_envs.{place}") for place in PLACES]
+    modules = [importlib.import_module(place) for place in PLACES]
     for package in [m for m in modules if hasattr(m, "__path__")]:
         inside = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
         modules += [importlib.import_module(m.name) for m in inside]
@@ -41,12 +43,13 @@ FUNCTIONS = marked_functions()
 
 
 def test_the_scan_finds_the_physics():
-    """As many functions as there are marks in the files of the package, of both arms and all effects."""
+    """As many functions as there are marks in the files of the package and the studies."""
     marks = {
-        path.relative_to(PACKAGE).as_posix(): len(re.findall(r"(?m)^@physics\b", path.read_text()))
-        for path in PACKAGE.rglob("*.py")
+        path.relative_to(ROOT).as_posix(): len(re.findall(r"(?m)^@physics\b", path.read_text()))
+        for folder in ("redundant_envs", "studies")
+        for path in (ROOT / folder).rglob("*.py")
     }
-    found = [f"{name.split('.', 1)[1].rpartition('.')[0].replace('.', '/')}.py" for name in FUNCTIONS]
+    found = [f"{name.rpartition('.')[0].replace('.', '/')}.py" for name in FUNCTIONS]
     assert {file: found.count(file) for file in found} == {file: n for file, n in marks.items() if n}
 
 

@@ -42,14 +42,14 @@ for call in {calls!r}:
 print(json.dumps(told))
 """
 SIMULATE = "redundant_envs simulate --scene four_r_free --seconds 0.1"
-ACCURACY = "redundant_envs study accuracy"
+ACCURACY = "studies accuracy"
 AGENTS = "redundant_envs_train"
-TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", f"{AGENTS} study"
+TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", "studies"
 DATASET = f"{AGENTS} dataset random --env RPRPReach-v0 --out x"
 REPORT = f"{AGENTS} report RUN --out out"
 MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
-SCENE = f"{ARM} from redundant_envs.studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
+SCENE = f"{ARM} from studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 MISSING = {
     "matplotlib": (
         "plot", [SIMULATE, ACCURACY, TRAIN, f"{AGENTS} curves RUN", f"{STUDY} strength", f"{STUDY} policy"],
@@ -86,8 +86,8 @@ MISSING = {
     ),
     "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
     "casadi": ("casadi", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
-    "mujoco": ("verify", [f"{SCENE} peers.mujoco_interval(s, 'RK4', .01, (z, z, z), .02)"]),
-    "scipy": ("verify", [f"{SCENE} peers.scipy_interval(s, 'RK45', .01, .01, (z, z, z), .02)"]),
+    "mujoco": ("verify", [f"{SCENE} peers.mujoco_model(s, 'RK4', .01)"]),
+    "scipy": ("verify", [f"{SCENE} peers.scipy_motion(s, 'RK45', .01, (z, z, z), .02)"]),
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [

@@ -17,10 +17,9 @@ import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
 from redundant_envs.scene import scene_at, scene_data, scene_names
-from redundant_envs.studies.accuracy_config import load_study
-from redundant_envs.studies.throughput import load_config
 from redundant_envs_train.__main__ import main as agents_main
 from redundant_envs_train.config import load
+from studies import accuracy_config, throughput
 
 EFFECTS = b"effects:\n- {type: Gravity}\n"
 ROBOT = "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [1, 1, 1, 1]}\n"
@@ -68,7 +67,12 @@ BAD = {
 }  # fmt: skip
 
 
-READERS = {"scene": rde.load_scene, "training": load, "throughput": load_config, "accuracy": load_study}
+READERS = {
+    "scene": rde.load_scene,
+    "training": load,
+    "throughput": throughput.load_study,
+    "accuracy": accuracy_config.load_study,
+}
 
 
 MOST_CALLS = 1_000_000

@@ -10,7 +10,7 @@ SYMPY = "sympy.Symbol('x')"
 FIRST = {
     "scene": LOAD,
     "study": (
-        "import pathlib; from redundant_envs.studies.accuracy_config import load_study\n"
+        "import pathlib; from studies.accuracy_config import load_study\n"
         "load_study(pathlib.Path('configs/studies/accuracy.yaml'))"
     ),
     "an unknown arm": (

@@ -104,7 +104,6 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
     library = program(core, "redundant-envs")
     named = call(library, "list", folder=tmp_path).stdout
     assert "rprp_reach" in named
-    assert "studies" not in named
     done = call(library, *["verify", "--quick", "--states", "64", "four_r_reach"], folder=tmp_path)
     assert done.returncode == 0, done.stderr
     done = call(library, *["wasm", "four_r_reach", "--out", "made"], folder=tmp_path)
@@ -112,7 +111,11 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
     assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".js", ".json", ".wasm"}
     for name, words, said in (
         ("redundant-envs-train", "train rprp_reach_ppo", "pip install '.[train]'"),
-        ("redundant-envs", "study accuracy --config mine.yaml", "in the source tree"),
+        (
+            "redundant-envs",
+            "study accuracy --config mine.yaml",
+            "python -m studies accuracy --config mine.yaml",
+        ),
     ):
         done = call(program(core, name), *words.split(), folder=tmp_path)
         assert done.returncode == 2
@@ -167,10 +170,10 @@ def test_the_wheel_tells_what_it_is(wheel):
         path.relative_to(folder).as_posix()
         for folder in (ROOT, ROOT / "agents")
         for path in folder.glob("redundant_envs*/**/*")
-        if path.is_file() and path.suffix != ".pyc" and "redundant_envs/studies" not in path.as_posix()
+        if path.is_file() and path.suffix != ".pyc"
     }
     assert wanted - {*names} == set()
-    assert not [name for name in names if "redundant_envs/studies" in name or "throughput" in name]
+    assert not [name for name in names if "studies" in name]
     roots = {name.partition("/")[0].partition("-")[0] for name in names}
     assert roots == {"redundant_envs", "redundant_envs_train"}
     core = {re.match(r"[\w-]+", d)[0] for d in about.get_all("Requires-Dist") if "extra ==" not in d}

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 from redundant_envs.disk import check_kept
 from redundant_envs.extras import needs
-from redundant_envs.files import config_folder
 from redundant_envs.values import check_between, say, shown
 
 from . import COMMAND, command, run_folder
@@ -64,10 +63,7 @@ app = typer.Typer(
     "yours first, whose arms, effects and tasks are then known.", no_args_is_help=True, rich_markup_mode=None,
     pretty_exceptions_enable=False, cls=_Commands,
 )  # fmt: skip
-study = typer.Typer(help="Measure effects on policies.", no_args_is_help=True, rich_markup_mode=None)
-app.add_typer(study, name="study")
 
-MOST_FACTORS, MOST_FACTOR = 100, 10.0
 PLACES = ("processes", "ray")  # where several runs are executed
 
 
@@ -400,102 +396,3 @@ def schema(
 ) -> None:
     """Print the JSON schema of a training configuration, for editors."""
     say(page_of_keys() if markdown else json.dumps(Config.model_json_schema(), indent=2) + "\n", end="")
-
-
-@study.command("stops")
-def study_stops(
-    folder: Folder,
-    lanes: int = 4096,
-    out: Annotated[Path, Option(help="CSV file")] = Path("runs/studies/stops.csv"),
-    trust: Trust = False,
-    force: Force = False,
-) -> None:
-    """Cost of hard stops on the states of an RPRP policy."""
-    try:
-        from redundant_envs.studies import stops
-    except ModuleNotFoundError:
-        raise ValueError("study stops is in the source tree, not in the wheel; run it there") from None
-    from redundant_envs.tables import table, write_rows
-
-    config = run_folder.own_config(folder)
-    if lanes < 8:
-        raise ValueError(f"lanes is {lanes}; give at least 8")
-    if config.env != stops.ENVIRONMENT:
-        raise ValueError(f"folder is a run of {config.env}; the study is of {stops.ENVIRONMENT}")
-    check_kept([out], force, [folder])
-    run_folder.tell_differences([folder])
-    from .policies import load_policy
-
-    model = load_policy(folder, config, trust)
-    policies: dict[str, Any] = {
-        "policy": lambda obs: model.predict(obs, deterministic=True)[0],
-        "random actions": stops.random_policy(0),
-    }
-    rows = stops.run(policies, lanes)
-    write_rows(rows, stops.COLUMNS, out)
-    shown = stops.COLUMNS[stops.COLUMNS.index("states") :]
-    say(table(shown, ([row[c] for c in shown] for row in rows)))
-    say(out)
-
-
-@study.command("policy")
-def study_policy(
-    overrides: Annotated[list[str] | None, Argument(help="key=value, such as train_seeds=0")] = None,
-    config: Annotated[Path | None, Option(help="YAML file (default configs/studies/policy.yaml)")] = None,
-    out: Annotated[Path, Option(help="folder; a stopped study in it is continued")] = Path(
-        "runs/studies/policy"
-    ),
-    trust: Trust = False,
-) -> None:
-    """Effect of the physics on a policy, and training under the cheapest."""
-    from .studies.policy.settings import load_study
-
-    what = load_study(config or config_folder("studies") / "policy.yaml", overrides or ())
-    run_folder.check_drawing()
-    from .studies.policy.report import write_report
-    from .studies.policy.run import run_study
-
-    try:
-        results = run_study(what, out, trust)
-    except KeyboardInterrupt:
-        raise Stopped("stopped; the same command goes on after the last finished training") from None
-    path = write_report(what, results, out)
-    say(path.read_text(encoding="utf-8"))
-    say(path)
-
-
-def factors_of(text: str) -> tuple[float, ...]:
-    """Factors of the effort limits as a user writes them, ``0.6,0.5``."""
-    try:
-        factors = tuple(round(float(part), 6) for part in text.split(","))
-    except ValueError:
-        factors = ()
-    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
-    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
-        raise ValueError(
-            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
-            "as 0.6,0.5"
-        )
-    return factors
-
-
-@study.command("strength")
-def study_strength(
-    seeds: Annotated[str, Option(help="of the learners, such as 0..2; none: no training")] = "0..2",
-    factors: Annotated[str, Option(help="effort limits, times those of the reach scenes")] = "",
-    episodes: Annotated[int, Option(help="goals")] = 1000,
-    runs: Annotated[
-        list[Path] | None, Option(help="run folder or table of runs, taken beside those trained")
-    ] = None,
-    processes: Annotated[int | None, Option(help="trainings at a time (default: all cores)")] = None,
-    out: Annotated[Path, Option(help="folder; a stopped study in it is continued")] = Path(
-        "runs/studies/strength"
-    ),
-) -> None:
-    """Where learning pays: hold success over the strength of the motors."""
-    chosen = [] if seeds == "none" else seeds_of(seeds)
-    times = factors_of(factors) if factors else ()
-    run_folder.check_drawing()
-    from .studies.strength import run_study
-
-    say(run_study(times, chosen, episodes, runs or (), processes, out))

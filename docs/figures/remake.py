@@ -14,18 +14,18 @@ import numpy as np
 from PIL import Image
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.studies import estimates
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
 from redundant_envs_train.play import batched, play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act
 from redundant_envs_train.run_folder import own_config
-from redundant_envs_train.studies.strength import figure, read_rows
+from studies import estimates
+from studies.__main__ import main
+from studies.strength import figure, read_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
@@ -175,4 +175,4 @@ if __name__ == "__main__":
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     save_schematic(FIGURES / "arms.svg")
-    main(["study", "accuracy", "--redraw", str(RESULTS / "accuracy")])
+    main(["accuracy", "--redraw", str(RESULTS / "accuracy")])

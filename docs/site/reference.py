@@ -23,8 +23,8 @@ from redundant_envs.files import config_folder
 from redundant_envs.model.listing import Operations
 from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.scene import scene_names
-from redundant_envs.studies.effects import Study, load_study
 from redundant_envs.tables import markdown
+from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
@@ -42,8 +42,8 @@ HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
     "figures/page.png": "python docs/figures/picture_of_page.py",
     "figures/": "python docs/figures/remake.py",
-    "results/accuracy/": "python -m redundant_envs study accuracy",
-    "results/policy/": "python -m agents study policy",
+    "results/accuracy/": "python -m studies accuracy",
+    "results/policy/": "python -m studies policy",
 }
 """Figures of docs/, and the commands that make them."""
 

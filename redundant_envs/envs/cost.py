@@ -4,8 +4,8 @@ effect. A scene is compared with its bare arm: that with the effects of :data:`B
 from __future__ import annotations
 
 import dataclasses
-import time
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from redundant_envs.progress import counted
 from redundant_envs.scene import Scene
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.base import hard_stops, narrowed
+from redundant_envs.timing import Times, by_turns, seconds, timed
 
 BARE = (EffortLimits, Gravity, ViscousFriction)
 """Effects of a bare arm: those of the environments, but for the ends of travel that only some arms have."""
@@ -78,116 +79,67 @@ def parts(scene: Scene) -> dict[str, Pair]:
 
 
 @dataclass
-class Motion:
-    """A motion of many lanes from rest under random actions, timed again and again."""
+class Timed:
+    """A motion of many lanes from rest under random actions, and then, with sensors, the observation of an
+    environment with and without them."""
 
     batch: BatchSimulator
     start: Mapping[str, Any]  # snapshot
     efforts: Array  # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
-    best: Array  # shortest time of each timed interval, s
-    evaluations: float = 0.0  # mean of a lane and interval
-    faults: float = 0.0  # share of the lanes' intervals with a fault
-    spent: float = 0.0  # s
+    cores: Sequence[Core] = ()  # of the environment, and of that without sensors
+    evaluations: float = 0.0  # mean of a lane and timed interval
+    faults: float = 0.0  # share of the lanes' timed intervals with a fault
 
     @classmethod
-    def of(cls, scene: Scene, limits: Array, lanes: int, seconds: float) -> Motion:
+    def of(cls, scene: Scene, limits: Array, lanes: int, most: float) -> Timed:
         """A motion of a scene, with fewer lanes if it would take more than some seconds."""
         probe = cls._with(scene, limits, FEWEST_LANES)
-        began = time.process_time()
-        probe.batch.advance(probe.efforts[0])
-        started = time.process_time()
-        probe.batch.advance(probe.efforts[1])
-        each = min(started - began, time.process_time() - started) / FEWEST_LANES
-        most = int(seconds / (each * (WARM + TIMED)))
-        return probe if most <= FEWEST_LANES else cls._with(scene, limits, min(lanes, most))
+        each = min(seconds(probe.batch.advance, efforts) for efforts in probe.efforts[:2])
+        many = int(most * FEWEST_LANES / (each * (WARM + TIMED)))
+        found = probe if many <= FEWEST_LANES else cls._with(scene, limits, min(lanes, many))
+        found.cores = observers(scene, found.batch.num_envs)
+        return found
 
     @classmethod
-    def _with(cls, scene: Scene, limits: Array, lanes: int) -> Motion:
+    def _with(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
         joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
         batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
         shares = np.random.default_rng(1).uniform(
             -1.0, 1.0, (lanes, WARM + TIMED, joints)
         )  # also of few lanes
-        efforts = np.ascontiguousarray(limits * shares.swapaxes(0, 1))
-        return cls(batch, batch.save(), efforts, np.full(TIMED, np.inf))
+        return cls(batch, batch.save(), np.ascontiguousarray(limits * shares.swapaxes(0, 1)))
 
-    def run(self) -> None:
-        """Make the motion once more."""
+    def sample(self) -> list[float]:
+        """Times of all intervals and observations, s."""
         self.batch.restore(self.start)
-        for k, efforts in enumerate(self.efforts, start=-WARM):
-            start = time.process_time()
-            status = self.batch.advance(efforts)
-            seconds = time.process_time() - start
-            self.spent += seconds
-            if k < 0:
-                continue
-            if not np.isfinite(self.best[k]):  # the same in every motion
-                self.evaluations += float(status.evaluations.mean()) / TIMED
-                self.faults += float((status.numerics != 0).mean()) / TIMED
-            self.best[k] = min(self.best[k], seconds)
-
-    @property
-    def nanoseconds(self) -> float:
-        """Of a control interval of a lane."""
-        return 1e9 * float(self.best.mean()) / self.batch.num_envs
-
-
-@dataclass
-class Readings:
-    """The observation of an environment with sensors, timed beside that without them."""
-
-    cores: tuple[Core, Core]
-    best: list[float]  # shortest time of both, s
-
-    @classmethod
-    def of(cls, scene: Scene, lanes: int) -> Readings | None:
-        """None for a scene without sensors, or without the motors and limits that an environment needs."""
-        sensors = scene.attached.keys_of(Sensing)
-        if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
-            return None
-        rest = fixed(scene, (e for e in scene.effects if e.key not in sensors))
-        return cls((Core(scene, lanes, ReachTask()), Core(rest, lanes, ReachTask())), [np.inf, np.inf])
-
-    def run(self) -> None:
-        """Observe once more."""
-        for k, core in enumerate(self.cores):
+        made = [timed(self.batch.advance, efforts) for efforts in self.efforts]
+        self.evaluations = float(np.mean([status.evaluations.mean() for _, status in made[WARM:]]))
+        self.faults = float(np.mean([(status.numerics != 0).mean() for _, status in made[WARM:]]))
+        times = [time for time, _ in made]
+        for core in self.cores:
             core.observe()  # brings memory into the caches
-            start = time.process_time()
-            core.observe()
-            self.best[k] = min(self.best[k], time.process_time() - start)
+            times.append(seconds(core.observe))
+        return times
 
-    @property
-    def nanoseconds(self) -> float:
-        """That the sensors cost, of an observation of a lane."""
-        return 1e9 * (self.best[0] - self.best[1]) / self.cores[0].num_envs
-
-
-@dataclass
-class Timed:
-    """All that is timed of a scene."""
-
-    motion: Motion
-    readings: Readings | None
-
-    @classmethod
-    def of(cls, scene: Scene, limits: Array, lanes: int, seconds: float) -> Timed:
-        motion = Motion.of(scene, limits, lanes, seconds)
-        return cls(motion, Readings.of(scene, motion.batch.num_envs))
-
-    def run(self) -> None:
-        """Take a turn."""
-        self.motion.run()
-        if self.readings is not None:
-            self.readings.run()
-
-    @property
-    def nanoseconds(self) -> float:
-        """Of a control interval of a lane and its readings."""
-        return self.motion.nanoseconds + (self.readings.nanoseconds if self.readings is not None else 0.0)
+    def nanoseconds(self, times: Times) -> float:
+        """Of a control interval of a lane, and of the readings of its sensors."""
+        intervals, observed = np.split(times.best, [len(self.efforts)])
+        readings = observed[0] - observed[1] if self.cores else 0.0
+        return 1e9 * float(intervals[WARM:].mean() + readings) / self.batch.num_envs
 
     @cached_property
     def price(self) -> tuple[int, int]:
-        return price(self.motion.batch.scene)
+        return price(self.batch.scene)
+
+
+def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
+    """The environment of a scene with sensors, and that without them; none without the motors and limits that
+    an environment needs."""
+    sensors = scene.attached.keys_of(Sensing)
+    if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
+        return ()
+    rest = fixed(scene, (e for e in scene.effects if e.key not in sensors))
+    return Core(scene, lanes, ReachTask()), Core(rest, lanes, ReachTask())
 
 
 def starts(scene: Scene, draws: Array) -> Array:
@@ -230,14 +182,14 @@ def price(scene: Scene) -> tuple[int, int]:
 
 
 def costs(
-    pairs: Mapping[str, Pair], lanes: int = LANES, turns: int = 20, seconds: float = 0.2
+    pairs: Mapping[str, Pair], lanes: int = LANES, turns: int = 20, most: float = 0.2
 ) -> list[dict[str, Any]]:
     """Time pairs of scenes by turns; a row of :data:`COLUMNS` for each, at one rk8 step and at 1e-6 m.
 
     The time is that of a control interval of a lane, and of the readings of sensors in an observation: the
     best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
-    of both times of a pair. After ``seconds`` a scene has no more turns, and one whose motion takes longer
-    has fewer lanes.
+    of both times of a pair. After ``most`` seconds a scene has no more turns, and one whose motion takes
+    longer has fewer lanes.
     """
     sides = {name: [*zip(pair, map(tuple, limits_of(pair)), strict=True)] for name, pair in pairs.items()}
     asked: list[tuple[Scene, tuple[float, ...]]] = []  # what is timed, once: a scene and its commands
@@ -246,32 +198,26 @@ def costs(
             asked.append(side)
     rows = []
     with counted("cost", len(TOLERANCES) * (len(asked) + turns), each=4) as done:
+
+        def over(at: str, turn: int) -> None:
+            done(f"turn {turn} of {turns} at {at}")
+
         for accuracy, tolerance in TOLERANCES.items():
-            timed = []
+            scenes = []
             for given, limits in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                timed.append(Timed.of(scene, np.array(limits), lanes, seconds))
+                scenes.append(Timed.of(scene, np.array(limits), lanes, most))
                 done(f"a scene at {accuracy}")
-            for turn in range(turns):
-                for one in timed:
-                    if turn == 0 or one.motion.spent < seconds:
-                        one.run()
-                done(f"turn {turn + 1} of {turns} at {accuracy}")
+            samplers = {k: one.sample for k, one in enumerate(scenes)}
+            times = by_turns(samplers, turns, most=most, done=functools.partial(over, accuracy))
+            ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
             for name, both in sides.items():
-                rows.append(_row(accuracy, name, *(timed[asked.index(side)] for side in both)))
+                own, without = (asked.index(side) for side in both)
+                operations, size = scenes[own].price
+                rows.append({
+                    "at": accuracy, "of": name, "ns": round(ns[own], 1), "ns_without": round(ns[without], 1),
+                    "times_bare": round(ns[own] / ns[without], 3),
+                    "evaluations": round(scenes[own].evaluations, 2), "operations": operations, "bytes": size,
+                    "faults": round(scenes[own].faults, 4),
+                })  # fmt: skip
     return rows
-
-
-def _row(accuracy: str, name: str, own: Timed, without: Timed) -> dict[str, Any]:
-    operations, size = own.price
-    return {
-        "at": accuracy,
-        "of": name,
-        "ns": round(own.nanoseconds, 1),
-        "ns_without": round(without.nanoseconds, 1),
-        "times_bare": round(own.nanoseconds / without.nanoseconds, 3),
-        "evaluations": round(own.motion.evaluations, 2),
-        "operations": operations,
-        "bytes": size,
-        "faults": round(own.motion.faults, 4),
-    }

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from run_folders import POLICIES, TUNES, kept, readers
 
+from agents.__main__ import main
 from redundant_envs import __main__ as library
 from redundant_envs.files import config_folder
-from redundant_envs.studies import environments, intervals, throughput
-from redundant_envs_train.__main__ import main
+from studies import environments, intervals, throughput
 
 pytestmark = pytest.mark.usefixtures("no_drawing")
 
@@ -26,9 +26,9 @@ def others(folder, out):
         "drawing": ["scene", "four_r_reach", "--drawing", out / "arm.svg"],
         "wasm": ["wasm", "four_r_reach", "--out", out / "wasm"], "page": ["page", "--out", out / "page"],
         **{form: ["export", "four_r_free", "--format", form, "--out", out / form] for form in ("urdf", "c")},
-        **{name: ["study", name, "--out", out / "studies"] for name in STUDIES},
     }  # fmt: skip
-    own = {name: words for name, words in readers(folder, out).items() if words[-1] != folder}
+    of_studies = {name: ["study", name, "--out", out / "studies"] for name in STUDIES}
+    own = of_studies | {name: words for name, words in readers(folder, out).items() if words[-1] != folder}
     del own["export"], own["stops"]  # of registered environments
     found = {name: (library.main, words) for name, words in of_library.items()}
     return found | {name: (main, words) for name, words in own.items()}

@@ -13,10 +13,10 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import STUDY_SEED, expert_act, random_act, run_episodes
-from redundant_envs_train.studies.policy import episodes, words
-from redundant_envs_train.studies.policy.episodes import compare, compare_groups, evaluate_under
-from redundant_envs_train.studies.policy.run import describe
-from redundant_envs_train.studies.policy.settings import Physics, Study, load_study
+from studies.policy import episodes, words
+from studies.policy.episodes import compare, compare_groups, evaluate_under
+from studies.policy.run import describe
+from studies.policy.settings import Physics, Study, load_study
 
 PRESET = "configs/training/rprp_reach_ppo.yaml"
 SHIPPED = "configs/studies/policy.yaml"

@@ -38,7 +38,6 @@ import redundant_envs as rde
 from redundant_envs import __main__ as library
 from redundant_envs.backends import llvm
 from redundant_envs.disk import alone
-from redundant_envs.studies import stops
 from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
@@ -52,6 +51,7 @@ from redundant_envs_train.training import many, pool
 from redundant_envs_train.training.pool import follow, seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
+from studies import stops
 
 pytestmark = pytest.mark.usefixtures("no_drawing")
 
@@ -509,7 +509,8 @@ def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_p
         (tmp_path / "link", "is a broken link"), (tmp_path / "link" / "x", "is below the broken link"),
     ):  # fmt: skip
         for command in (preset, [*preset, "--seeds", "0..1"], alone):
-            assert refused([*command, "--out", out]).startswith(f"error: out is {out}, which {word}")
+            program = "studies" if command is alone else "error"
+            assert refused([*command, "--out", out]).startswith(f"{program}: out is {out}, which {word}")
     assert (tmp_path / "file").read_text() == "mine"
 
 

@@ -120,7 +120,7 @@ def test_runs_in_a_folder_with_markup_in_its_name(tmp_path, call, monkeypatch):
 
 def test_every_message_passes_the_filter():
     own = {"values.py", "environments.py", "base.py", "hooks.py"}
-    for folder in ("redundant_envs", "agents"):
+    for folder in ("redundant_envs", "agents", "studies"):
         for path in (ROOT / folder).rglob("*.py"):
             if path.name in own:
                 continue

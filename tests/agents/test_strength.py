@@ -12,11 +12,10 @@ from redundant_envs.control.holding import effort_limits, holding_load
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scene import load_scene, scene_data
 from redundant_envs.tables import write_rows
-from redundant_envs_train.commands import factors_of
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
-from redundant_envs_train.studies import strength
-from redundant_envs_train.studies.strength import ARMS, EXPERT, HOLDABLE, LIGHTEST, learner_rows, weakened
+from studies import strength
+from studies.strength import ARMS, EXPERT, HOLDABLE, LIGHTEST, factors_of, learner_rows, weakened
 
 pytestmark = pytest.mark.long
 

@@ -38,7 +38,7 @@ SLOWER = (
     "python -m agents play FourRReach-v0 --actions random --episodes 1 --clip runs/random.gif",
     "python -m redundant_envs simulate",
     "python -m redundant_envs verify rprp_reach",
-    "python -m redundant_envs study accuracy --redraw docs/results/accuracy",
+    "python -m studies accuracy --redraw docs/results/accuracy",
     "python -m agents curves docs/results/runs.csv --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
@@ -63,9 +63,8 @@ def words_of(command):
 def parse(command, whole):
     """Parse the arguments of a command; ``whole`` is false where only the name of a command is mentioned."""
     _, _, module, *words = words_of(command)
-    if module == "redundant_envs":
-        from redundant_envs.__main__ import parser
-
+    if module in ("redundant_envs", "studies"):
+        parser = importlib.import_module(f"{module}.__main__").parser
         if words[:1] == ["--import"]:
             words = words[2:]
         if whole:

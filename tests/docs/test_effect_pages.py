@@ -10,8 +10,8 @@ import redundant_envs as rde
 from redundant_envs.effects import OWN as KINDS
 from redundant_envs.effects.hooks import snake_case
 from redundant_envs.files import config_folder
-from redundant_envs.studies.effects import load_study
 from redundant_envs.tables import markdown
+from studies.effects import load_study
 
 FOLDER = ROOT / "docs" / "effects"
 STUDY = load_study(config_folder("studies") / "effects.yaml")
@@ -50,7 +50,7 @@ def shown(entry):
 
 def costs(name):
     """The table of a page's section about costs, which has the ceilings."""
-    rows = [(shown(entry), *(f"{most:g}" for most in entry.ceilings)) for entry in entries_of(name)]
+    rows = [(shown(entry), *(f"{most:g}" for _, most in entry.ceilings)) for entry in entries_of(name)]
     return markdown(("slowdown, at most", "one rk8 step", "1e-6 m"), rows, formatted=True)
 
 

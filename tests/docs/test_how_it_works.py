@@ -13,7 +13,7 @@ from redundant_envs.backends import llvm
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "redundant_envs"
 PAGE = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
-NOT_DRAWN = {"configs": "presets", "studies": "our own measurements, not in the wheel"}
+NOT_DRAWN = {"configs": "presets"}
 WALK = """
 import os, sys
 import numpy as np

@@ -18,8 +18,8 @@ from redundant_envs_train.config import WITHOUT_EFFECT
 from redundant_envs_train.evidence.runs import read_groups, read_runs
 from redundant_envs_train.evidence.table import brief_table, table
 from redundant_envs_train.run_folder import read_config, read_scene
-from redundant_envs_train.studies import strength as strength_run
-from redundant_envs_train.studies.strength import ARMS, FACTORS, learner_rows, read_rows
+from studies import strength as strength_run
+from studies.strength import ARMS, FACTORS, learner_rows, read_rows
 
 
 def page(name):
@@ -146,7 +146,7 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
     found = read_rows(RESULTS / "strength" / "strength.csv")
     assert {(row.arm, row.factor) for row in found} >= {(a, f) for a in ARMS for f in FACTORS}
     assert strength_run.table(found) in page("strength")
-    (command,) = re.findall("^python -m agents study strength --seeds none --runs .*", page("strength"), re.M)
+    (command,) = re.findall("^python -m studies strength --seeds none --runs .*", page("strength"), re.M)
     kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in found if row.seeds)
 

@@ -119,7 +119,10 @@ def test_nothing_is_said_to_come_from_a_place_where_it_is_not():
     assert all(
         NOT_THERE.search(x) for x in ("pip install 'redundant-envs[plot]'", "pip install redundant-envs")
     )
-    folders = [ROOT / name for name in ("redundant_envs", "agents", "docs", "configs", "policies", "tests")]
+    folders = [
+        ROOT / name
+        for name in ("redundant_envs", "agents", "studies", "docs", "configs", "policies", "tests")
+    ]
     files = [path for folder in folders for path in folder.rglob("*") if path.suffix in READ]
     for path in (*files, *(path for path in ROOT.iterdir() if path.suffix in READ)):
         if path != Path(__file__):

@@ -12,7 +12,7 @@ from redundant_envs.algebra import floor, maximum, minimum, physics, where
 from redundant_envs.lane.dynamics import Dynamics
 from redundant_envs.lane.features import Features
 from redundant_envs.lane.kinks import levels_of
-from redundant_envs.studies.kinked_effects import QuadraticDrag, VelocityController
+from studies.kinked_effects import QuadraticDrag, VelocityController
 
 RPRP = rde.RPRP((0.5,) * 4, (0.25, 0.25))
 

@@ -8,8 +8,8 @@ import pytest
 import redundant_envs as rde
 from redundant_envs.envs import cost
 from redundant_envs.files import config_folder
-from redundant_envs.studies.effects import load_study
 from redundant_envs.verify.checks import random_states
+from studies.effects import load_study
 
 STUDY = load_study(config_folder("studies") / "effects.yaml")
 ENTRIES = {name: entry for name, entry in STUDY.entries.items() if entry.zero is not None}

@@ -1,7 +1,6 @@
 """What scenes cost: the scenes that are compared, their motions, and the table. No speed is asserted."""
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Sensing
 from redundant_envs.envs import cost
 from redundant_envs.tasks.base import hard_stops
+from redundant_envs.timing import Times
 
 BARE = rde.Scene(FOUR_R, (GRAVITY, FRICTION, LIMITS))
 FIRST, LAST = springs(FOUR_R)
@@ -58,8 +58,7 @@ def test_scenes_are_compared_without_their_ranges_some_of_which_are_of_effects_t
     scene = replace(BARE, effects=effects, randomize=ranges)
     assert cost.bare(scene) == BARE
     assert cost.parts(scene)["gravity"] == (BARE, replace(BARE, effects=(FRICTION, LIMITS)))
-    readings = cost.Readings.of(scene, 8)
-    assert [core.scene.effects for core in readings.cores] == [scene.effects, scene.effects[:-1]]
+    assert [core.scene.effects for core in cost.observers(scene, 8)] == [scene.effects, scene.effects[:-1]]
 
 
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
@@ -97,14 +96,15 @@ def test_motors_without_limits_take_the_commands_of_the_scene_beside_them():
 def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_the_same_scene(monkeypatch):
     @dataclass
     class Timed:
-        motion: SimpleNamespace
-        nanoseconds: float
+        limits: float
+        evaluations = faults = 0.0
         price = 0, 0
-        run = lambda self: None  # noqa: E731
+        sample = lambda self: 1.0  # noqa: E731
+        nanoseconds = lambda self, times: self.limits  # noqa: E731
 
         @classmethod
-        def of(cls, scene, limits, lanes, seconds):
-            return cls(SimpleNamespace(spent=0.0, evaluations=1.0, faults=0.0), limits.sum())
+        def of(cls, scene, limits, lanes, most):
+            return cls(limits.sum())
 
     monkeypatch.setattr(cost, "Timed", Timed)
     free = cost.bare(rde.load_scene("slow_motors"))
@@ -117,7 +117,7 @@ def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_th
 @pytest.mark.long
 def test_the_table_has_every_scene_at_both_accuracies(capsys):
     scene = rde.Scene(FOUR_R, (*BARE.effects, FIRST))
-    rows = cost.costs(cost.parts(scene), lanes=8, turns=2, seconds=1e-9)
+    rows = cost.costs(cost.parts(scene), lanes=8, turns=2, most=1e-9)
     assert [tuple(row) for row in rows] == [cost.COLUMNS] * len(rows)
     names = ["bare", "gravity", "viscous_friction", "effort_limits", FIRST.key, "whole scene"]
     assert [(row["at"], row["of"]) for row in rows] == [(at, of) for at in cost.TOLERANCES for of in names]
@@ -145,34 +145,33 @@ def test_the_table_counts_what_the_motion_needs_and_no_task():
 
 @pytest.mark.long
 def test_readings_of_sensors_are_timed_where_an_environment_can_have_them():
-    read = cost.Readings.of(rde.Scene(FOUR_R, (*BARE.effects, Shifted())), 8)
-    assert [len(core.scene.effects) for core in read.cores] == [4, 3]
-    read.run()
-    assert np.isfinite(read.best).all()
-    read.best[:] = 7e-6, 3e-6
-    assert read.nanoseconds == pytest.approx(500.0)
-    timed = cost.Timed(cost.Motion.of(BARE, np.ones(4), 8, 1.0), read)
-    timed.motion.best[:] = 64e-6
-    assert timed.nanoseconds == pytest.approx(500.0 + 64e3 / timed.motion.batch.num_envs)
+    scene = rde.Scene(FOUR_R, (*BARE.effects, Shifted()))
+    timed = cost.Timed.of(scene, np.ones(4), 8, 1e-9)
+    assert [len(core.scene.effects) for core in timed.cores] == [4, 3]
+    assert [core.num_envs for core in timed.cores] == [timed.batch.num_envs] * 2
+    assert np.shape(timed.sample()) == (cost.WARM + cost.TIMED + 2,)
+    warm, intervals = [1.0] * cost.WARM, [64e-6] * cost.TIMED
+    each = 1e9 / timed.batch.num_envs
+    found = timed.nanoseconds(Times(np.array([[*warm, *intervals, 7e-6, 3e-6]])))
+    assert found == pytest.approx(each * (64e-6 + 4e-6))
     for scene in (
         BARE,
         rde.Scene(FOUR_R, (Shifted(),)),  # no motors
         rde.Scene(RPRP, (LIMITS, Shifted())),  # no ends of travel
     ):
-        assert cost.Readings.of(scene, 8) is None
+        assert cost.observers(scene, 8) == ()
 
 
 def test_a_motion_is_the_same_in_every_turn_and_a_slow_one_has_fewer_lanes():
-    made = cost.Motion.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 5000, 1e9)
+    made = cost.Timed.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 5000, 1e9)
     assert made.batch.num_envs == 5000
-    few = cost.Motion.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 128, 1e9)
+    few = cost.Timed.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 128, 1e9)
     assert (few.batch.q == made.batch.q[:128]).all()
     assert (few.efforts == made.efforts[:, :128]).all()
-    made.run()
+    made.sample()
     ends, evaluations = made.batch.q, made.evaluations
     assert np.abs(made.batch.qd).max() > 1.0
-    made.run()
+    made.sample()
     assert (made.batch.q == ends).all()
     assert made.evaluations == evaluations
-    assert made.spent >= made.best.sum() > 0.0
-    assert cost.Motion.of(BARE, np.ones(4), cost.LANES, 1e-9).batch.num_envs == cost.FEWEST_LANES
+    assert cost.Timed.of(BARE, np.ones(4), cost.LANES, 1e-9).batch.num_envs == cost.FEWEST_LANES

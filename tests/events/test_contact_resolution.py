@@ -9,7 +9,7 @@ import pytest
 from redundant_envs.events import contacts
 from redundant_envs.events.boundary import ROUNDING
 from redundant_envs.events.contacts import Contact, Happening, resolve_contacts
-from redundant_envs.studies.account_of_contacts import complementary
+from studies.account_of_contacts import complementary
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 

@@ -14,9 +14,9 @@ from redundant_envs.events.boundary import BoundedCoordinate
 from redundant_envs.events.first_event import Encounter, Event
 from redundant_envs.events.search import Search, Trial, last_piece, sought_boundary
 from redundant_envs.numerics.methods import Watched
-from redundant_envs.studies.interval_families import FAMILIES, Draw
-from redundant_envs.studies.intervals import judge_family, tips_after
-from redundant_envs.studies.stop_families import NAMED, StopFamily
+from studies.interval_families import FAMILIES, Draw
+from studies.intervals import judge_family, tips_after
+from studies.stop_families import NAMED, StopFamily
 
 REACH = rde.load_scene("rprp_reach")
 

@@ -3,17 +3,19 @@
 import numpy as np
 
 from redundant_envs.robots.parameters import LARGEST_RATIO
-from redundant_envs.studies.drawing import (
-    MOTORS,
-    TRIES,
-    drawn_actions,
-    drawn_efforts,
-    drawn_scene,
-    drawn_state,
-    drawn_states,
-)
+from studies.drawing import TRIES, drawn_efforts, drawn_state, drawn_states
 
 from .cases import ENVIRONMENTS, plain
+from .drawing_scenes import (
+    EFFORTS,
+    MOTORS,
+    RARE_EFFORTS,
+    RARE_STATES,
+    STATES,
+    drawn_actions,
+    drawn_kinds,
+    drawn_scene,
+)
 
 LANES, FEW, MANY = 48, 12, 128
 """Most lanes of a simulator and of environments."""
@@ -82,7 +84,7 @@ def drawn_parameters(rng, scene, lanes):
 
 
 def calls_of_simulator(rng, case, scene, count):
-    q, qd = drawn_states(scene, case["num_envs"], rng)
+    q, qd = drawn_states(scene, drawn_kinds(rng, case["num_envs"], STATES, RARE_STATES), rng)
     kinds = (*rng.choice(CALLS, count), "advance")
     drawn = [call_of_simulator(rng, scene, case["num_envs"], str(kind)) for kind in kinds]
     return [{"call": "set_state", "rows": {"q": q, "qd": qd}}, *drawn]
@@ -95,7 +97,8 @@ def call_of_simulator(rng, scene, num_envs, kind):
     if kind in ("advance", "advance_partly"):
         duration = scene.control_dt * rng.choice([1e-6, 0.3, 1.0, 1.7])
         more = {"duration": duration} if kind == "advance_partly" else {}
-        return {"call": kind, "rows": {"efforts": drawn_efforts(scene, num_envs, rng)}, **more}
+        efforts = drawn_efforts(scene, drawn_kinds(rng, num_envs, EFFORTS, tuple(RARE_EFFORTS)), rng)
+        return {"call": kind, "rows": {"efforts": efforts}, **more}
     lanes, count = some_lanes(rng, num_envs), len(scene.robot.masses)
     if kind == "set_parameters":
         rows = {"parameters": drawn_parameters(rng, scene, num_envs)}
@@ -107,7 +110,7 @@ def call_of_simulator(rng, scene, num_envs, kind):
         ][rng.integers(7)]  # fmt: skip
         (name,) = wrong
         return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": f"(?i){name}"}
-    q, qd = drawn_states(scene, num_envs, rng)
+    q, qd = drawn_states(scene, drawn_kinds(rng, num_envs, STATES, RARE_STATES), rng)
     call = {"call": "set_state", "lanes": lanes}
     if kind == "set_state":  # parameters may have moved the stops since: then it is refused
         return {**call, "rows": {"q": q, "qd": qd}, "refusable": True}

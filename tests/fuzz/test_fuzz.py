@@ -11,10 +11,11 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.backends import cache
-from redundant_envs.studies.drawing import drawn_arm, drawn_scene, own_effects
+from studies.drawing import drawn_arm, own_effects
 
 from . import cases
 from .drawing_calls import AUTORESETS, drawn
+from .drawing_scenes import drawn_scene
 from .invariants import SHORT
 from .running import judged, minimised, run
 

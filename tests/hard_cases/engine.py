@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.studies.peers import mujoco_model
+from studies.peers import mujoco_model
 
 from .naive import stops_of
 from .subject import Subject, commands, started, unfilled

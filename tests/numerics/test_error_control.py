@@ -27,9 +27,9 @@ from redundant_envs.numerics.error_control import (
     steps_for_error,
     tip_error,
 )
-from redundant_envs.studies.interval_families import FAMILIES
-from redundant_envs.studies.intervals import tips_after
 from redundant_envs.verify.checks import random_states
+from studies.interval_families import FAMILIES
+from studies.intervals import tips_after
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from redundant_envs.progress import counted
-from redundant_envs.studies.account_of_contacts import ContactAccount
-from redundant_envs.studies.intervals import families, tips_after
 from redundant_envs.verify.judging import judge
+from studies.account_of_contacts import ContactAccount
+from studies.intervals import families, tips_after
 
 pytestmark = pytest.mark.long
 

@@ -22,8 +22,8 @@ from redundant_envs.lane.interval import Interval
 from redundant_envs.lane.memory import Lane
 from redundant_envs.numerics.methods import Step
 from redundant_envs.scene import Scene
-from redundant_envs.studies.interval_families import kinked
-from redundant_envs.studies.intervals import judge_family
+from studies.interval_families import kinked
+from studies.intervals import judge_family
 
 
 def crossed(scene, q, qd, efforts, parts=1, z=None, **how):

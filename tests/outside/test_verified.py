@@ -11,6 +11,7 @@ import pytest
 import rrp
 import three_r
 from arms import ARMS, STEPS, e, effects_from_outside, stops
+from fuzz.drawing_scenes import drawn_scene
 from held_command import HeldCommand
 from humming_stop import HummingStop
 from lag_chain import LagChain
@@ -20,8 +21,6 @@ import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
 from redundant_envs.lane import common_step
 from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.studies.drawing import drawn_scene
-from redundant_envs.studies.kinked_effects import KINKED
 from redundant_envs.verify import (
     Mode,
     Subject,
@@ -43,6 +42,7 @@ from redundant_envs.verify import (
 )  # fmt: skip
 from redundant_envs.verify.checks import Trial, checks_of
 from redundant_envs.verify.report import checks_in
+from studies.kinked_effects import KINKED
 
 EQUATIONS = checks_of(equations, kinematics)
 F, S, T, R = rde.FourR, rde.RPRP, three_r.ThreeR, rrp.RRP

@@ -8,9 +8,9 @@ from redundant_envs.effects import CommandDelay, CoulombFriction, JointStop
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.scene import Scene
-from redundant_envs.studies import drawing, drawn_families, intervals
-from redundant_envs.studies.another_account import Account
-from redundant_envs.studies.drawn_families import SENSORS, DrawnFamily, made_scene, moving_effects
+from studies import drawing, drawn_families, intervals
+from studies.another_account import Account
+from studies.drawn_families import SENSORS, DrawnFamily, made_scene, moving_effects
 
 
 def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():

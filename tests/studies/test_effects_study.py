@@ -6,15 +6,16 @@ import pytest
 import yaml
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
 from redundant_envs.effects import OWN
 from redundant_envs.envs import cost
 from redundant_envs.files import config_folder
 from redundant_envs.scene import scene_names
-from redundant_envs.studies import effects
+from redundant_envs_train.config import checked
+from studies import effects
+from studies.__main__ import main
 
 SHIPPED = yaml.safe_load((config_folder("studies") / "effects.yaml").read_text(encoding="utf-8"))
-STUDY = effects.study_of(SHIPPED)
+STUDY = checked(effects.Study, SHIPPED)
 
 
 def test_every_effect_of_the_package_has_an_entry():
@@ -30,23 +31,23 @@ def test_every_effect_of_the_package_has_an_entry():
 
 
 def test_bare_arms_effects_and_scenes_are_timed_or_those_that_are_named():
-    every = effects.pairs_of(STUDY, ())
+    every = effects.pairs_of(STUDY)
     assert [*every] == ["bare FourR", "bare RPRP", *STUDY.entries, *scene_names()]
     assert every["bare FourR"].scene == rde.load_scene("four_r_reach")
     assert every["LimitSpring"].without == rde.load_scene("four_r_reach")
     assert every["rprp_reach"] == (rde.load_scene("rprp_reach"), every["bare RPRP"].scene)
-    some = effects.pairs_of(effects.chosen(STUDY, ["Gravity", "rprp_stops"]), ["Gravity", "rprp_stops"])
+    some = effects.pairs_of(STUDY, ["Gravity", "rprp_stops"])
     assert [*some] == ["bare FourR", "Gravity", "rprp_stops"]
 
 
 @pytest.mark.long
 def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(effects, "OWN", {"ViscousFriction": rde.effects.ViscousFriction})
-    monkeypatch.setattr(effects, "ceilings_of", lambda kind: [effects.Ceilings(1e6, 1e-6)])
+    monkeypatch.setattr(effects, "ceilings_of", lambda kind: [effects.Ceilings(step=1e6, tolerance=1e-6)])
     config = tmp_path / "config.yaml"
     data = {**SHIPPED, "lanes": 16, "turns": 2, "scenes": {}}
     config.write_text(yaml.safe_dump(data), encoding="utf-8")
-    words = ["study", "effects", "ViscousFriction", "--config", str(config), "--out", str(tmp_path)]
+    words = ["effects", "ViscousFriction", "--config", str(config), "--out", str(tmp_path)]
     assert main(words) == 0
     out = capsys.readouterr().out
     assert "1 of 2 ceilings hold; not ViscousFriction at 1e-6 m (" in out
@@ -88,24 +89,27 @@ def test_each_example_has_a_row_of_ceilings(tmp_path, monkeypatch):
         effects.ceilings_of(rde.effects.Disc)
 
 
-@pytest.mark.quick("change0-config.lanes is 0")
+@pytest.mark.quick("change0-lanes is 0; give a whole number from 1")
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"lanes": 0}, "config.lanes is 0"),
-        ({"seconds": 0.0}, "config.seconds is 0.0; it must be positive"),
-        ({"wrong": 1}, "unknown key 'wrong'"),
-        ({"scenes": []}, r"config.scenes is \[\]; give a mapping"),
-        ({"scenes": {"nowhere": {}}}, "unknown key 'nowhere'; valid: cheap_sensors"),
-        ({"scenes": {"four_r_free": {"step": 1.0}}}, "config.scenes.four_r_free lacks 'tolerance'"),
+        ({"lanes": 0}, "lanes is 0; give a whole number from 1"),
+        ({"seconds": 0.0}, "seconds is 0.0; give a number from 1e-09"),
+        ({"wrong": 1}, "wrong is unknown; valid: lanes"),
+        ({"scenes": []}, r"scenes is \[\]; give a mapping"),
+        (
+            {"scenes": {"nowhere": {"step": 1.0, "tolerance": 1.0}}},
+            "unknown key 'nowhere'; valid: cheap_sensors",
+        ),
+        ({"scenes": {"four_r_free": {"step": 1.0}}}, "scenes.four_r_free.tolerance is missing"),
         (
             {"scenes": {"four_r_free": {"step": 1.0, "tolerance": 0.0}}},
-            "four_r_free.tolerance is 0 times bare; give above 0",
+            "scenes.four_r_free.tolerance is 0.0; give a number from",
         ),
     ],
 )
 def test_configs_are_refused(change, said):
     with pytest.raises(ValueError, match=said):
-        effects.study_of({**SHIPPED, **change})
-    with pytest.raises(ValueError, match="config lacks 'turns'; give all of lanes"):
-        effects.study_of({k: v for k, v in SHIPPED.items() if k != "turns"})
+        checked(effects.Study, {**SHIPPED, **change})
+    with pytest.raises(ValueError, match="turns is missing; give the turns of a scene"):
+        checked(effects.Study, {k: v for k, v in SHIPPED.items() if k != "turns"})

@@ -7,10 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
-from redundant_envs.__main__ import main
-from redundant_envs.studies import estimates, intervals
-from redundant_envs.studies.interval_families import FAMILIES, Family
 from redundant_envs.verify import judging
+from studies import estimates, intervals
+from studies.__main__ import main
+from studies.interval_families import FAMILIES, Family
 
 QUICK = (
     "4R, limit springs",
@@ -109,5 +109,5 @@ def test_estimates_are_compared_with_errors_and_drawn(monkeypatch):
 
 
 def test_the_command_refuses_no_intervals(capsys):
-    assert main(["study", "intervals", "--intervals", "0"]) == 2
+    assert main(["intervals", "--intervals", "0"]) == 2
     assert "intervals is 0; give at least 1" in capsys.readouterr().err

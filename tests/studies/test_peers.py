@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.studies import peers
+from studies import peers
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
 pytest.importorskip("scipy", reason="SciPy is in the extra 'verify'")
@@ -34,6 +34,12 @@ def states(robot, count=12):
     return q, rng.uniform(-1.0, 1.0, (count, 4)), rng.uniform(-4.0, 4.0, (count, 4))
 
 
+def mujoco_ends(scene, integrator, dt, start, duration=DURATION, **model):
+    """States after a duration by MuJoCo, (2, n, 4)."""
+    made = peers.mujoco_model(scene, integrator, dt, **model)
+    return np.stack(peers.mujoco_motion(scene, made, start, duration)[:2])
+
+
 def ours(scene, q, qd, efforts):
     batch = rde.BatchSimulator(scene, len(q))
     batch.set_state(q, qd)
@@ -46,13 +52,11 @@ def ours(scene, q, qd, efforts):
 def test_peers_have_the_same_arm(name):
     scene, start = scene_of(name), states(ROBOTS[name])
     expected = ours(scene, *start)
-    theirs = peers.mujoco_interval(scene, "RK4", 2e-4, start, DURATION)
+    theirs = mujoco_ends(scene, "RK4", 2e-4, start)
     assert np.abs(theirs - expected).max() < 1e-10
     few = [x[:4] for x in start]
     for together in (False, True):
-        *theirs, evaluations = peers.scipy_interval(
-            scene, "DOP853", 1e-12, 1e-12, few, DURATION, together=together
-        )
+        *theirs, evaluations = peers.scipy_motion(scene, "DOP853", 1e-12, few, DURATION, together)
         assert np.abs(theirs - expected[:, :4]).max() < 1e-10
         assert evaluations.shape == (4,)
         assert (evaluations >= 24).all()
@@ -64,7 +68,7 @@ def test_order(name, integrator, order):
     scene, start = scene_of(name), states(ROBOTS[name])
     reference = ours(scene, *start)
     errors = [
-        np.abs(peers.mujoco_interval(scene, integrator, dt, start, DURATION) - reference).max(axis=(0, 2))
+        np.abs(mujoco_ends(scene, integrator, dt, start) - reference).max(axis=(0, 2))
         for dt in (0.004, 0.002)
     ]
     assert abs(np.median(np.log2(errors[0] / errors[1])) - order) < 0.15
@@ -75,7 +79,7 @@ def test_elastic_stop():
     q, qd = np.array([[0.0, 0.2, 0.0, 0.2]]), np.array([[0.0, 0.0, 0.0, 1.0]])
     free, limits = rde.Scene(ROBOTS["RPRP"]), {3: (0.0, 0.4)}
     m2, m3, m4 = free.robot.masses[1:]
-    q_end, qd_end = peers.mujoco_interval(free, "RK4", 1e-4, (q, qd, 0.0 * q), 0.4, limits=limits)
+    q_end, qd_end = mujoco_ends(free, "RK4", 1e-4, (q, qd, 0.0 * q), 0.4, limits=limits)
     slider = 2.0 * m4 / (m2 + m3 + m4)
     np.testing.assert_allclose(qd_end[0], [0.0, slider, 0.0, -1.0], atol=1e-4)
     assert 0.2 < q_end[0, 3] < 0.22  # 0.2 from a rigid stop
@@ -111,7 +115,7 @@ def test_clock_is_away_and_comes_back():
 def test_divergence_is_in_the_state_and_nowhere_else(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     q, qd, efforts = states(ROBOTS["RPRP"])
-    end = peers.mujoco_interval(scene_of("RPRP"), "RK4", 0.5, (q, 1e3 * qd, efforts), 20.0)
+    end = mujoco_ends(scene_of("RPRP"), "RK4", 0.5, (q, 1e3 * qd, efforts), 20.0)
     assert (~(np.abs(end) < 1e6)).any()
     assert not list(tmp_path.iterdir())
     assert capfd.readouterr().err == ""
@@ -127,17 +131,17 @@ def test_refuses_what_a_peer_cannot_express(change, said):
     scene = dataclasses.replace(scene_of("FourR"), **change)
     start = states(scene.robot)
     with pytest.raises(ValueError, match=said):
-        peers.mujoco_interval(scene, "RK4", 1e-3, start, DURATION)
+        peers.mujoco_model(scene, "RK4", 1e-3)
     with pytest.raises(ValueError, match=said):
-        peers.scipy_interval(scene, "RK45", 1e-3, 1e-3, start, DURATION)
+        peers.scipy_motion(scene, "RK45", 1e-3, start, DURATION)
 
 
 @pytest.mark.parametrize(
     ("call", "said"),
     [(lambda s, q, qd, f: peers.mujoco_model(s, "rk4", 1e-3), "integrator is 'rk4'; choose Euler"),
      (lambda s, q, qd, f: peers.mujoco_model(s, "RK4", 1e-3, {4: (0.0, 1.0)}), "limits has the joint 4"),
-     (lambda s, *x: peers.mujoco_interval(s, "RK4", 0.03, x, DURATION), "whole number of steps"),
-     (lambda s, q, qd, f: peers.mujoco_interval(s, "RK4", 1e-3, (q, qd, f[0]), DURATION), "have shapes")],
+     (lambda s, *x: mujoco_ends(s, "RK4", 0.03, x), "whole number of steps"),
+     (lambda s, q, qd, f: mujoco_ends(s, "RK4", 1e-3, (q, qd, f[0])), "have shapes")],
 )  # fmt: skip
 def test_refuses_bad_input(call, said):
     with pytest.raises(ValueError, match=said):

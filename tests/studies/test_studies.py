@@ -5,15 +5,17 @@ from __future__ import annotations
 import csv
 import importlib.metadata
 import os
+import shutil
 
 import numpy as np
 import pytest
 import yaml
 
 from redundant_envs import load_scene
-from redundant_envs.__main__ import main
 from redundant_envs.files import config_folder
-from redundant_envs.studies import environments, stops, throughput
+from redundant_envs_train.config import checked
+from studies import environments, stops, throughput
+from studies.__main__ import main
 
 
 def written(path, **changes):
@@ -23,11 +25,14 @@ def written(path, **changes):
     return path
 
 
+CASE = throughput.Case(arm="RPRP", integrator="rk4", bar_ns=28)
+
+
 @pytest.mark.long
 def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
     config = written(tmp_path / "c.yaml", cases=[{"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}])
     allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    assert main(["study", "throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
+    assert main(["throughput", "--config", str(config), "--out", str(tmp_path)]) == 0
     if allowed is not None:
         assert os.sched_getaffinity(0) == allowed
     assert "ns_per_step_best" in capsys.readouterr().out
@@ -44,14 +49,15 @@ def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
 @pytest.mark.long
 def test_throughput_of_error_control_counts_evaluations_and_true_errors():
     case = {"arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50}
-    (row,) = throughput.run({"lanes": 64, "repeats": 1, "bar_gflops": 53, "cases": [case]})
+    data = {"lanes": 64, "repeats": 1, "bar_gflops": 53, "cases": [case]}
+    (row,) = throughput.run(checked(throughput.Study, data))
     assert 12.0 < row["evaluations_mean"] < 50.0
     assert row["share_below_tolerance"] >= 0.98
     assert row["tolerance"] == 1e-9
 
 
 def test_kernel_is_vectorised_on_x86():
-    count, register = throughput.packed_instructions(throughput.study_scene("RPRP", "rk4"))
+    count, register = throughput.packed_instructions(CASE.scene)
     if count is None:
         pytest.skip("no x86 assembly here")
     assert count > 100
@@ -59,34 +65,28 @@ def test_kernel_is_vectorised_on_x86():
 
 
 def test_filled_batch_differs_by_lane_within_ten_percent():
-    scene = throughput.study_scene("FourR", "rk4")
-    batch = throughput.filled_batch(scene, 20)
+    batch, _ = throughput.filled_batch(CASE.scene, 20)
     masses = batch._memory.read(("m1", "m2", "m3", "m4"))
     assert np.ptp(masses[:, 0]) > 0.0
     assert np.abs(masses / 0.5 - 1.0).max() <= 0.1
 
 
 def test_shipped_config_loads():
-    config = throughput.load_config(config_folder("studies") / "throughput.yaml")
-    arms = {c["arm"] for c in config["cases"]}
-    assert arms == {"FourR", "RPRP", "Chain RRRR", "Chain RPRP"}
-    assert {throughput.study_scene(arm, "rk8").robot.kind for arm in arms} == {"FourR", "RPRP", "Chain"}
+    study = throughput.load_study(config_folder("studies") / "throughput.yaml")
+    assert {case.arm for case in study.cases} == {*throughput.ARMS}
+    assert {case.scene.robot.kind for case in study.cases} == {"FourR", "RPRP", "Chain"}
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"lanes": 0}, "config.lanes is 0"), ({"wrong": 1}, "unknown key 'wrong'"),
-     ({"cases": [{"arm": "RPRP"}]}, "lacks 'integrator'"),
+    [({"lanes": 0}, "lanes is 0; give a whole number from 1"), ({"wrong": 1}, "wrong is unknown; valid"),
+     ({"cases": [{"arm": "RPRP"}]}, r"cases\[0\].integrator is missing"),
+     ({"cases": [{"arm": "SCARA", "integrator": "rk4", "bar_ns": 1}]}, "arm is 'SCARA'; choose 'FourR'"),
      ({"cases": [{"arm": "FourR", "integrator": "rk8", "bar_ns": 1, "tolerance": 1e-6}]}, "bar_evaluations")],
 )  # fmt: skip
 def test_config_refuses(tmp_path, change, message):
     with pytest.raises(ValueError, match=message):
-        throughput.load_config(written(tmp_path / "c.yaml", **change))
-
-
-def test_unknown_arm_lists_the_arms():
-    with pytest.raises(ValueError, match="choose FourR, RPRP, Chain RRRR"):
-        throughput.study_scene("SCARA", "rk4")
+        throughput.load_study(written(tmp_path / "c.yaml", **change))
 
 
 @pytest.mark.long
@@ -118,3 +118,27 @@ def test_touching_lanes_are_those_that_a_stop_concerns():
     qd = np.array([[0.0] * 4, [0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0] * 4])
     got = stops.touching(scene, q, qd, np.zeros((4, 4)))
     np.testing.assert_array_equal(got, [False, True, True, True])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("throughput --config nowhere.yaml", "no such file"),
+        ("throughput --out broken/a", "is broken/a, which is below the broken link"),
+        ("throughput --config c.csv --out c.csv --force", "c.csv would be replaced"),
+        ("environments --lanes 0", "lanes is 0"),
+        ("effects --config nowhere.yaml", "no such file"),
+        ("effects Wind", "effect is 'Wind'; choose Armature, "),
+        ("stops --lanes 7", "lanes is 7; give at least 8"),
+        ("nothing", "invalid choice: 'nothing'"),
+        ("", "required: study"),
+    ],
+)
+def test_mistakes_exit_with_2(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken").symlink_to("nowhere")
+    shutil.copy(config_folder("studies") / "throughput.yaml", "c.csv")
+    assert main(words.split()) == 2
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert message in err

@@ -14,7 +14,6 @@ from redundant_envs.algebra import exp, maximum, minimum, physics, where
 from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
 from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
-from redundant_envs.studies.kinked_effects import SmoothFriction
 from redundant_envs.verify import (
     Mode,
     closed_forms,
@@ -31,6 +30,7 @@ from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.conservation import energy_book
 from redundant_envs.verify.forces import forces_at_switches, potentials
 from redundant_envs.verify.promises import Verdict
+from studies.kinked_effects import SmoothFriction
 
 e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))

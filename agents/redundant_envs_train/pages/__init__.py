@@ -39,11 +39,11 @@ def results_table(
     return markdown(head, rows)
 
 
-def page(name: str, **facts: Any) -> str:
-    """The text of the template ``name``.md with these facts; a fact that is missing is an error. A text among
-    them is escaped, unless it is :class:`Markdown`; the filter ``code`` shows it as code."""
+def page(name: str, folder: Path = Path(__file__).parent, /, **facts: Any) -> str:
+    """The text of the template ``name``.md of a folder with these facts; a fact that is missing is an error.
+    A text among them is escaped, unless it is :class:`Markdown`; the filter ``code`` shows it as code."""
     templates = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent), undefined=jinja2.StrictUndefined,
+        loader=jinja2.FileSystemLoader(folder), undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True, trim_blocks=True,
         finalize=lambda fact: escaped(fact) if isinstance(fact, str) else fact,
     )  # fmt: skip

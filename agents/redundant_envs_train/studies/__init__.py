@@ -1,1 +1,0 @@
-"""Studies that need learners, or that are compared with them."""

@@ -1,0 +1,84 @@
+"""Times of things that take turns: processor time, which other programs on the machine change little."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+K = TypeVar("K")
+
+
+@dataclass(frozen=True)
+class Times:
+    """Samples of a thing.
+
+    Attributes
+    ----------
+    samples : (turns, ...)
+        s; of a thing in several parts, those of each part.
+    """
+
+    samples: Array
+
+    @property
+    def best(self) -> Array:
+        """Shortest time of each part, s."""
+        return np.asarray(self.samples.min(axis=0))
+
+    @property
+    def median(self) -> Array:
+        """Of each part, s."""
+        return np.asarray(np.median(self.samples, axis=0))
+
+    @property
+    def spread(self) -> float:
+        """Distance of the quartiles of the whole, relative to its median."""
+        whole = self.samples.reshape(len(self.samples), -1).sum(axis=1)
+        low, middle, high = np.quantile(whole, (0.25, 0.5, 0.75))
+        return float((high - low) / middle)
+
+
+def timed(run: Callable[..., Any], *given: Any) -> tuple[float, Any]:
+    """Processor time of a call, s, and what it returns."""
+    start = time.process_time()
+    found = run(*given)
+    return time.process_time() - start, found
+
+
+def seconds(run: Callable[..., Any], *given: Any) -> float:
+    """Processor time of a call, s."""
+    return timed(run, *given)[0]
+
+
+def by_turns(
+    samplers: Mapping[K, Callable[[], Any]], turns: int, fewer: Mapping[K, int] | None = None,
+    most: float = np.inf, done: Callable[[int], None] = lambda turn: None,
+) -> dict[K, Times]:  # fmt: skip
+    """Time things in turn, again and again, so that slow phases of a machine affect all alike.
+
+    Parameters
+    ----------
+    samplers : mapping
+        Each prepares a thing and returns its time, s, or those of its parts.
+    turns : int
+    fewer : mapping, optional
+        Turns of things that have fewer, at equal distances.
+    most : float
+        A thing whose samples took that long in all has no more turns, s.
+    done : function of the number of turns that are over
+    """
+    samples: dict[K, list[Any]] = {name: [] for name in samplers}
+    own = dict.fromkeys(samplers, turns) | dict(fewer or {})
+    for turn in range(turns):
+        for name, sample in samplers.items():
+            due = len(samples[name]) * turns <= turn * own[name]
+            if due and (not samples[name] or np.sum(samples[name]) < most):
+                samples[name].append(sample())
+        done(turn + 1)
+    return {name: Times(np.array(found)) for name, found in samples.items()}

@@ -1,0 +1,261 @@
+"""Our measurements: ``python -m studies NAME``, in the source tree only. Each imports what it needs, so that
+--help is instant."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from redundant_envs.__main__ import Parser
+from redundant_envs.disk import add_force, check_kept, check_plain
+from redundant_envs.files import config_folder
+from redundant_envs.modules import status_of, take_imports
+from redundant_envs.tables import table, write_rows
+from redundant_envs.values import say
+
+OUT = Path("runs/studies")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a study to the exit status of :func:`status_of`."""
+    return status_of(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)), "studies")
+
+
+def _run(arguments: list[str]) -> None:
+    options = parser().parse_args(take_imports(arguments))
+    options.handler(options)
+
+
+def parser() -> argparse.ArgumentParser:
+    """All studies and their options."""
+    top = Parser(prog="python -m studies", description="Measure the library and policies.")
+    studies = top.add_subparsers(dest="study", required=True)
+
+    def study(handler: Callable[[Any], None], name: str, text: str) -> argparse.ArgumentParser:
+        p: argparse.ArgumentParser = studies.add_parser(name, help=text)
+        p.set_defaults(handler=handler)
+        return p
+
+    def configured(p: argparse.ArgumentParser, name: str) -> None:
+        p.add_argument("--config", type=Path, metavar="YAML", help=f"default: configs/studies/{name}.yaml")
+
+    def written(p: argparse.ArgumentParser) -> None:
+        p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="folder, or a .csv file")
+        add_force(p)
+
+    def trusted(p: argparse.ArgumentParser) -> None:
+        p.add_argument(
+            "--trust", action="store_true",
+            help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in",
+        )  # fmt: skip
+
+    def continued(p: argparse.ArgumentParser, name: str) -> None:
+        p.add_argument(
+            "--out",
+            type=Path,
+            default=OUT / name,
+            metavar="FOLDER",
+            help="a stopped study in it is continued",
+        )
+
+    p = study(throughput, "throughput", "nanoseconds per step of the compiled core")
+    configured(p, "throughput")
+    written(p)
+    p = study(environments, "environments", "speed of the Gymnasium environments")
+    p.add_argument("--lanes", type=int, default=4096)
+    p.add_argument("--rounds", type=int, default=10)
+    written(p)
+    p = study(effects, "effects", "cost of every effect and scene, and whether ceilings hold")
+    p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
+    configured(p, "effects")
+    written(p)
+    p = study(stops, "stops", "cost of the hard stops of the RPRP scene")
+    p.add_argument("run", nargs="?", type=Path, metavar="RUN", help="also on the states of this policy")
+    p.add_argument("--lanes", type=int, default=4096)
+    trusted(p)
+    written(p)
+    for name, text in (
+        ("impacts", "whether error control finds every impact at hard stops"),
+        ("intervals", "whether the tolerance is kept in families of hard scenes"),
+    ):
+        p = study(intervals, name, text)
+        p.add_argument("--intervals", type=int, default=100_000, help="over all families")
+        p.add_argument("--processes", type=int, default=1, help="number of processes, each with its families")
+        p.add_argument("--seed", type=int, default=0)
+        p.add_argument(
+            "--tolerances", type=float, nargs="+", default=(), metavar="M",
+            help="judge the same intervals at each of these, m (default: each family at its own)",
+        )  # fmt: skip
+        written(p)
+    p = study(estimates, "estimates", "errors of single steps beside their estimates")
+    p.add_argument("--steps", type=int, default=16384, help="of each family")
+    p.add_argument("--seed", type=int, default=0)
+    written(p)
+    p = study(accuracy, "accuracy", "error against cost, beside MuJoCo and SciPy")
+    configured(p, "accuracy")
+    p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER")
+    p.add_argument(
+        "--redraw", type=Path, metavar="FOLDER",
+        help="instead, draw the figures again from the tables of an earlier run, into its folder",
+    )  # fmt: skip
+    add_force(p)
+    p = study(policy, "policy", "effect of the physics on a policy, and training under the cheapest")
+    p.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="such as train_seeds=0")
+    configured(p, "policy")
+    trusted(p)
+    continued(p, "policy")
+    p = study(strength, "strength", "where learning pays: hold success over the strength of the motors")
+    p.add_argument("--seeds", default="0..2", help="of the learners, such as 0..2; none: no training")
+    p.add_argument("--factors", default="", help="effort limits, times those of the reach scenes")
+    p.add_argument("--episodes", type=int, default=1000, help="goals")
+    p.add_argument(
+        "--runs", type=Path, action="append", default=[], metavar="PLACE",
+        help="run folder or table of runs, taken beside those trained; may be given again",
+    )  # fmt: skip
+    p.add_argument("--processes", type=int, help="trainings at a time (default: all cores)")
+    continued(p, "strength")
+    return top
+
+
+def throughput(options: argparse.Namespace) -> None:
+    """Time the compiled core."""
+    from studies import throughput as study
+
+    config, path = study.load_study(_config(options)), _target(options)
+    _report(study.run(config), study.COLUMNS, "dgemm_gflops", path)
+
+
+def environments(options: argparse.Namespace) -> None:
+    """Time the environments."""
+    from studies import environments as study
+
+    path = _target(options)
+    _report(study.run(options.lanes, options.rounds), study.COLUMNS, "env", path)
+
+
+def effects(options: argparse.Namespace) -> None:
+    """Time effects and scenes beside bare arms; write a table and a picture."""
+    from studies import effects as study
+
+    config, path = study.load_study(_config(options)), _target(options, "effects.png", "effects.svg")
+    rows = study.run(config, options.name)
+    _report(rows, study.COLUMNS, "at", path)
+    say(study.verdict(rows), *study.save_pictures(rows, path.parent), sep="\n")
+
+
+def stops(options: argparse.Namespace) -> None:
+    """Time intervals with and without stops, on states of random actions, and of a policy."""
+    from studies import stops as study
+
+    _check_least(options, lanes=8)
+    policies = {"random actions": study.random_policy(0)}
+    if options.run is not None:
+        policies = {"policy": study.trained_policy(options.run, options.trust), **policies}
+    path = _target(options)
+    _report(study.run(policies, options.lanes), study.COLUMNS, "states", path)
+
+
+def intervals(options: argparse.Namespace) -> None:
+    """Check intervals of many families of scenes."""
+    from studies import intervals as study
+
+    _check_least(options, intervals=1, seed=0, processes=1)
+    path = _target(options)
+    rows = study.run(options.study, options.intervals, options.seed, options.processes, options.tolerances)
+    _report(rows, study.COLUMNS, "family", path)
+
+
+def estimates(options: argparse.Namespace) -> None:
+    """Compare single steps with their estimates."""
+    from studies import estimates as study
+
+    _check_least(options, steps=1, seed=0)
+    path = _target(options)
+    _report(study.run(options.steps, options.seed), study.COLUMNS, "estimate", path)
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measure errors and costs; write tables, figures and a page."""
+    from studies import accuracy_config, accuracy_plots, accuracy_report
+
+    study = accuracy_config.load_study(_config(options))
+    if options.redraw:
+        check_plain(options.redraw)
+        drawn = accuracy_plots.read(study, options.redraw)
+        say(*accuracy_plots.save_figures(drawn, study, options.redraw), sep="\n")
+        return
+    given = [options.config] if options.config else []
+    check_kept(accuracy_report.files(options.out), options.force, given)
+    command = shlex.join(["python", "-m", "studies", "accuracy", *(f"--config={path}" for path in given)])
+    page, *others = accuracy_report.write(study, command, options.out)
+    say(page.read_text(encoding="utf-8"))
+    say(page, *others, sep="\n")
+
+
+def policy(options: argparse.Namespace) -> None:
+    """Evaluate policies under several physics, and train under the cheapest."""
+    from redundant_envs_train.run_folder import check_drawing
+    from redundant_envs_train.training.pool import Stopped
+    from studies.policy.settings import load_study
+
+    study = load_study(_config(options), options.overrides)
+    check_drawing()
+    from studies.policy.report import write_report
+    from studies.policy.run import run_study
+
+    try:
+        results = run_study(study, options.out, options.trust)
+    except KeyboardInterrupt:
+        raise Stopped("stopped; the same command goes on after the last finished training") from None
+    path = write_report(study, results, options.out)
+    say(path.read_text(encoding="utf-8"))
+    say(path)
+
+
+def strength(options: argparse.Namespace) -> None:
+    """Compare learners with computed torque under weaker and weaker motors."""
+    from redundant_envs_train.run_folder import check_drawing
+    from redundant_envs_train.training.pool import seeds_of
+    from studies import strength as study
+
+    seeds = [] if options.seeds == "none" else seeds_of(options.seeds)
+    factors = study.factors_of(options.factors) if options.factors else study.FACTORS
+    check_drawing()
+    say(study.run_study(factors, seeds, options.episodes, options.runs, options.processes, options.out))
+
+
+def _check_least(options: argparse.Namespace, **least: int) -> None:
+    for name, at_least in least.items():
+        if getattr(options, name) < at_least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {at_least}")
+
+
+def _config(options: argparse.Namespace) -> Path:
+    return options.config or config_folder("studies") / f"{options.study}.yaml"
+
+
+def _target(options: argparse.Namespace, *pictures: str) -> Path:
+    """The CSV file of a study, which exists only if --force replaces it, as pictures beside it do."""
+    path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{options.study}.csv"
+    read = [getattr(options, name, None) for name in ("config", "run")]
+    files = [path, *(path.with_name(picture) for picture in pictures)]
+    check_kept(files, options.force, [*filter(None, read)])
+    return path
+
+
+def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, path: Path) -> None:
+    """Write a study's rows as CSV and print them; values common to all rows are printed once, on one line."""
+    write_rows(rows, columns, path)
+    start = columns.index(first)
+    if rows:
+        say(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
+    say(table(columns[start:], ([row[c] for c in columns[start:]] for row in rows)))
+    say(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

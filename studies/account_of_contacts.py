@@ -1,0 +1,305 @@
+# mypy: allow-untyped-defs
+"""A control interval with hard stops and dry friction by another account, which shares with the simulator the
+laws of single effects alone.
+
+The equations are those of :mod:`studies.another_account`; SciPy's DOP853 integrates them in
+the angles and travels of the joints, and locates events. What a joint without a rate does, and which stops an
+impact involves, is found by trying every possibility. A lane takes about a second.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.effects.hooks import SPEED, Friction, Gap, Impact, Impulse
+from redundant_envs.scene import Scene
+from studies.another_account import Account, Known
+
+BOUNCE = 1e-15
+"""A joint whose bounce stays below this comes to rest, rad or m."""
+SLOW = 1e-13
+"""A rate into a stop that counts as none."""
+TORN = 1e-12
+"""Share of the limit of a friction by which holding a joint has to exceed it."""
+MOST_EVENTS = 400
+LEAST_STEPS, SHORTEST = 40, 1e-18
+ELSEWHERE = -np.inf, np.inf, 0.0
+"""Ends and restitution of a joint without stops."""
+
+
+def tells(scene: Scene) -> bool:
+    """Whether this account knows everything in a scene, and has anything to add."""
+    every = scene.attached
+    return bool(every.of(Friction, Impact)) and not every.of(Gap, Impulse)
+
+
+def complementary(W, d):
+    """p >= 0 with W p - d >= 0 and p (W p - d) = 0, by trying every set."""
+    n = len(d)
+    for count in range(n + 1):
+        for chosen in itertools.combinations(range(n), count):
+            p, k = np.zeros(n), list(chosen)
+            p[k] = np.linalg.solve(W[np.ix_(k, k)], d[k])
+            if (p >= 0.0).all() and (W @ p - d >= -1e-12 * np.abs(d).max()).all():
+                return p
+    raise ArithmeticError(f"no impulses fit the mobility {W.tolist()} and the speeds {d.tolist()}")
+
+
+class ContactAccount(Account):
+    """One lane: its numbers and commands are arrays with one row. States y have angles and travels of joints,
+    their rates, and states of effects; those of joints that have been at a stop count from there, so that the
+    lowest bounce has all its digits. ``impacts`` are the times at which joints met their stops, s."""
+
+    def __init__(self, scene: Scene, numbers: Any, commands: Any) -> None:
+        super().__init__(scene, numbers, commands)
+        x, n = Known(self.given), len(self.arm.joints)
+        self.n, self.rates, self.inverse = n, slice(n, 2 * n), np.linalg.inv(self.B)
+        self.origin, self.loose, self.impacts = np.zeros(n), set[int](), list[float]()
+        self.stops = {
+            a.hook.joint: tuple(
+                float(x[a.parameter(name)][0]) for name in (a.hook.lower, a.hook.upper, a.hook.restitution)
+            )
+            for a in scene.attached.of(Impact)
+        }
+        self.frictions = scene.attached.of(Friction)
+        self.rough = {a.hook.joint for a in self.frictions}
+
+    def terms(self, y):
+        """Mobilities W, accelerations without contacts, rates of states, and limits of friction."""
+        q, qd = self.motion(y)
+        M, forces, changes, x = self.equations(self.known, np.concatenate([q, qd, y[2 * self.n :]])[None])
+        W, free = (self.B.T @ np.linalg.solve(M[0], right) for right in (self.B, forces[0]))
+        limits = np.zeros(self.n)
+        for a in self.frictions:
+            law, speed = a.functions["limit"], np.abs(y[self.rates][[a.hook.joint]])
+            limits[a.hook.joint] += law.on(speed if name == SPEED else x[name] for name in law.names)[0]
+        return W, free, changes[0], limits
+
+    def motion(self, y):
+        """Coordinates and velocities, (joints,) each."""
+        return (self.origin + y[: self.n]) @ self.inverse, y[self.rates] @ self.inverse
+
+    def ends(self, k):
+        """The stops of a joint, from its origin."""
+        low, high, _ = self.stops.get(k, ELSEWHERE)
+        return low - self.origin[k], high - self.origin[k]
+
+    def side(self, y, k):
+        """Side of the stop that a joint is at; 0 if it is at none."""
+        low, high = self.ends(k)
+        return 1.0 if y[k] >= high else -1.0 if y[k] <= low else 0.0
+
+    def arrive(self, y, k, end):
+        """Put the origin of a joint at its stop, ``end`` from the present one, where it is."""
+        self.origin[k], y[k] = self.origin[k] + end, 0.0
+
+    def moved(self, terms, modes):
+        """Accelerations of joints, and forces along them: those with the mode 0 are held, others slip."""
+        W, free, _, limits = terms
+        push, held = -limits * modes, np.flatnonzero(modes == 0.0)
+        push[held] = -np.linalg.solve(W[np.ix_(held, held)], (free + W @ push)[held])
+        a = free + W @ push
+        a[held] = 0.0
+        return a, push
+
+    def modes(self, y):
+        """What the joints do, and the terms: 1 and -1 slip that way, 0 is held by friction or a stop."""
+        terms, given = self.terms(y), np.sign(y[self.rates])
+        given[[k for k in range(self.n) if k not in self.stops and k not in self.rough]] = 1.0
+        still = np.flatnonzero(given == 0.0)
+        off, best = np.inf, given
+        for some in itertools.product((0.0, 1.0, -1.0), repeat=len(still)):
+            tried = given.copy()
+            tried[still] = some
+            here = self.contradiction(y, terms, tried, still)
+            if here < off:
+                off, best = here, tried
+        return best, terms
+
+    def contradiction(self, y, terms, modes, still):
+        """By how much the accelerations contradict the modes of joints without a rate; 0 if they do not."""
+        (W, _, _, limits), (a, push) = terms, self.moved(terms, modes)
+        found = [0.0]
+        for k in still:
+            side = self.side(y, k)
+            if modes[k] == 0.0:
+                off = W[k, k] * (self.held_by(push[k], side) - limits[k])
+                found.append(np.inf if k in self.loose else off)
+            else:
+                found.append(np.inf if modes[k] == side else -modes[k] * a[k])
+        return max(found)
+
+    @staticmethod
+    def held_by(push, side):
+        """What friction has to hold a joint with: a stop holds it in one direction."""
+        return abs(push) if side == 0.0 else side * push
+
+    def struck(self, y):
+        """The state after all impacts of an instant, and the joints that were in them. Stops that are struck,
+        and those at which joints rest, support the arm; a joint that moves out is not supported, and may be
+        struck next."""
+        hit = set()
+        for _ in range(MOST_EVENTS):
+            at = [k for k in self.stops if self.side(y, k)]
+            sides = np.array([self.side(y, k) for k in at])
+            into = sides * y[self.rates][at]
+            if not (into > SLOW).any():
+                y[self.n + np.array(at, int)[into > 0.0]] = 0.0
+                return y, hit
+            W, free, *_ = self.terms(y)
+            supports = (into > SLOW) | ((abs(into) <= SLOW) & (sides * free[at] >= 0.0))
+            s, own = np.flatnonzero(supports), W[np.ix_(at, at)] * np.outer(sides, sides)
+            bounce = np.array([self.stops[k][2] for k in at]) * np.maximum(into, 0.0)
+            p = np.zeros(len(at))
+            p[s] = complementary(own[np.ix_(s, s)], (into + bounce)[s])
+            y = y.copy()
+            y[self.rates] -= W[:, at] @ (sides * p)
+            for i in np.flatnonzero(p > 0.0):
+                y[self.n + at[i]] = -sides[i] * bounce[i]
+                hit.add(at[i])
+        raise ArithmeticError("impacts do not end")
+
+    def settled(self, y, hit):
+        """The state without bounces that are too low; who leaves a stop without an impact does not rest."""
+        modes, terms = self.modes(y)
+        (W, _, _, limits), (a, _) = terms, self.moved(terms, modes)
+        at = [k for k in self.stops if self.side(y, k)]
+        low = []
+        for k in at:
+            rate, press = y[self.n + k], self.side(y, k) * a[k] - 2.0 * W[k, k] * limits[k]
+            fades = (self.stops[k][2] < 1.0 and k in hit) or abs(rate) <= SLOW
+            pressed = press > 0.0 and self.side(y, k) * rate < 0.0
+            low += [k] if fades and pressed and rate * rate <= 2.0 * press * BOUNCE else []
+        if low:
+            y, held = y.copy(), [k for k in at if k in low or y[self.n + k] == 0.0]
+            y[self.rates] -= W[:, held] @ np.linalg.solve(W[np.ix_(held, held)], y[self.rates][held])
+            y[self.rates][held] = 0.0
+        return y
+
+    def after(self, q, qd, states, error):
+        """The tip at the end of the interval, (1, 2) m; NaN after too many events."""
+        try:
+            q, _ = self.motion_after(q, qd, states, error)
+        except ArithmeticError:
+            return np.full((1, 2), np.nan)
+        tip = self.points(self.given, q[None])[-1][0]
+        return np.stack([tip.real, tip.imag], axis=1)
+
+    def motion_after(self, q, qd, states, error):
+        """Coordinates and velocities then, (joints,) each."""
+        self.given |= states
+        dt, t = self.scene.control_dt, 0.0
+        y = np.concatenate([q[0] @ self.B, qd[0] @ self.B, *(states[name] for name in self.moving)])
+        for k in self.stops:
+            if side := self.side(y, k):
+                self.arrive(y, k, self.ends(k)[side > 0.0])
+        for end in sorted({float(at[0]) for _, at in self.instants if 0.0 < at[0] < dt} | {dt}):
+            passed = {a.passed: np.where((at >= 0.0) & (at <= t), 1.0, 0.0) for a, at in self.instants}
+            self.known = self.given | passed
+            y, t = self.crossed(y, t, end, error), end
+        return self.motion(y)
+
+    def crossed(self, y, t, end, error):
+        """The state at the end of a piece of the interval."""
+        for _ in range(MOST_EVENTS):
+            if t >= end:
+                return y
+            y, hit = self.struck(y)
+            self.impacts += [t] * len(hit)
+            y = self.settled(y, hit)
+            modes, terms = self.modes(y)
+            self.loose.clear()
+            t, y = self.to_event(y, modes, self.moved(terms, modes)[0], t, end, error)
+        raise ArithmeticError("events do not end")
+
+    def to_event(self, y, modes, a, t, end, error):
+        """The time and state of the next event, or of the end.
+
+        SciPy sees events at the ends of its steps alone. These start short, as bounces may be, and end where
+        a joint turns; if it turns beyond its stop, the motion until then is computed again.
+        """
+        from scipy.integrate import solve_ivp
+
+        def slope(_, y):
+            terms = self.terms(y)
+            return np.concatenate([y[self.rates], self.moved(terms, modes)[0], terms[2]])
+
+        events, until, longest = self.events(y, modes), end, self.scene.control_dt / LEAST_STEPS
+        leaving = [k for k in self.stops if modes[k] and self.side(y, k) and y[self.n + k] * a[k]]
+        first = max(min([longest, *(0.25 * abs(y[self.n + k] / a[k]) for k in leaving)]), SHORTEST)
+        while True:
+            found = solve_ivp(  # atol is the stricter one where a coordinate is below 1
+                slope, (t, until), y, "DOP853", events=[e for e, _ in events], rtol=max(error, 3e-14),
+                atol=1e-2 * error, first_step=min(first, until - t), max_step=longest,
+            )  # fmt: skip
+            if not found.success:
+                raise ArithmeticError(found.message)
+            time, after = float(found.t[-1]), found.y[:, -1].copy()
+            ends = {k: self.ends(k) for k in self.stops}
+            if time == until or all(low <= after[k] <= high for k, (low, high) in ends.items()):
+                break
+            until = time
+        for (_, then), times in zip(events, found.t_events, strict=True):
+            if len(times):
+                then(after)
+        return time, after
+
+    def events(self, y, modes):
+        """Functions whose passage through 0 ends the modes, and what to do with the state then."""
+        found = []
+        for k in sorted({*self.stops, *self.rough}):
+            if modes[k] == 0.0:
+                torn = _event(self.torn, 1.0, k, modes, self.side(y, k))
+                found.append((torn, functools.partial(self.tear_loose, k=k)))
+                continue
+            stands = functools.partial(_set, k=self.n + k, value=0.0)
+            found.append((_event(_beyond, -modes[k], self.n + k, 1.0, 0.0), stands))
+            for end, way in zip(self.ends(k), (-1.0, 1.0), strict=True):
+                if np.isfinite(end):
+                    arrives = functools.partial(self.arrive, k=k, end=end)
+                    found.append((_event(_beyond, 1.0, k, way, end), arrives))
+        return found
+
+    def tear_loose(self, y, k):
+        """A joint that has been held is so no more."""
+        self.loose.add(k)
+
+    def torn(self, y, k, modes, side):
+        """By how much what holds a joint exceeds the limit of its friction."""
+        terms = self.terms(y)
+        push = self.moved(terms, modes)[1][k]
+        return self.held_by(push, side) - terms[3][k] * (1.0 + TORN) - SLOW
+
+
+def contact_motion(scene, start, error):
+    """Coordinates after an interval of a scene with its own numbers, (lanes, joints), and the times of the
+    impacts of each lane, s; ``start`` has coordinates, velocities and efforts, (lanes, joints) each."""
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    accounts = [ContactAccount(scene, numbers, efforts[None]) for efforts in start[2]]
+    found = [
+        a.motion_after(q[None], qd[None], {}, error)[0] for a, q, qd in zip(accounts, *start[:2], strict=True)
+    ]
+    return np.array(found), [account.impacts for account in accounts]
+
+
+def _beyond(y, k, way, end):
+    return way * (y[k] - end)
+
+
+def _set(y, k, value):
+    y[k] = value
+
+
+def _event(function, direction, *more):
+    """A terminal event of SciPy."""
+
+    @functools.wraps(function)
+    def asked(_, y):
+        return function(y, *more)
+
+    asked.terminal, asked.direction = True, direction
+    return asked

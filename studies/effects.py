@@ -1,0 +1,178 @@
+"""The bill of every effect and scene: what they cost beside a bare arm, and whether their ceilings hold."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from redundant_envs.effects import OWN
+from redundant_envs.effects.hooks import Effect, snake_case
+from redundant_envs.envs import cost
+from redundant_envs.extras import needs
+from redundant_envs.figures import bare as bare_axes
+from redundant_envs.figures import new_figure, save_figure
+from redundant_envs.files import config_folder, read_text
+from redundant_envs.machine import versions
+from redundant_envs.scene import Scene, load_scene, scene_names
+from redundant_envs.values import check_keys
+from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
+from studies.speed import one_core
+
+with needs("train"):
+    from pydantic import model_validator
+
+COLUMNS = (
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", *cost.COLUMNS, "ceiling", "held",
+)  # fmt: skip
+PAGES = config_folder("studies").parents[1] / "docs" / "effects"
+"""Pages of effects. The ceilings are in their tables of costs, not in the classes: they follow from what was
+measured on some machines, and a reader looks for them there."""
+ARM, ARM_WITH_SLIDERS = "four_r_reach", "rprp_reach"
+"""Scenes whose bare arms effects are added to: the first, or the second where an effect needs sliders."""
+BARE = "bare "
+"""Begins the names of bare arms in the table."""
+MOST_TIMES = 1e6
+"""Largest ceiling, times bare: an effect that costs more cannot be timed."""
+
+
+class Ceilings(Model):
+    """Most that a control step may cost, times bare."""
+
+    step: Real = number(..., 1e-9, MOST_TIMES, "ceiling at one rk8 step")
+    tolerance: Real = number(..., 1e-9, MOST_TIMES, "ceiling at 1e-6 m")
+
+
+class Entry(NamedTuple):
+    """An effect of the study."""
+
+    effect: Effect
+    arm: Scene  # the bare arm to which it is added
+    ceilings: Ceilings
+    zero: Effect | None  # the same with zero magnitude
+
+    @property
+    def pair(self) -> cost.Pair:
+        """The arm with the effect, and without it."""
+        return cost.alone(self.arm, self.effect)
+
+
+class Study(Model):
+    """The numbers of the study."""
+
+    lanes: Whole = number(..., 1, 1e6, "lanes of a batch")
+    turns: Whole = number(..., 1, 1e6, "turns of a scene")
+    seconds: Real = number(..., 1e-9, 1e6, "time after which a scene has no more turns", "s")
+    scenes: Mapping[str, Ceilings]  # of scenes by their names
+
+    @cached_property
+    def entries(self) -> dict[str, Entry]:
+        """The examples of all effects of the package, with the ceilings of their pages."""
+        arm, with_sliders = (cost.bare(load_scene(name)) for name in (ARM, ARM_WITH_SLIDERS))
+        found = {}
+        for name, kind in OWN.items():
+            numbers, zero, variants = kind.example.numbers, kind.example.zero, kind.example.variants
+            every = {name: numbers, **{f"{name} {k}": {**numbers, **own} for k, own in variants.items()}}
+            for (of, own), ceilings in zip(every.items(), ceilings_of(kind), strict=True):
+                effect = kind(**own)
+                nothing = kind(**{**own, **zero}) if zero and of == name else None
+                found[of] = Entry(effect, arm if _fits(effect, arm) else with_sliders, ceilings, nothing)
+        return found
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_keys("scenes", self.scenes, scene_names())
+        return self
+
+
+def ceilings_of(kind: type[Effect]) -> list[Ceilings]:
+    """The ceilings of the examples of an effect, from the table of costs on its page."""
+    page = PAGES / f"{snake_case(kind.__name__)}.md"
+    rows = re.findall(rf"^\| `{kind.__name__}\(.*\)` \| (\S+) \| (\S+) \|$", read_text(page, "page"), re.M)
+    needed = 1 + len(kind.example.variants)
+    if len(rows) != needed:
+        raise ValueError(
+            f"{page} has ceilings of {len(rows)} examples of {needed}; give each a row in the table of costs"
+        )
+    return [Ceilings(step=float(step), tolerance=float(tolerance)) for step, tolerance in rows]
+
+
+def _fits(effect: Effect, arm: Scene) -> bool:
+    with contextlib.suppress(ValueError):
+        return bool(cost.alone(arm, effect))
+    return False
+
+
+def load_study(path: Path) -> Study:
+    """The study that a YAML file describes; a ValueError names a mistake, its file and line."""
+    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
+    return study
+
+
+def pairs_of(study: Study, names: Sequence[str] = ()) -> dict[str, cost.Pair]:
+    """Effects and scenes, or those that are named, each beside its bare arm; and these arms."""
+    known = [*study.entries, *scene_names()]
+    for name in names:
+        if name not in known:
+            raise ValueError(f"effect is {name!r}; choose {', '.join(known)}")
+    entries = {name: entry for name, entry in study.entries.items() if not names or name in names}
+    arms = {f"{BARE}{e.arm.robot.kind}": cost.Pair(e.arm, e.arm) for e in entries.values()}
+    scenes = {name: load_scene(name) for name in scene_names() if not names or name in names}
+    bare = {name: cost.Pair(scene, cost.bare(scene)) for name, scene in scenes.items()}
+    return {**arms, **{name: entry.pair for name, entry in entries.items()}, **bare}
+
+
+def run(study: Study, names: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Time all effects and scenes of the study, or those named; two rows of :data:`COLUMNS` for each."""
+    ceilings = {name: e.ceilings for name, e in study.entries.items()} | dict(study.scenes)
+    about, rows, pairs = versions(), [], pairs_of(study, names)
+    with one_core():
+        found = cost.costs(pairs, study.lanes, study.turns, study.seconds)
+    of_accuracy = dict(zip(cost.TOLERANCES, Ceilings.model_fields, strict=True))
+    for row in found:
+        most = getattr(ceilings.get(row["of"]), of_accuracy[row["at"]], "")
+        held = "" if most == "" else row["times_bare"] <= most
+        rows.append({**about, "lanes": study.lanes, **row, "ceiling": most, "held": held})
+    return rows
+
+
+def verdict(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A line about the ceilings."""
+    judged = [row for row in rows if row["held"] != ""]
+    missed = [f"{r['of']} at {r['at']} ({r['times_bare']} > {r['ceiling']})" for r in judged if not r["held"]]
+    return f"{len(judged) - len(missed)} of {len(judged)} ceilings hold" + "".join(
+        f"; not {m}" if k == 0 else f", {m}" for k, m in enumerate(missed)
+    )
+
+
+def figure(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Times bare of effects and scenes, with their ceilings; a panel for each accuracy."""
+    names = list(dict.fromkeys(row["of"] for row in rows if not row["of"].startswith(BARE)))[::-1]
+    made = new_figure(9.0, 1.4 + 0.24 * len(names), 150)
+    panels = made.subplots(1, len(cost.TOLERANCES), sharey=True)
+    for panel, accuracy in zip(panels, cost.TOLERANCES, strict=True):
+        of = {row["of"]: row for row in rows if row["at"] == accuracy}
+        times = [of[name]["times_bare"] for name in names]
+        panel.barh(range(len(names)), [t - 1.0 for t in times], left=1.0, height=0.6, color="#0072B2")
+        most = [(of[name]["ceiling"], k) for k, name in enumerate(names) if of[name]["ceiling"] != ""]
+        if most:
+            panel.plot(*zip(*most, strict=True), "|", color="#D55E00", ms=9, mew=2, label="ceiling")
+            panel.legend(frameon=False, fontsize=8, loc="lower right")
+        panel.axvline(1.0, color="0.3", lw=0.8)
+        panel.set_xscale("log")
+        ticks = [t for t in (0.5, 1, 2, 5, 10, 100, 1000, 10000) if t <= 2.0 * max(times, default=1.0)]
+        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        panel.minorticks_off()
+        panel.set_title(f"at {accuracy}", loc="left", fontsize=10)
+        panel.set_xlabel("time of a control step, times bare [logarithmic]", fontsize=9)
+        bare_axes(panel)
+    panels[0].set_yticks(range(len(names)), names, fontsize=8)
+    return made
+
+
+def save_pictures(rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
+    """Draw the figure as PNG and SVG."""
+    return [save_figure(figure(rows), folder / f"effects.{kind}") for kind in ("png", "svg")]

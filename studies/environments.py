@@ -1,0 +1,146 @@
+"""Speed of the environments: vector steps per second, one step of a single one, and import to first step."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from redundant_envs.envs.registration import NAMESPACE, SCENES
+from redundant_envs.machine import versions
+from redundant_envs.progress import counted
+from redundant_envs.scene import load_scene
+from redundant_envs.timing import Times, by_turns, seconds
+from studies.speed import one_core
+
+COLUMNS = (
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "gymnasium", "env", "lanes",
+    "vector_steps_per_s_best", "vector_steps_per_s_median", "vector_renewed_actions_best",
+    "vector_one_rk8_step_best", "vector_one_rk8_step_renewed_actions_best", "single_us_per_step",
+    "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s", "single_info_read_us_per_step",
+)  # fmt: skip
+BASELINE = "CartPole-v1"
+IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
+VECTOR_STEPS = 101
+"""Steps per round: one whole episode and its reset, so that resets are included in proportion."""
+FIRST_STEP = """
+import time
+start = time.process_time()
+import gymnasium as gym
+import redundant_envs
+env = gym.make({name!r})
+env.reset(seed=0)
+env.step(env.action_space.sample())
+print(time.process_time() - start)
+"""
+
+
+VECTORS = {
+    "controlled": (True, False), "renewed": (True, True),
+    "one step": (False, False), "one step, renewed": (False, True),
+}  # fmt: skip
+"""How vectors are timed: with error control or not, with renewed actions or not."""
+FIRST_STEPS = 3
+"""Processes whose first step is timed."""
+
+
+def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
+    """A function that times an episode of a vector environment, s.
+
+    With random actions that each environment keeps, or with ``renewed`` ones at every step, with which the
+    sliders of RPRP reach and leave their stops more often.
+    """
+    tables = VECTOR_STEPS if renewed else 1
+    shape = (tables, *np.shape(env.action_space.sample()))
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
+    env.reset(seed=0)
+    env.step(drawn[0])
+
+    def steps() -> None:
+        for k in range(VECTOR_STEPS):
+            env.step(drawn[k % tables])
+
+    return functools.partial(seconds, steps)
+
+
+def vector_env(name: str, lanes: int, controlled: bool) -> Any:
+    """The native vector environment, with its error control or with one rk8 step for every control step."""
+    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
+    return gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
+
+
+def single_steps(env: gym.Env[Any, Any], count: int, read: bool = False) -> Callable[[], float]:
+    """A function that times a step of an environment, s, the mean of some, and with ``read`` the reading of
+    its info; resets are not counted."""
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(count)]
+
+    def sample() -> float:
+        env.reset(seed=0)
+        spent, start = 0.0, time.process_time()
+        for action in actions:
+            _, _, terminated, truncated, info = env.step(action)
+            if read:
+                info["numerics"]
+            if terminated or truncated:
+                spent += time.process_time() - start
+                env.reset()
+                start = time.process_time()
+        return (spent + time.process_time() - start) / count
+
+    return sample
+
+
+def first_step_seconds(name: str) -> float:
+    """Seconds from before the imports to after the first step in a new process."""
+    command = [sys.executable, "-c", FIRST_STEP.format(name=name)]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(result.stdout.split()[-1])
+
+
+def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
+    """Times of a reach environment and of CartPole, by turns."""
+    vectors = {how: vector_env(name, lanes, controlled) for how, (controlled, _) in VECTORS.items()}
+    samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
+    singles = {"single": gym.make(name), "baseline": gym.make(BASELINE), "read": gym.make(name)}
+    samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}
+    first_step_seconds(name)  # puts the compiled module on disk
+    samplers["first"] = functools.partial(first_step_seconds, name)
+    found = by_turns(samplers, rounds, {"first": FIRST_STEPS})
+    for env in (*vectors.values(), *singles.values()):
+        env.close()
+    return found
+
+
+def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:
+    """Time the reach environments of all registered arms; one row of ``COLUMNS`` for each."""
+    for field, value in (("lanes", lanes), ("rounds", rounds), ("steps", steps)):
+        if value < 1:
+            raise ValueError(f"{field} is {value}; give a whole number of at least 1")
+    rows, about = [], versions()
+    with one_core(), counted("environments", len(IDS)) as done:
+        for name in IDS:
+            times = times_of(name, lanes, rounds, steps)
+            best = {how: float(of.best) for how, of in times.items()}
+            rate = {how: round(lanes * VECTOR_STEPS / best[how]) for how in VECTORS}
+            rows.append({
+                **about, "gymnasium": gym.__version__, "env": name, "lanes": lanes,
+                "vector_steps_per_s_best": rate["controlled"],
+                "vector_steps_per_s_median": round(lanes * VECTOR_STEPS / float(times["controlled"].median)),
+                "vector_renewed_actions_best": rate["renewed"], "vector_one_rk8_step_best": rate["one step"],
+                "vector_one_rk8_step_renewed_actions_best": rate["one step, renewed"],
+                "single_us_per_step": round(1e6 * best["single"], 2),
+                "cartpole_us_per_step": round(1e6 * best["baseline"], 2),
+                "single_over_cartpole": round(best["single"] / best["baseline"], 2),
+                "import_to_first_step_s": round(best["first"], 3),
+                "single_info_read_us_per_step": round(1e6 * best["read"], 2),
+            })  # fmt: skip
+            spread = 100 * times["controlled"].spread
+            done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
+    return rows

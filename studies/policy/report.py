@@ -1,0 +1,134 @@
+"""Folder of a policy study: tables, figures, scenes and report.md."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.disk import replacing, write_text
+from redundant_envs.figures import bare, literal, new_figure, save_figure
+from redundant_envs.tables import write_rows
+from redundant_envs_train import COMMAND
+from redundant_envs_train.pages import page
+
+from . import words
+from .episodes import TIMING_REPEATS
+from .run import ArmResult, Row, save_scenes, stamp
+from .settings import Study, slug
+from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
+
+
+def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
+    """Write tables, figures, scenes and report.md of a study."""
+    about = stamp()
+    save_scenes(study, results, folder)
+    _write(folder / "physics.csv", [r for a in results for r in a.rows], about)
+    trained = [r for a in results for r in a.trained]
+    if trained:
+        _write(folder / "training.csv", trained, about)
+        differences = [r for a in results for r in a.training.values()]
+        _write(folder / "training_differences.csv", differences, about)
+    for result in results:
+        _write_episodes(folder / f"episodes_{slug(result.name)}.csv", result, study, about)
+        drawn = figure(result, study, about)
+        for kind in ("svg", "png"):
+            save_figure(drawn, folder / "figures" / f"{slug(result.name)}.{kind}", dpi=150)
+    target = folder / "report.md"
+    text = page(
+        "report", Path(__file__).parent, study=study,
+        results=[(arm, reference_of(arm.rows, study)) for arm in results],
+        about=", ".join(f"{k} {v}" for k, v in about.items() if v), repeats=TIMING_REPEATS, command=COMMAND,
+        all_given=all(arm.run for arm in study.arms.values()), slug=slug, words=words,
+    )  # fmt: skip
+    write_text(target, text)
+    return target
+
+
+def _write(path: Path, rows: Sequence[Row], about: Mapping[str, str]) -> None:
+    """Write rows as CSV, floats with 8 digits."""
+    short = [
+        {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in {**about, **row}.items()}
+        for row in rows
+    ]
+    write_rows(short, list(dict.fromkeys(name for row in short for name in row)), path)
+
+
+def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[str, str]) -> None:
+    any_one = result.episodes[study.reference]
+    names = ["seed", "goal_x", "goal_y"]
+    columns = [study.seed + np.arange(len(any_one.hold)), *any_one.goal.T]
+    for label, e in result.episodes.items():
+        names += [f"{slug(label)}_{k}" for k in ("hold", "return", "steps", "ended")]
+        columns += [e.hold, e.returns, e.steps, e.ended]
+    head = f"# {', '.join(f'{k} {v}' for k, v in about.items())}\n{','.join(names)}"
+    table = np.column_stack(columns)
+    with replacing(path) as part:
+        np.savetxt(part, table, "%.12g", delimiter=",", header=head, comments="", encoding="utf-8")
+
+
+def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
+    """Differences of hold success and return from the reference, with intervals, per physics."""
+    reference = reference_of(result.rows, study)
+    rows = [row for row in result.rows if row is not reference and not row.get("refused")]
+    drawn = new_figure(7.0, 2.4 + 0.45 * len(rows))
+    panels = drawn.subplots(1, 2, sharey=True)
+    holds = [hold_difference(row, study) for row in rows]
+    returns = [return_difference(row, study, reference) for row in rows]
+    _draw(panels[0], f"hold success minus {literal(study.reference)}, points", holds)
+    _draw(panels[1], f"mean return minus {literal(study.reference)}", returns)
+    names = [f"{row['physics']}\n{percent(row['hold_success'])} held" for row in rows]
+    panels[0].set_yticks(range(len(rows)), map(literal, names))
+    panels[0].set_ylim(len(rows) - 0.5, -0.7)
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    seen = {d.verdict for d in (*holds, *returns)}
+    handles: list[Any] = [
+        Line2D([], [], color=color, marker=marker, lw=2.0, label=text)
+        for key, (color, marker, text) in LOOKS.items()
+        if key in seen
+    ]
+    handles.append(Patch(color="0.92", label="margin"))
+    drawn.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    title = (
+        f"{result.name}: one policy, {reference['episodes']} paired episodes, 95 % bootstrap intervals\n"
+        f"{study.reference}: {percent(reference['hold_success'])} held, mean return "
+        f"{reference['mean_return']:.2f}\n"
+        f"{about['machine']}, {about['date']}, commit {about['commit'] or 'unknown'}"
+    )
+    drawn.suptitle(literal(title), fontsize=9, x=0.01, ha="left")
+    return drawn
+
+
+def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
+    """Intervals below each other; beyond the margin the axis is logarithmic if it must be."""
+    margin = max((d.margin for d in differences), default=1.0)
+    widest = max((abs(end) for d in differences for end in (d.low, d.high)), default=0.0)
+    panel.axvspan(-margin, margin, color="0.92", lw=0)
+    panel.axvline(0.0, color="0.4", lw=0.8)
+    for y, d in enumerate(differences):
+        color, marker, _ = LOOKS[d.verdict]
+        panel.plot([d.low, d.high], [y, y], color=color, lw=2.0, solid_capstyle="butt")
+        panel.plot(d.value, y, marker, color=color, ms=6)
+        panel.annotate(
+            signed(d.value), (d.value, y), (0, 7), textcoords="offset points", ha="center", fontsize=8,
+            bbox={"facecolor": "white", "alpha": 0.7, "lw": 0, "pad": 0.6},
+        )  # fmt: skip
+    edge = max(1.15 * widest, 1.4 * margin)
+    if widest > 10.0 * margin:
+        edge = 4.0 * widest
+        panel.set_xscale("symlog", linthresh=margin, linscale=1.0)
+        first = math.ceil(math.log10(margin) - 1e-9)
+        ticks = [10.0**k for k in range(first, math.floor(math.log10(edge)) + 1)]
+        ticks = [*(-t for t in reversed(ticks)), 0.0, *ticks]
+        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        panel.set_xticks([], minor=True)
+        label += f"\n(logarithmic beyond ±{plain(margin)})"
+    else:
+        panel.locator_params(axis="x", nbins=5)  # their labels do not touch
+    panel.set_xlim(-edge, edge)
+    panel.set_xlabel(label, fontsize=8.5)
+    panel.tick_params(labelsize=8)
+    bare(panel)

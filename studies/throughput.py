@@ -1,0 +1,217 @@
+"""Speed of the compiled core: nanoseconds per step of one lane, on one core, beside its dgemm rate."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import platform
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.backends import llvm
+from redundant_envs.backends.processors import AVX2
+from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
+from redundant_envs.extras import needs
+from redundant_envs.machine import versions
+from redundant_envs.model.batch import BatchSimulator
+from redundant_envs.model.programs import batch_simulator, traced_batch
+from redundant_envs.progress import counted
+from redundant_envs.robots import RPRP, Arm, Chain, FourR
+from redundant_envs.scene import Scene
+from redundant_envs.timing import by_turns, seconds
+from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
+from studies.speed import dgemm, dgemm_rate, one_core, second_call
+
+with needs("train"):
+    from pydantic import model_validator
+
+COLUMNS = (
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
+    "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
+    "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
+    "packed_instructions", "vector_register", "avx2_over_avx512", "compile_seconds",
+)  # fmt: skip
+DGEMM_TURNS = 20
+"""Products of matrices among the timed calls of a case."""
+PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
+REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
+"""Vector registers, widest first."""
+
+
+ARMS: dict[str, Callable[[], Arm]] = {
+    "FourR": lambda: FourR((0.5,) * 4, (0.25,) * 4),
+    "RPRP": lambda: RPRP((0.5,) * 4, (0.25,) * 2),
+    "Chain RRRR": lambda: Chain("RRRR", (0.5,) * 4, (0.25,) * 4),
+    "Chain RPRP": lambda: Chain("RPRP", (0.5,) * 4, (0.25,) * 2),
+}
+
+
+class Case(Model):
+    """What is timed: one step of 1 ms, or with a tolerance a control interval of 20 ms."""
+
+    arm: Literal["FourR", "RPRP", "Chain RRRR", "Chain RPRP"]
+    integrator: Literal["euler", "rk4", "rk8"]
+    bar_ns: Real = number(..., 1e-3, 1e9, "time that a step shall not exceed", "ns")
+    tolerance: Real | None = number(None, 1e-13, 1.0, "tip error per control interval", "m")
+    bar_evaluations: Real | None = number(None, 1.0, 1e6, "evaluations that it shall not exceed")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.tolerance is None) != (self.bar_evaluations is None):
+            raise ValueError(
+                f"tolerance is {self.tolerance} and bar_evaluations is {self.bar_evaluations}; give both or "
+                "none"
+            )
+        if self.tolerance is not None and self.arm != "FourR":
+            raise ValueError(
+                f"arm is {self.arm!r} and tolerance is {self.tolerance}; a tolerance needs FourR"
+            )
+        return self
+
+    @property
+    def scene(self) -> Scene:
+        """The arm with gravity, friction and, without a tolerance, limit springs."""
+        if self.tolerance is not None:  # links of 1 kg and 0.5 m
+            arm = FourR((1.0,) * 4, (0.5,) * 4)
+            return Scene(arm, (Gravity(), ViscousFriction(0.1)), tolerance=self.tolerance)
+        robot = ARMS[self.arm]()
+        joints, low, high = (
+            (("r1", "r2"), 0.0, 0.25) if robot.sliders() else (("joint2", "joint3"), -2.5, 2.5)
+        )
+        effects = (Gravity(), ViscousFriction(0.1), *(LimitSpring(joint, low, high) for joint in joints))
+        return Scene(robot, effects, integrator=self.integrator, control_dt=0.001, substeps=1)
+
+
+class Study(Model):
+    """The numbers of the study."""
+
+    lanes: Whole = number(..., 1, 1e6, "lanes of a batch")
+    repeats: Whole = number(..., 1, 1e6, "timed calls of each case")
+    bar_gflops: Real = number(..., 1e-3, 1e6, "dgemm rate of the machine of the bars", "GFLOP/s")
+    cases: tuple[Case, ...]
+
+
+def load_study(path: Path) -> Study:
+    """The study that a YAML file describes."""
+    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
+    return study
+
+
+def lively_states(lanes: int, seed: int = 0) -> tuple[NDArray[np.float64], ...]:
+    """Angles uniform, rates normal with 4 rad/s, and efforts on every second lane: (lanes, 4) each."""
+    rng = np.random.default_rng(seed)
+    q, qd = rng.uniform(-np.pi, np.pi, (lanes, 4)), rng.normal(0.0, 4.0, (lanes, 4))
+    efforts = rng.uniform(-1.0, 1.0, (lanes, 4)) * (20.0, 12.0, 8.0, 4.0)
+    efforts[::2] = 0.0
+    return q, qd, efforts
+
+
+def lively_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
+    """A batch in these states, and their efforts."""
+    q, qd, efforts = lively_states(lanes)
+    batch = BatchSimulator(scene, lanes)
+    batch.set_state(q, qd)
+    return batch, efforts
+
+
+def control_figures(scene: Scene, lanes: int) -> tuple[float, float]:
+    """Mean evaluations of an interval, and the share of lanes whose true tip error is in tolerance."""
+    fine = dataclasses.replace(scene, tolerance=None, substeps=64)
+    tips, evaluations = [], 0.0
+    for s in (fine, scene):
+        batch, efforts = lively_batch(s, lanes)
+        evaluations = float(batch.advance(efforts).evaluations.mean())
+        tips.append(scene.robot.forward_kinematics(batch.q))  # type: ignore[attr-defined]
+    error = np.linalg.norm(tips[1] - tips[0], axis=1)
+    return evaluations, float(np.mean(error < scene.tolerance))
+
+
+def filled_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
+    """A batch with random states, and masses and lengths of each lane within 10 % of the scene's; and
+    efforts."""
+    rng, arm, batch = np.random.default_rng(0), scene.robot, BatchSimulator(scene, lanes)
+    batch.set_parameters(
+        {
+            "masses": np.multiply(arm.masses, rng.uniform(0.9, 1.1, (lanes, arm.num_masses))),
+            "lengths": np.multiply(arm.lengths, rng.uniform(0.9, 1.1, (lanes, len(arm.lengths)))),
+        }
+    )
+    q = rng.uniform(-np.pi, np.pi, (lanes, len(arm.joints)))
+    for k in arm.sliders():
+        q[:, k] = rng.uniform(0.0, 0.25, lanes)
+    batch.set_state(q, rng.uniform(-1.0, 1.0, q.shape))
+    return batch, np.random.default_rng(0).uniform(-1.0, 1.0, q.shape)
+
+
+def avx2_over_avx512(make: Callable[[], tuple[BatchSimulator, Any]], turns: int) -> float | None:
+    """Time with code for AVX2 over time with code for AVX-512, by turns on the same core, the median.
+
+    None on a processor without AVX-512.
+    """
+    if not llvm.processor().wide:
+        return None
+    wide = second_call(*make())
+    with llvm.target(AVX2):
+        narrow = second_call(*make())
+    found = by_turns({"narrow": narrow, "wide": wide}, turns)
+    return float(np.median(found["narrow"].samples / found["wide"].samples))
+
+
+def compile_seconds(scene: Scene) -> float:
+    """Time from a scene to the machine code of its step, without any cache, s."""
+    return seconds(lambda: llvm.object_code(traced_batch(scene, track_work=False).program))
+
+
+def packed_instructions(scene: Scene) -> tuple[int | None, str]:
+    """Packed double instructions in the assembly of ``advance``, and the widest register among them.
+
+    Returns (None, "") if the processor is not x86.
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return None, ""
+    found = PACKED.findall(llvm.assembly(batch_simulator(scene, track_work=False).program))
+    return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
+
+
+def run(study: Study) -> list[dict[str, Any]]:
+    """Time every case of the study; one row of ``COLUMNS`` for each."""
+    rows, about = [], versions()
+    with one_core(), counted("throughput", len(study.cases)) as done:
+        for case in study.cases:
+            scene = case.scene
+            figures = None if case.tolerance is None else control_figures(scene, study.lanes)
+            make = functools.partial(lively_batch if figures else filled_batch, scene, study.lanes)
+            # By turns, since the speed of a shared machine changes within seconds.
+            times = by_turns(
+                {"step": second_call(*make()), "dgemm": dgemm()}, study.repeats, {"dgemm": DGEMM_TURNS}
+            )
+            rate, step = dgemm_rate(times["dgemm"]), 1e9 / (study.lanes * scene.substeps)
+            best = step * float(times["step"].best)
+            scaled = case.bar_ns * study.bar_gflops / rate
+            count, register = packed_instructions(scene)
+            ratio = avx2_over_avx512(make, study.repeats)
+            rows.append({
+                **about, "dgemm_gflops": round(rate, 2), "arm": case.arm, "integrator": case.integrator,
+                "lanes": study.lanes, "ns_per_step_best": round(best, 2),
+                "ns_per_step_median": round(step * float(times["step"].median), 2), "bar_ns": case.bar_ns,
+                "scaled_bar_ns": round(scaled, 2), "within_bar": best <= scaled,
+                "tolerance": blank(case.tolerance), "bar_evaluations": blank(case.bar_evaluations),
+                "evaluations_mean": round(figures[0], 2) if figures else "",
+                "share_below_tolerance": round(figures[1], 5) if figures else "",
+                "packed_instructions": blank(count), "vector_register": register,
+                "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
+                "compile_seconds": round(compile_seconds(scene), 2),
+            })  # fmt: skip
+            to = f" to {case.tolerance} m" if figures else ""
+            done(f"{case.arm} {case.integrator}{to} {best:.1f} ns, spread {100 * times['step'].spread:.0f} %")
+    return rows
+
+
+def blank(value: float | None) -> float | str:
+    """The cell of a number that may be missing."""
+    return "" if value is None else value
