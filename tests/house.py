@@ -14,15 +14,14 @@ from pathlib import Path
 from tests.docs.words import count_words
 
 ROOT = Path(__file__).parents[1]
-FEATURES = set(
-    """
-    active attempts begins bounces bounded boundaries bounds_late_switch closed compares_bounces control
-    controlled counted counts_evaluations doubts draws frictions gripped guarded guards holding
-    impulses_change_laws instants kinks laws local located locates_laws logs origin passed pieces
-    pose_tells_distances renewed repeats_common_step resolves rests slipping sticking stiction stops varying
-    watched_sliders weighs_laws
-    """.split()
-)
+FEATURES = {
+    "active", "attempts", "begins", "bounces", "bounded", "boundaries", "bounds_late_switch", "closed",
+    "compares_bounces", "control", "controlled", "counted", "counts_evaluations", "doubts", "draws",
+    "frictions", "gripped", "guarded", "guards", "holding", "impulses_change_laws", "instants", "kinks",
+    "laws", "local", "located", "locates_laws", "logs", "origin", "passed", "pieces",
+    "pose_tells_distances", "renewed", "repeats_common_step", "resolves", "rests", "slipping", "sticking",
+    "stiction", "stops", "varying", "watched_sliders", "weighs_laws",
+}  # fmt: skip
 KINDS = {"HoldingStop", "Stop", "HingeStop", "Wall", "LawChange", "Guard", "StickingJoint", "TravelStop"}
 FLAGS = re.compile(r"\bb\.(joint|bounces|guards|sticks|holds)\b|\bb (not )?in (self\.)?dynamics\.\w+")
 
