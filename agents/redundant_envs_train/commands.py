@@ -211,7 +211,7 @@ def tune(
     ] = None,
     seed: Annotated[int, Option(help="of the sampler")] = 0,
     processes: Annotated[
-        int, Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
+        int, Option(help="trials at a time; their number changes the settings that are tried")
     ] = 1,
     storage: Annotated[
         str | None,
@@ -219,12 +219,8 @@ def tune(
     ] = None,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    from .tuning.search import check_arguments, space_of
-
     base = with_start(to_train(config, overrides or ()))
-    check_arguments(base, trials, seed, processes)
-    space_of(base, search or (), overrides or ())
-    from .tuning.study import tune
+    from .tune import tune
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
     check_kept([folder / name for name in ("best.yaml", "trials.csv", "tune.md")], True, [Path(config)])
@@ -383,14 +379,11 @@ def dataset(
     trust: Trust = False,
 ) -> None:
     """Write episodes as a Minari dataset, from which each one is replayed to the last bit."""
-    from .shipping import dataset
+    check_between("episodes", episodes, 1, 1_000_000)
+    check_between("seed", seed, 0, 2**32 - 1)
+    from .shipping.dataset import write_dataset
 
-    check_between("episodes", episodes, 1, dataset.MOST_EPISODES)
-    check_between("seed", seed, 0, dataset.MOST_SEED)
-    found = dataset.source_of(source, env)
-    dataset.check_absent(out)
-    dataset.check_minari()
-    say(dataset.write_dataset(found, episodes, seed, out, trust))
+    say(write_dataset(source, env, episodes, seed, out, trust))
     say(f"written: {out}")
 
 

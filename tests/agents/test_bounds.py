@@ -186,7 +186,7 @@ def test_a_journal_that_would_fill_the_memory(tmp_path, lean):
     sparse(tmp_path / "study.journal")
     lean(
         ["tune", "rprp_reach_ppo", "--out", tmp_path],
-        "study.journal has 2147483648 bytes, more than the 10725120",
+        "study.journal has 2147483648 bytes, more than the 67108864",
     )
 
 
