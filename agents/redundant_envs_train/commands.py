@@ -16,7 +16,7 @@ from . import COMMAND, command, run_folder
 from .config import WITHOUT_EFFECT, Config, check_telemetry, complete, load, page_of_keys
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.runs import read_groups, read_places, read_run, write_runs
+from .evidence.runs import TABLE, read_groups, read_places, read_run, write_runs
 from .presets import is_override, presets
 from .start import with_start
 from .training.pool import Stopped, count_of, seeds_of
@@ -37,7 +37,7 @@ Training = Annotated[
 Folder = Annotated[Path, Argument(help="run folder")]
 PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
 Runs = Annotated[
-    list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.csv/*_sac/*")
+    list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.jsonl/*_sac/*")
 ]
 Out = Annotated[Path | None, Option(help="folder to write to")]
 Force = Annotated[bool, Option("--force", help="replace files that exist")]
@@ -291,7 +291,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
 def table(
     runs: Runs,
     out: Annotated[
-        Path | None, Option(help="write a table of runs, .csv: all numbers and settings of each run")
+        Path | None, Option(help="write a table of runs, .jsonl: all numbers and settings of each run")
     ] = None,
     force: Force = False,
 ) -> None:
@@ -301,8 +301,8 @@ def table(
     read the run folders.
     """
     if out is not None:
-        if out.suffix.lower() != ".csv":
-            raise ValueError(f"out is {out}; end its name in .csv")
+        if out.suffix != TABLE:
+            raise ValueError(f"out is {out}; end its name in {TABLE}")
         run_folder.check_out(out.parent)
         check_kept([out], force, read_places(runs))
     text = tables.table(runs)

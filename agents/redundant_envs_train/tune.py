@@ -47,7 +47,6 @@ OFF_POLICY = {
 """Default searches, of those settings that a learner has, with the presets' values inside."""
 JOURNAL, POINT = "study.journal", ("hold_success", "return", "env_steps")  # last point; None: it is not told
 STARTUP, WARMUP = 5, 0.2  # complete trials, and share of a training, before one may be pruned
-MOST = 1 << 26  # bytes of a journal, which become twenty times as many in memory
 FEW = 10  # trials in the table of the page, and complete ones from which on importance is told
 Space = dict[str, tuple[str, dict[str, Any]]]  # by key, a method of a trial and its arguments; choices: texts
 
@@ -175,7 +174,7 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
         if Path(kept).exists():  # Optuna would append to any file
-            with bounded.opened(Path(kept), "journal", MOST) as file:
+            with bounded.opened(Path(kept), "journal", bounded.MOST_UNPACKED) as file:
                 if b'"op_code"' not in file.read(40):
                     raise ValueError("it is no journal of Optuna's")
         return optuna.create_study(
@@ -184,7 +183,8 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
             pruner=optuna.pruners.MedianPruner(STARTUP, int(WARMUP * config.total_steps)),
         )  # fmt: skip
     except Exception as error:  # a damaged file may raise any error
-        raise ValueError(f"{kept} cannot be used ({shown(str(error))}); choose another one") from error
+        reason = " ".join(str(error).split())[:300]
+        raise ValueError(f"{kept} cannot be used ({reason}); choose another one") from error
 
 
 def _try(

@@ -151,8 +151,8 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
         lean(["table", run], "selection.csv", words)
     sparse(run / "selection.csv")
     lean(["curves", run], "selection.csv has 2147483648 bytes")
-    rows = tmp_path / "runs.csv"
-    for text in ("run,a\n" + "a," * 4 * MIB, 'run\n"' + "\n" * MIB, "run\n" + "x\n" * 9 * MIB):
+    rows = tmp_path / "runs.jsonl"
+    for text in ("[" * 4 * MIB, "[" * MIB, "{}\n" * 9 * MIB):
         rows.write_text(text)
         lean(["table", rows], str(rows))
     sparse(rows)
