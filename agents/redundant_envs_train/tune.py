@@ -4,8 +4,9 @@ import hashlib
 import json
 import math
 import multiprocessing
+import sys
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from redundant_envs import bounded
 from redundant_envs.disk import alone, write_text
 from redundant_envs.extras import needs
 from redundant_envs.files import text_value
-from redundant_envs.modules import IMPORTED
 from redundant_envs.progress import progress_bars
 from redundant_envs.tables import markdown
 from redundant_envs.values import check_between, shown
@@ -24,7 +24,7 @@ from redundant_envs.values import check_between, shown
 from . import command, pages, run_folder
 from .config import Config, checked
 from .config.files import written
-from .training.pool import POLL, Stopped, count_of, settle, stop_request
+from .training.pool import POLL, Stopped, count_of, places, settle, start, stop_request
 
 with needs("tune"):
     import optuna
@@ -33,6 +33,7 @@ with needs("tune"):
     from optuna.storages.journal import JournalFileBackend
     from optuna.trial import TrialState
 
+optuna.logging.set_verbosity(optuna.logging.ERROR)  # trials are told by trials.csv
 PPO = {
     "learning_rate": "5e-4..2e-2", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
     "batch_size": "512|1024|2048|4096", "ent_coef": "1e-3..3e-2", "clip_range": "0.1..0.4",
@@ -71,13 +72,14 @@ def tune(
     with alone(folder, "tunes"), progress_bars() as bars:
         study = opened(storage or str(folder / JOURNAL), config, space, seed)
         job = study, config, space, folder, trials, seed
-        left = trials - ended(study)
-        if left == trials:
+        begun = ended(study)
+        left = max(0, trials - begun)
+        if not begun:
             study.enqueue_trial(own_values(config, space))
         line = bars.add_task("tune", total=left, note="")
         try:
             if count > 1:
-                _several(job, count, left, lambda: bars.update(line, advance=1))
+                _several(job, count, left, lambda: bars.update(line, completed=ended(study) - begun))
             for k in range(left if count == 1 else 0):
                 _try(k, bars, *job)
                 bars.update(line, advance=1)
@@ -89,21 +91,34 @@ def tune(
 
 def _several(job: Any, count: int, left: int, tell: Callable[[], None]) -> None:
     """Train trials in processes; if one fails, or the user asks, the others end their trainings in order."""
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, spawn, settle, (None, (*IMPORTED,))) as pool, stop_request() as stop:
-        waiting: set[Future[None]] = {pool.submit(_try, k, None, *job) for k in range(left)}
-        try:
-            while waiting:
-                over, waiting = wait(waiting, POLL, FIRST_COMPLETED)
-                for trial in over:
-                    trial.result()
-                    tell()
-                if stop.is_set():
-                    raise KeyboardInterrupt
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children() if waiting else ():
-                process.terminate()
+    spawn, own_cores = multiprocessing.get_context("spawn"), job[1].torch_threads == 1
+    stopping, cores = spawn.Event(), places(min(count, left), own_cores)
+    team = [start(spawn, _work, job, range(k, left, count), stopping, core) for k, core in enumerate(cores)]
+    with stop_request() as stop:
+        while any(process.is_alive() for process in team):
+            time.sleep(POLL)
+            tell()
+            if stop.is_set() or any(process.exitcode for process in team):
+                stopping.set()
+    if stop.is_set():
+        raise KeyboardInterrupt
+    if stopping.is_set():
+        raise ValueError("a process of the study failed; the same command goes on")
+
+
+def _work(job: Any, numbers: range, stopping: Any, core: int | None, modules: Sequence[str]) -> None:
+    """Train some trials in a process of its own."""
+    settle(core, modules)
+    from .training.many import Teller
+
+    bars = Teller(lambda news: None, stopping.is_set, "tune")
+    try:
+        for k in numbers if not stopping.is_set() else ():
+            _try(k, bars, *job)
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        sys.exit(f"{type(error).__name__}: {error}")
 
 
 def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
@@ -171,7 +186,6 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
 
     run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
     asked = json.dumps([run, seed, space])
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
     try:
         if Path(kept).exists():  # Optuna would append to any file
             with bounded.opened(Path(kept), "journal", bounded.MOST_UNPACKED) as file:
@@ -192,7 +206,7 @@ def _try(
 ) -> None:  # fmt: skip
     """Train one more trial, unless the study has enough."""
     from .training import checkpoint
-    from .training.train import Progress, train
+    from .training.train import train
 
     if ended(study) >= trials:
         return
@@ -217,7 +231,7 @@ def _try(
 
         values = {key: getattr(trial, how)(key, **at) for key, (how, at) in space.items()}
         try:
-            train(with_values(config, values), place, bars or Progress(disable=True), on_point)
+            train(with_values(config, values), place, bars, on_point)
         except (
             ValueError,
             ArithmeticError,

@@ -1,10 +1,10 @@
 """Tuning: search spaces, and studies of trainings that go on where they stood."""
 
 import math
-import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 import yaml
@@ -240,13 +240,14 @@ def test_among_trials_that_hold_nothing_or_do_not_tell_the_return_decides(monkey
         assert ("tells no success" in page) == math.isnan(hold)
 
 
+@pytest.mark.usefixtures("interrupts")
 def test_ctrl_c_ends_all_processes_of_a_study_and_the_same_command_goes_on(tmp_path):
     words = ["tune", "rprp_reach_ppo", *SMALL, "total_steps=400000000", "--processes", "2", "--out", tmp_path]
     command = [sys.executable, "-m", "redundant_envs_train", *map(str, words)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         while len([*tmp_path.glob("trial*/selection.csv")]) < 2 and process.poll() is None:
-            pass
-        os.kill(process.pid, signal.SIGINT)
+            time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=100)
     assert process.returncode == 130
     assert error.splitlines()[-1] == "stopped after 0 of 30 trials; the same command goes on"
