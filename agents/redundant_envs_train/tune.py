@@ -189,7 +189,7 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
     try:
         if Path(kept).exists():  # Optuna would append to any file
             with bounded.opened(Path(kept), "journal", bounded.MOST_UNPACKED) as file:
-                if b'"op_code"' not in file.read(40):
+                if (first := file.read(40)) and b'"op_code"' not in first:
                     raise ValueError("it is no journal of Optuna's")
         return optuna.create_study(
             storage=kept if "://" in kept else JournalStorage(JournalFileBackend(kept)),
@@ -232,11 +232,7 @@ def _try(
         values = {key: getattr(trial, how)(key, **at) for key, (how, at) in space.items()}
         try:
             train(with_values(config, values), place, bars, on_point)
-        except (
-            ValueError,
-            ArithmeticError,
-            RuntimeError,
-        ) as error:  # refused, or without end
+        except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or not finite
             trial.set_user_attr("message", " ".join(str(error).split()))
             raise optuna.TrialPruned from error
         finally:
@@ -253,9 +249,8 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
     write_text(folder / "trials.csv", frame.to_csv(index=False))
     best = frame[frame["state"] == "COMPLETE"].sort_values("value", ascending=False)
     if best.empty:
-        raise ValueError(
-            f"no trial of {folder} was completed: {frame.get('message', ['they were stopped'])[0]}"
-        )
+        why = frame.get("message", frame["state"]).dropna()
+        raise ValueError(f"no trial of {folder} was completed: {why.iloc[0]}")
     chosen = with_values(config, study.best_params).to_dict()
     write_text(folder / "best.yaml", yaml.safe_dump(chosen, sort_keys=False))
     shares: dict[str, float] = {}
