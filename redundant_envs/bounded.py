@@ -27,7 +27,7 @@ MOST_PACKED = 1 << 28
 MOST_JSON = 1 << 20
 """Bytes of JSON, which becomes twenty times as many in memory; evaluations have two thousand."""
 MOST_TABLE = 1 << 24
-"""Bytes of a table whose cells are JSON: some thousand runs with their learning curves."""
+"""Bytes of a table of runs: some thousand with their learning curves."""
 LONGEST_LINE = 1 << 20
 MOST_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
 END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
@@ -114,7 +114,6 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
     """The rows of a CSV file, one line each, by the columns of its first line; empty lines are left out."""
     import csv
 
-    csv.field_size_limit(max(csv.field_size_limit(), LONGEST_LINE))  # of the process, which may have a larger
     head: list[str] | None = None
     for number, line in enumerate(read_lines(path, what, MOST_TABLE), 1):
         if not line:

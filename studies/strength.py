@@ -28,7 +28,7 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs.values import shown
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
-from redundant_envs_train.evidence.runs import Run, read_runs, value_of
+from redundant_envs_train.evidence.runs import Run, read_runs
 from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
 from redundant_envs_train.run_folder import check_study, evaluate_anew
 from redundant_envs_train.statistics import wilson
@@ -214,6 +214,14 @@ def _factor(run: Run, arm: str) -> float:
     return float(round(ratios[0], 9))
 
 
+def _value_of(cell: str) -> Any:
+    """What a cell that is not empty holds."""
+    try:
+        return json.loads(cell)
+    except (ValueError, RecursionError):
+        return cell
+
+
 def read_rows(path: Path) -> list[Row]:
     """The rows of a CSV file of ``COLUMNS``; ValueError with file and line for others."""
     rows = []
@@ -221,7 +229,7 @@ def read_rows(path: Path) -> list[Row]:
         if tuple(values) != COLUMNS:
             raise ValueError(f"{path} has the columns {shown(list(values))}; give {', '.join(COLUMNS)}")
         try:
-            cells: dict[str, Any] = {k: value_of(cell) if cell else None for k, cell in values.items()}
+            cells: dict[str, Any] = {k: _value_of(cell) if cell else None for k, cell in values.items()}
             rows.append(Row(**cells))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}, line {count}: {error}; write the file again") from error

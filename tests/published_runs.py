@@ -13,11 +13,11 @@ RESULTS = ROOT / "docs" / "results"
 
 
 def published_run(name: str, folder: Path) -> Path:
-    """Make the folder of a run of docs/results/runs.csv whose policy is in policies/."""
+    """Make the folder of a run of docs/results/runs.jsonl whose policy is in policies/."""
     from redundant_envs_train.evidence.runs import read_runs
     from redundant_envs_train.run_folder import SELECTION
 
-    (run,) = read_runs([RESULTS / "runs.csv" / name])
+    (run,) = read_runs([RESULTS / "runs.jsonl" / name])
     others = shutil.ignore_patterns("README.md", "policy.npz", "policy.onnx")
     shutil.copytree(
         ROOT / "policies" / f"{run.env.split('/')[1]}-{run.settings['algo']}", folder, ignore=others

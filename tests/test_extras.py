@@ -77,13 +77,6 @@ MISSING = {
     "minari": ("datasets", [DATASET]),
     "h5py": ("datasets", [DATASET]),
     "pygame": ("human", [PLAY]),
-    "rl_zoo3": (
-        "zoo",
-        [
-            "import redundant_envs_train.zoo.experiment",
-            "import sys; from redundant_envs_train.zoo.__main__ import main; sys.exit(main())",
-        ],
-    ),
     "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
     "casadi": ("casadi", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
     "mujoco": ("verify", [f"{SCENE} peers.mujoco_model(s, 'RK4', .01)"]),
@@ -92,7 +85,7 @@ MISSING = {
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [
     ("matplotlib",), ("imageio",), ("stable_baselines3",),
-    ("rl_zoo3", "sympy", "mujoco", "scipy", "casadi", "minari"),
+    ("sympy", "mujoco", "scipy", "casadi", "minari"),
     *(
         pytest.param(packages, marks=pytest.mark.long)
         for packages in (

@@ -15,7 +15,7 @@ from . import COMMAND, command, run_folder
 from .config import WITHOUT_EFFECT, Config, check_telemetry, complete, load, page_of_keys
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.runs import read_groups, read_places, read_run, write_runs
+from .evidence.runs import TABLE, read_groups, read_places, read_run, write_runs
 from .presets import is_override, presets
 from .start import with_start
 from .training.pool import Stopped, count_of, seeds_of
@@ -36,7 +36,7 @@ Training = Annotated[
 Folder = Annotated[Path, Argument(help="run folder")]
 PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
 Runs = Annotated[
-    list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.csv/*_sac/*")
+    list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.jsonl/*_sac/*")
 ]
 Out = Annotated[Path | None, Option(help="folder to write to")]
 Force = Annotated[bool, Option("--force", help="replace files that exist")]
@@ -207,7 +207,7 @@ def tune(
     ] = None,
     seed: Annotated[int, Option(help="of the sampler")] = 0,
     processes: Annotated[
-        int, Option(help="trials at a time, each on its own core; 1 to 4 give the same results")
+        int, Option(help="trials at a time; their number changes the settings that are tried")
     ] = 1,
     storage: Annotated[
         str | None,
@@ -215,12 +215,8 @@ def tune(
     ] = None,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    from .tuning.search import check_arguments, space_of
-
     base = with_start(to_train(config, overrides or ()))
-    check_arguments(base, trials, seed, processes)
-    space_of(base, search or (), overrides or ())
-    from .tuning.study import tune
+    from .tune import tune
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
     check_kept([folder / name for name in ("best.yaml", "trials.csv", "tune.md")], True, [Path(config)])
@@ -291,7 +287,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
 def table(
     runs: Runs,
     out: Annotated[
-        Path | None, Option(help="write a table of runs, .csv: all numbers and settings of each run")
+        Path | None, Option(help="write a table of runs, .jsonl: all numbers and settings of each run")
     ] = None,
     force: Force = False,
 ) -> None:
@@ -301,8 +297,8 @@ def table(
     read the run folders.
     """
     if out is not None:
-        if out.suffix.lower() != ".csv":
-            raise ValueError(f"out is {out}; end its name in .csv")
+        if out.suffix != TABLE:
+            raise ValueError(f"out is {out}; end its name in {TABLE}")
         run_folder.check_out(out.parent)
         check_kept([out], force, read_places(runs))
     text = tables.table(runs)
@@ -379,14 +375,11 @@ def dataset(
     trust: Trust = False,
 ) -> None:
     """Write episodes as a Minari dataset, from which each one is replayed to the last bit."""
-    from .shipping import dataset
+    check_between("episodes", episodes, 1, 1_000_000)
+    check_between("seed", seed, 0, 2**32 - 1)
+    from .shipping.dataset import write_dataset
 
-    check_between("episodes", episodes, 1, dataset.MOST_EPISODES)
-    check_between("seed", seed, 0, dataset.MOST_SEED)
-    found = dataset.source_of(source, env)
-    dataset.check_absent(out)
-    dataset.check_minari()
-    say(dataset.write_dataset(found, episodes, seed, out, trust))
+    say(write_dataset(source, env, episodes, seed, out, trust))
     say(f"written: {out}")
 
 

@@ -156,7 +156,7 @@ def scene_picture(name: str) -> Any:
 
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
-    table = brief_table([RESULTS / "runs.csv"])
+    table = brief_table([RESULTS / "runs.jsonl"])
     text = readme.read_text(encoding="utf-8")
     marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
@@ -168,7 +168,7 @@ if __name__ == "__main__":
     for name, (policy, seed) in THUMBNAILS.items():
         thumbnail(name, policy, seed)
     for name, runs in CURVES.items():
-        curves([RESULTS / f"{runs}.csv"], FIGURES / f"learning_curves{name}.png")
+        curves([RESULTS / f"{runs}.jsonl"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
     with (RESULTS / "estimates.csv").open(encoding="utf-8") as file:
         save_figure(estimates.figure(list(csv.DictReader(file))), FIGURES / "estimates.png")

@@ -128,7 +128,7 @@ def readers(folder: Path, out: Path) -> dict[str, list[Any]]:
         "report": ["report", folder, "--out", out / "b"],
         "play": ["play", folder, "--clip", out / "a.gif", "--episodes", 1],
         "export": ["export", folder, "--out", out / "policies"], "table": ["table", folder],
-        "table out": ["table", folder, "--out", out / "a.csv"],
+        "table out": ["table", folder, "--out", out / "a.jsonl"],
         "curves": ["curves", folder, "--out", out / "curves.png"],
         "stops": ["study", "stops", folder, "--lanes", 8, "--out", out / "stops.csv"],
     }  # fmt: skip

@@ -151,8 +151,8 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
         lean(["table", run], "selection.csv", words)
     sparse(run / "selection.csv")
     lean(["curves", run], "selection.csv has 2147483648 bytes")
-    rows = tmp_path / "runs.csv"
-    for text in ("run,a\n" + "a," * 4 * MIB, 'run\n"' + "\n" * MIB, "run\n" + "x\n" * 9 * MIB):
+    rows = tmp_path / "runs.jsonl"
+    for text in ("[" * 4 * MIB, "[" * MIB, "{}\n" * 9 * MIB):
         rows.write_text(text)
         lean(["table", rows], str(rows))
     sparse(rows)
@@ -186,7 +186,7 @@ def test_a_journal_that_would_fill_the_memory(tmp_path, lean):
     sparse(tmp_path / "study.journal")
     lean(
         ["tune", "rprp_reach_ppo", "--out", tmp_path],
-        "study.journal has 2147483648 bytes, more than the 10725120",
+        "study.journal has 2147483648 bytes, more than the 67108864",
     )
 
 

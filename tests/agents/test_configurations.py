@@ -88,13 +88,6 @@ def test_keys_are_completed_and_so_are_their_choices():
     assert complete("nothing=") == []
 
 
-def test_a_configuration_of_an_older_version_says_what_changed(tmp_path):
-    path = tmp_path / "old.yaml"
-    path.write_text("env: redundant_envs/RPRPReach-v0\nalgo: ppo\n")
-    with says("config_version is missing", "average of the last weights", "tanh"):
-        load(path)
-
-
 @pytest.mark.parametrize("name", presets())
 def test_shipped_configurations_load_and_are_named_by_what_they_are(name):
     config = load(name)

@@ -155,7 +155,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
     """They differ in all that a table keeps."""
     scene = load_scene("rprp_reach").to_dict()
     scene["robot"]["masses"] = [0.5, 0.5, 0.25, 0.1]
-    base, path, weak = tmp_path / "runs", tmp_path / "new" / "runs.csv", {"scene": "four_r_weak"}
+    base, path, weak = tmp_path / "runs", tmp_path / "new" / "runs.jsonl", {"scene": "four_r_weak"}
     folders = [
         write_run(base / "a/seed0", 0, machine="12", time_to_hold=None),
         write_run(base / "a/seed1", 1, curve=[], without=("effort",)),
@@ -171,34 +171,35 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
     assert table([path]) == table(folders)
     picked = read_runs([path / "b" / "0", folders[0], path / "*seed1"])
     assert [run.folder.name for run in picked] == ["0", "seed0", "seed1"]
-    with says("runs.csv has no run d/*; it has a/seed0, a/seed1, b/0 ..."):
+    with says("runs.jsonl has no run d/*; it has a/seed0, a/seed1, b/0 ..."):
         read_runs([path / "d" / "*"])
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("evaluation.hold_success", "hold", "'hold_success'"),
+        ('"hold_success": 0', '"hold": 0', "'hold_success'"),
         ("0.99,", "1.99,", "has 1.99 as 'hold_success'"),
-        (",rk8,", ",rk7,", "'rk7'"), ("config.total_steps", "config.total", "total"),
+        ('"rk8"', '"rk7"', "'rk7'"), ("total_steps", "total", "total"), ('"scene"', '"place"', "'scene'"),
         ("[1000.0, 2000.0, 3000.0]", "[1000.0, 3000.0, 2000.0]", "steps or seconds go back"),
-        ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"), ("run,", "name,", "'run'"),
+        ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"), ('"run"', '"name"', "'run'"),
+        ("{", "[", "delimiter"),
         ("[1000.0, 2000.0, 3000.0]", f"[1{'0' * 400}, 2000.0, 3000.0]", "too large"),
     ],
 )  # fmt: skip
 def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
-    path = tmp_path / "runs.csv"
+    path = tmp_path / "runs.jsonl"
     write_runs([read_run(write_run(tmp_path / "seed0"))], path)
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
-    with says("runs.csv is no table of runs", "write it again", words):
+    with says("runs.jsonl is no table of runs", "write it again", words):
         read_runs([path])
 
 
 def test_a_table_that_is_written_is_read_or_refused_by_its_size(tmp_path, monkeypatch):
     long = [(1000.0 * k, 0.1 * k, 0.5, 0.5, 45.1234 + 1e-4 * k) for k in range(16_000)]
     runs = [read_run(write_run(tmp_path / f"seed{k}", k, curve=long)) for k in range(2)]
-    write_runs(runs, path := tmp_path / "runs.csv")
+    write_runs(runs, path := tmp_path / "runs.jsonl")
     for one, other in zip(runs, read_runs([path]), strict=True):
         np.testing.assert_array_equal(one.curve, other.curve)
     size = path.stat().st_size
@@ -209,8 +210,8 @@ def test_a_table_that_is_written_is_read_or_refused_by_its_size(tmp_path, monkey
         with monkeypatch.context() as context:
             context.setattr(bounded, name, most)
             with says(words, f"more than the {most} that are read"):
-                write_runs(runs, tmp_path / "new.csv")
-    assert not (tmp_path / "new.csv").exists()
+                write_runs(runs, tmp_path / "new.jsonl")
+    assert not (tmp_path / "new.jsonl").exists()
 
 
 # ---- tables for readers ----------------------------------------------------------------------------

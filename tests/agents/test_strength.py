@@ -163,8 +163,8 @@ def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_j
         ([stopped], "d is a training that was stopped"),
         ([wrong], "e/evaluation.json has the hold success 0.5 outside its interval"),
         ([longer], "f: env_kwargs has 'max_episode_steps'"), ([wider], "g: env_kwargs has 'task'"),
-        ([results / "runs.csv/rprp_goal_reach_her/seed110"], "is of redundant_envs/RPRPGoalReach-v0; give"),
-        ([results / "baselines.csv/rprp_reach_td3/seed0"], "is a run of TD3; give"),
+        ([results / "runs.jsonl/rprp_goal_reach_her/seed110"], "is of redundant_envs/RPRPGoalReach-v0; give"),
+        ([results / "baselines.jsonl/rprp_reach_td3/seed0"], "is a run of TD3; give"),
     ):  # fmt: skip
         with says(*words):
             learner_rows(folders)

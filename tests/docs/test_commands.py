@@ -26,7 +26,7 @@ QUICK = (
     "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
     "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
-    "python -m agents table docs/results/runs.csv",
+    "python -m agents table docs/results/runs.jsonl",
     "python -m agents schema",
     "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
@@ -39,7 +39,7 @@ SLOWER = (
     "python -m redundant_envs simulate",
     "python -m redundant_envs verify rprp_reach",
     "python -m studies accuracy --redraw docs/results/accuracy",
-    "python -m agents curves docs/results/runs.csv --out runs/curves.png",
+    "python -m agents curves docs/results/runs.jsonl --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
     "python -m agents export RUN",
@@ -113,7 +113,7 @@ def test_commands_run(command, tmp_path, monkeypatch, capsys):
         if "report" in command:
             (tmp_path / RUN / "evaluation.json").unlink()  # as where a training has just ended
     else:
-        shutil.copy(RESULTS / "runs.csv", results)
+        shutil.copy(RESULTS / "runs.jsonl", results)
     words = words_of(command)
     monkeypatch.chdir(tmp_path)
     if words[1] == "-m":

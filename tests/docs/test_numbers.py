@@ -116,24 +116,23 @@ def test_what_an_error_costs_is_what_the_study_wrote():
 
 def test_the_tables_of_learners_are_made_from_the_tables_of_runs():
     for name, source in (("learners", "runs"), ("learners", "baselines"), ("strength", "weak")):
-        made = [line for line in table([RESULTS / f"{source}.csv"]).splitlines() if line.startswith("| ")]
+        made = [line for line in table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")]
         assert len(made) >= 8
         assert [row for row in made if row not in page(name)] == []
 
 
 def test_the_results_of_the_readme_are_those_of_the_table_of_runs():
-    brief = brief_table([RESULTS / "runs.csv"])
+    brief = brief_table([RESULTS / "runs.jsonl"])
     assert brief.count("\n") >= 7
-    again = "the table of results is not that of docs/results/runs.csv; run python docs/figures/remake.py"
+    again = "the table of results is not that of docs/results/runs.jsonl; run python docs/figures/remake.py"
     assert f"-->\n{brief}\n<!--" in text(README), again
 
 
 def test_later_seeds_are_those_of_their_table_and_hold_as_many_goals():
-    assert brief_table([RESULTS / "runs_200.csv"]) in page("learners")
+    assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")
     held = {}
-    for row in rows("runs_200.csv"):
-        preset, _, seed = row["run"].partition("/seed")
-        held.setdefault(preset, {})[int(seed)] = float(row["evaluation.hold_success"])
+    for run in read_runs([RESULTS / "runs_200.jsonl"]):
+        held.setdefault(run.folder.parent.name, {})[run.seed] = run.evaluation["hold_success"]
     assert len(held) == 6
     for preset, found in held.items():
         assert sorted(found) == list(range(200, 210))
@@ -164,7 +163,7 @@ def test_the_ablations_are_those_of_the_table_of_runs():
     for setting, name in ABLATIONS.items():
         cells = []
         for arm in ("four_r", "rprp"):
-            (run,) = read_runs([RESULTS / "ablations.csv" / f"{arm}_sac{setting}" / "seed0"])
+            (run,) = read_runs([RESULTS / "ablations.jsonl" / f"{arm}_sac{setting}" / "seed0"])
             missed = round((1 - run.evaluation["hold_success"]) * run.evaluation["episodes"])
             restless = f"{run.evaluation['restless']} of {missed}" if missed else "-"
             cells += [f"{100 * run.evaluation['hold_success']:.1f} %", restless]
@@ -173,10 +172,10 @@ def test_the_ablations_are_those_of_the_table_of_runs():
 
 @pytest.mark.parametrize(("name", "runs", "policies"), [("ablations", 10, 10), ("strength/runs", 34, 18)])
 def test_a_row_of_a_study_has_the_policy_of_its_lowest_seed(name, runs, policies):
-    groups = read_groups([RESULTS / f"{name}.csv"])
+    groups = read_groups([RESULTS / f"{name}.jsonl"])
     assert sum(len(same.runs) for same in groups) == runs
     first = [same.runs[0] for same in groups if len(same.runs) < 10]  # PPO of full strength has none
-    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.csv"): run for run in first}
+    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.jsonl"): run for run in first}
     assert {path.parent for path in (RESULTS / name).rglob("policy.zip")} == lowest.keys()
     assert len(lowest) == policies
     for folder, run in lowest.items():

@@ -11,7 +11,7 @@ from redundant_envs.values import shown
 
 from ..presets import is_override, preset_path
 from .fields import checked, limits, model_at, short
-from .run import ALGORITHMS, CHANGES, CLIENTS, VERSION, Config
+from .run import ALGORITHMS, CLIENTS, VERSION, Config
 
 KEYS = """# Keys of a training configuration
 
@@ -74,20 +74,9 @@ def _mistake(make: Callable[[Any], Any], data: dict[str, Any]) -> str:
 
 
 def config_of(data: dict[str, Any]) -> Config:
-    """A configuration from plain data of this version; for another one the error names the changes since."""
-    found = data.get("config_version", 1)
-    whole = isinstance(found, int) and not isinstance(found, bool)
-    if whole and found == VERSION:
-        config: Config = checked(Config, data)
-        return config
-    if not (whole and 1 <= found < VERSION):
-        raise ValueError(f"config_version is {shown(found)}; this program reads {VERSION}")
-    changed = " ".join(f"Version {v}: {CHANGES[v]}." for v in range(found + 1, VERSION + 1))
-    said = "is missing" if "config_version" not in data else f"is {found}"
-    raise ValueError(
-        f"config_version {said}; this program reads {VERSION}. {changed} Look whether the run is still "
-        f"the one you mean, then write config_version: {VERSION}"
-    )
+    """A configuration from plain data."""
+    config: Config = checked(Config, data)
+    return config
 
 
 def read(path: str | Path, folder: str) -> dict[str, Any]:

@@ -29,12 +29,6 @@ MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout
 MOST_DRAWN = 10**7  # most samples that are drawn at once
 MOST_DIVISOR = 10**6  # largest batch that a message proposes
 VERSION = 2
-CHANGES = {
-    2: "the saved policy is the average of the last weights, not the best on the selection goals; the "
-    "learning rate has a schedule (sac: constant, ppo: linear) and networks an activation (silu instead of "
-    "tanh); the defaults of all learners are others; max_seconds has no default; her is an algorithm",
-}
-"""The changes of each version of the configuration."""
 
 
 def first_environment_seed(seed: int) -> int:

@@ -1,8 +1,6 @@
 """Runs read from their folders and from tables, and groups of runs that differ only in their seed.
 
-A table of runs has a row for each, with its settings, scene, evaluation and learning curve. A column has a
-dotted name, such as ``config.sac.gamma``. A cell is JSON, or a plain text where that is no JSON; it is empty
-if the run has no such entry.
+A table of runs has a line of JSON for each, with its settings, scene, evaluation and learning curve.
 """
 
 import fnmatch
@@ -18,16 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs import bounded
+from redundant_envs.disk import write_text
 from redundant_envs.envs.registration import SCENES
 from redundant_envs.scene import Scene
-from redundant_envs.tables import write_rows
 from redundant_envs.values import shown
 
 from .. import command, run_folder, train_again
 from ..config import WITHOUT_EFFECT, Config, config_of
 
-SECTIONS = ("run", "simulator", "config", "evaluation", "scene", "curve")
-"""First parts of the names of columns."""
+TABLE = ".jsonl"  # ending of a table of runs
 SHARES = ("hold_success", "touch_success")  # columns of the curve that are NaN if the task does not tell them
 CIRCUMSTANCES = ("train_seconds", "versions", "machine", "date")
 """Entries in which two trainings of one seed may differ although their results are the same."""
@@ -174,43 +171,37 @@ def _differences(runs: list[Run]) -> list[list[str]]:
 
 
 def write_runs(runs: Sequence[Run], path: Path) -> None:
-    """Write runs as a CSV file that :func:`read_runs` reads; their names are the ends of their folders.
-    ValueError if the file would be longer than what is read."""
+    """Write runs, a line of JSON for each, that :func:`read_runs` reads; their names are the ends of their
+    folders. ValueError if the file would be longer than what is read."""
     folders = [run.folder.absolute() for run in runs]
     above = os.path.commonpath([folder.parent for folder in folders])
-    rows = []
+    lines = []
     for run, folder in zip(runs, folders, strict=True):
-        parts = (
-            folder.relative_to(above).as_posix(), run.simulator, {**run.settings, "seed": run.seed},
-            run.evaluation, run.scene, dict(zip(run_folder.SELECTION, run.curve.T.tolist(), strict=True)),
-        )  # fmt: skip
-        cells = run_folder.flat(dict(zip(SECTIONS, parts, strict=True)))
-        # JSON, but a text as it is if that cannot be mistaken
-        plain = {n for n, v in cells.items() if isinstance(v, str) and v and value_of(v) is v}
-        rows.append({name: v if name in plain else json.dumps(v) for name, v in cells.items()})
-    columns = dict.fromkeys(name for row in rows for name in row)
-    size = len(",".join(columns))
-    for run, row in zip(runs, rows, strict=True):
-        line = len(columns) + sum(len(cell.encode()) + cell.count('"') + 2 for cell in row.values())
-        size += line
-        if line > bounded.LONGEST_LINE:
+        data = {
+            "run": folder.relative_to(above).as_posix(), "simulator": run.simulator,
+            "config": {**run.settings, "seed": run.seed}, "evaluation": run.evaluation, "scene": run.scene,
+            "curve": dict(zip(run_folder.SELECTION, run.curve.T.tolist(), strict=True)),
+        }  # fmt: skip
+        lines.append(json.dumps(data) + "\n")
+        if (size := len(lines[-1])) > bounded.LONGEST_LINE:
             raise ValueError(
-                f"{run.folder} would have {line} bytes in a table, more than the {bounded.LONGEST_LINE} that "
+                f"{run.folder} would have {size} bytes in a table, more than the {bounded.LONGEST_LINE} that "
                 f"are read, for its {len(run.curve)} points of the curve; leave it out, and give its folder"
             )
-    if size > bounded.MOST_TABLE:
+    if (size := sum(map(len, lines))) > bounded.MOST_TABLE:
         raise ValueError(
             f"{path} would have {size} bytes, more than the {bounded.MOST_TABLE} that are read; write "
             "several tables of fewer runs"
         )
-    write_rows(rows, sorted(columns, key=lambda name: SECTIONS.index(name.partition(".")[0])), path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, "".join(lines))
 
 
 def read_runs(places: Iterable[str | Path]) -> list[Run]:
     """Runs from run folders, tables of :func:`write_runs`, and runs of a table.
 
-    These are written ``TABLE.csv/NAME``, where the name may be a pattern such as ``*_sac/*``. ValueError if a
-    folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
+    These are written ``TABLE.jsonl/NAME``, where the name may be a pattern such as ``*_sac/*``. ValueError if
+    a folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
     """
     runs: list[Run] = []
     for place in map(Path, places):
@@ -230,8 +221,8 @@ def read_places(places: Iterable[str | Path]) -> list[Path]:
 
 
 def _table_of(place: Path) -> Path | None:
-    """The table of runs that a place names, as in runs.csv/name."""
-    return next((p for p in (place, *place.parents) if p.suffix == ".csv" and p.is_file()), None)
+    """The table of runs that a place names, as in runs.jsonl/name."""
+    return next((p for p in (place, *place.parents) if p.suffix == TABLE and p.is_file()), None)
 
 
 def read_groups(places: Iterable[str | Path]) -> list[Group]:
@@ -243,10 +234,11 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
     """The runs of a table whose names have a pattern; "." are all."""
     name, names, runs = "", [], []
     try:
-        for row in bounded.read_rows(path, "table of runs"):
-            names.append(name := str(value_of(row["run"])))
+        for line in bounded.read_lines(path, "table of runs", bounded.MOST_TABLE):
+            data = json.loads(line)
+            names.append(name := data["run"])
             if pattern == "." or fnmatch.fnmatchcase(name, pattern):
-                runs.append(_run(path / name, row))
+                runs.append(_run(path / name, data))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         reason = str(error).partition(";")[0][:300]
         raise ValueError(
@@ -258,25 +250,9 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
     return runs
 
 
-def _run(folder: Path, row: dict[str, str]) -> Run:
-    """The run of a row."""
-    data: dict[str, Any] = {"simulator": None}
-    for name, cell in row.items():
-        *parents, last = name.split(".")
-        place = data
-        for parent in parents if cell else ():
-            place = place.setdefault(parent, {})
-        if cell:
-            place[last] = value_of(cell)
+def _run(folder: Path, data: Mapping[str, Any]) -> Run:
+    """The run of a line."""
     curve = np.array([data["curve"][name] for name in run_folder.SELECTION], dtype=np.float64).T
     evaluation = run_folder.checked_evaluation(data["evaluation"], folder)
     scene = Scene.from_dict(data["scene"]).to_dict()
     return run_of(folder, config_of(data["config"]), scene, evaluation, curve, data["simulator"])
-
-
-def value_of(cell: str) -> Any:
-    """What a cell that is not empty holds."""
-    try:
-        return json.loads(cell)
-    except (ValueError, RecursionError):
-        return cell

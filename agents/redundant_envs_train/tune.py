@@ -1,0 +1,269 @@
+"""A search of a learner's settings with Optuna: each trial is a training, and a journal keeps the study."""
+
+import hashlib
+import json
+import math
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from redundant_envs import bounded
+from redundant_envs.disk import alone, write_text
+from redundant_envs.extras import needs
+from redundant_envs.files import text_value
+from redundant_envs.progress import progress_bars
+from redundant_envs.tables import markdown
+from redundant_envs.values import check_between, shown
+
+from . import command, pages, run_folder
+from .config import Config, checked
+from .config.files import written
+from .training.pool import POLL, Stopped, count_of, places, settle, start, stop_request
+
+with needs("tune"):
+    import optuna
+    from optuna.importance import PedAnovaImportanceEvaluator
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+    from optuna.trial import TrialState
+
+optuna.logging.set_verbosity(optuna.logging.ERROR)  # trials are told by trials.csv
+PPO = {
+    "learning_rate": "5e-4..2e-2", "gamma": "0.9..0.99", "gae_lambda": "0.8..0.98", "n_epochs": "1..4",
+    "batch_size": "512|1024|2048|4096", "ent_coef": "1e-3..3e-2", "clip_range": "0.1..0.4",
+    "average": "0.8|0.9|0.95", "smoothness": "3e-2..1",
+}  # fmt: skip
+OFF_POLICY = {
+    "learning_rate": "1e-3..2e-2", "gamma": "0.8..0.98", "batch_size": "128|256|512",
+    "gradient_steps": "4..24", "tau": "1e-2..1e-1", "ent_coef": "1e-4..1e-2", "policy_delay": "1..4",
+    "average": "0.998|0.9995|0.9998", "smoothness": "1e-2..1", "smoothness_at_goal": "0.1..3",
+    "n_sampled_goal": "2..8", "action_noise": "0.03..0.3",
+}  # fmt: skip
+"""Default searches, of those settings that a learner has, with the presets' values inside."""
+JOURNAL, POINT = "study.journal", ("hold_success", "return", "env_steps")  # last point; None: it is not told
+STARTUP, WARMUP = 5, 0.2  # complete trials, and share of a training, before one may be pruned
+FEW = 10  # trials in the table of the page, and complete ones from which on importance is told
+Space = dict[str, tuple[str, dict[str, Any]]]  # by key, a method of a trial and its arguments; choices: texts
+
+
+def tune(
+    config: Config, folder: Path, trials: int, searches: Sequence[str] = (), overrides: Sequence[str] = (),
+    seed: int = 0, processes: int = 1, storage: str | None = None,
+) -> Path:  # fmt: skip
+    """Search the settings that hold most goals at the end of a training; returns the page tune.md.
+
+    A trial is a training in ``folder``/trial<k>, judged by the last point of its curve, on the selection
+    goals. The same call goes on until the study, in ``folder`` or in a ``storage`` that others share, has
+    ``trials``. Stopped if the user asked for it; ValueError for impossible arguments.
+    """
+    check_between("trials", trials, 1, 10_000)
+    check_between("seed", seed, 0, 2**32 - 1)
+    if config.max_seconds is not None:
+        raise ValueError(f"max_seconds is {config.max_seconds:g}; trials take equal steps: give null")
+    space, count = space_of(config, searches, overrides), count_of(processes)
+    run_folder.check_study(folder, [JOURNAL, "trial*"])
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone(folder, "tunes"), progress_bars() as bars:
+        study = opened(storage or str(folder / JOURNAL), config, space, seed)
+        job = study, config, space, folder, trials, seed
+        begun = ended(study)
+        left = max(0, trials - begun)
+        if not begun:
+            study.enqueue_trial(own_values(config, space))
+        line = bars.add_task("tune", total=left, note="")
+        try:
+            if count > 1:
+                _several(job, count, left, lambda: bars.update(line, completed=ended(study) - begun))
+            for k in range(left if count == 1 else 0):
+                _try(k, bars, *job)
+                bars.update(line, advance=1)
+        except KeyboardInterrupt:
+            told = f"stopped after {ended(study)} of {trials} trials; the same command goes on"
+            raise Stopped(told) from None
+        return write(study, config, space, folder)
+
+
+def _several(job: Any, count: int, left: int, tell: Callable[[], None]) -> None:
+    """Train trials in processes; if one fails, or the user asks, the others end their trainings in order."""
+    spawn, own_cores = multiprocessing.get_context("spawn"), job[1].torch_threads == 1
+    stopping, cores = spawn.Event(), places(min(count, left), own_cores)
+    team = [start(spawn, _work, job, range(k, left, count), stopping, core) for k, core in enumerate(cores)]
+    with stop_request() as stop:
+        while any(process.is_alive() for process in team):
+            time.sleep(POLL)
+            tell()
+            if stop.is_set() or any(process.exitcode for process in team):
+                stopping.set()
+    if stop.is_set():
+        raise KeyboardInterrupt
+    if stopping.is_set():
+        raise ValueError("a process of the study failed; the same command goes on")
+
+
+def _work(job: Any, numbers: range, stopping: Any, core: int | None, modules: Sequence[str]) -> None:
+    """Train some trials in a process of its own."""
+    settle(core, modules)
+    from .training.many import Teller
+
+    bars = Teller(lambda news: None, stopping.is_set, "tune")
+    try:
+        for k in numbers if not stopping.is_set() else ():
+            _try(k, bars, *job)
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        sys.exit(f"{type(error).__name__}: {error}")
+
+
+def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
+    """The space of ``searches``, ``key=low..high`` or ``key=a|b|c``; by default that of the learner, without
+    the settings that ``overrides`` name. ValueError for what no setting of the learner can be."""
+    fields = {f"{config.algo}.{name}": field for name, field in type(config.settings).model_fields.items()}
+    fixed, space = {override.partition("=")[0].strip() for override in overrides}, Space()
+    own = {f"{config.algo}.{k}": v for k, v in (PPO if "ppo" in config.algo else OFF_POLICY).items()}
+    for text in searches or [f"{k}={v}" for k, v in own.items() if k in fields.keys() - fixed]:
+        key, _, what = (part.strip() for part in text.partition("="))
+        if key not in fields:
+            raise ValueError(f"search key {shown(key)} is unknown; valid: {', '.join(fields)}")
+        if key in space or key in fixed:
+            raise ValueError(f"{key} has a value or another search; leave one out")
+        is_range = ".." in what
+        values: Any = [_setting(config, key, part) for part in what.split(".." if is_range else "|")]
+        numbers = all(isinstance(value, int | float) for value in values)
+        if len(values) < 2 or (is_range and not (numbers and len(values) == 2 and values[0] < values[1])):
+            raise ValueError(f"search of {key} is {shown(what)}; write low..high, the lower first, or a|b|c")
+        if is_range:
+            low, high = values
+            kind = "suggest_int" if fields[key].annotation is int else "suggest_float"
+            space[key] = kind, {"low": low, "high": high, "log": 0.0 < 10.0 * low <= high}
+        else:
+            space[key] = "suggest_categorical", {"choices": [*map(written, values)]}
+    if not space:
+        raise ValueError("every setting of the default search has a value; give --search key=low..high")
+    return space
+
+
+def _setting(config: Config, key: str, given: Any) -> Any:
+    """A number, or a text of a value, as the setting of the learner; ValueError if it is not allowed."""
+    value = text_value(given, f"the value {shown(given)}") if isinstance(given, str) else given
+    name = key.partition(".")[2]
+    return getattr(checked(type(config.settings), {name: value}, f"{config.algo}."), name)
+
+
+def with_values(config: Config, parameters: dict[str, Any]) -> Config:
+    """A configuration with the parameters of a trial; ValueError if they do not go together."""
+    data = config.to_dict()
+    data[config.algo] |= {key.partition(".")[2]: _setting(config, key, v) for key, v in parameters.items()}
+    chosen: Config = checked(Config, data)
+    return chosen
+
+
+def own_values(config: Config, space: Space) -> dict[str, Any]:
+    """The parameters for the settings of a configuration, as far as the space contains them."""
+    found: dict[str, Any] = {}
+    for key, (_, at) in space.items():
+        own = getattr(config.settings, key.partition(".")[2])
+        own = written(own) if "choices" in at else own
+        if own in at["choices"] if "choices" in at else own != "auto" and at["low"] <= own <= at["high"]:
+            found[key] = own
+    return found
+
+
+def ended(study: optuna.Study) -> int:
+    """Number of trials that count; others were stopped, or still run."""
+    return len(study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED)))
+
+
+def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
+    """The study of these settings in a journal or a database, which may hold others."""
+    from .training.train import identity, make_sb3
+
+    run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
+    asked = json.dumps([run, seed, space])
+    try:
+        if Path(kept).exists():  # Optuna would append to any file
+            with bounded.opened(Path(kept), "journal", bounded.MOST_UNPACKED) as file:
+                if (first := file.read(40)) and b'"op_code"' not in first:
+                    raise ValueError("it is no journal of Optuna's")
+        return optuna.create_study(
+            storage=kept if "://" in kept else JournalStorage(JournalFileBackend(kept)),
+            study_name=hashlib.sha256(asked.encode()).hexdigest(), load_if_exists=True, direction="maximize",
+            pruner=optuna.pruners.MedianPruner(STARTUP, int(WARMUP * config.total_steps)),
+        )  # fmt: skip
+    except Exception as error:  # a damaged file may raise any error
+        reason = " ".join(str(error).split())[:300]
+        raise ValueError(f"{kept} cannot be used ({reason}); choose another one") from error
+
+
+def _try(
+    k: int, bars: Any, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int
+) -> None:  # fmt: skip
+    """Train one more trial, unless the study has enough."""
+    from .training import checkpoint
+    from .training.train import train
+
+    if ended(study) >= trials:
+        return
+    own = np.random.SeedSequence((seed, len(study.trials), k)).generate_state(1)  # a study that goes on
+    study.sampler = optuna.samplers.TPESampler(seed=int(own[0]), constant_liar=True)  # draws anew
+
+    def objective(trial: optuna.Trial) -> float:
+        value, place = -1.0, folder / f"trial{trial.number}"
+        run_folder.check_new(place)
+
+        def on_point(steps: int, hold: float, returned: float) -> None:
+            nonlocal value
+            # of equal hold successes the return decides, with less than half the weight of a goal
+            share = 0.5 * returned / (1.0 + abs(returned)) / config.curve_episodes
+            value = (0.0 if math.isnan(hold) else hold) + share
+            for name, number in zip(POINT, (hold, returned, steps), strict=True):
+                trial.set_user_attr(name, None if math.isnan(number) else number)
+            if steps < config.total_steps:
+                trial.report(value, steps)
+                if trial.should_prune():
+                    raise optuna.TrialPruned
+
+        values = {key: getattr(trial, how)(key, **at) for key, (how, at) in space.items()}
+        try:
+            train(with_values(config, values), place, bars, on_point)
+        except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or not finite
+            trial.set_user_attr("message", " ".join(str(error).split()))
+            raise optuna.TrialPruned from error
+        finally:
+            checkpoint.remove(place)
+        return value
+
+    study.optimize(objective, n_trials=1)
+
+
+def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Path:
+    """Write trials.csv, best.yaml and tune.md, which is returned; ValueError if no trial is complete."""
+    frame = study.trials_dataframe(("number", "state", "value", "user_attrs", "params", "duration"))
+    frame.columns = [name.removeprefix("user_attrs_").removeprefix("params_") for name in frame.columns]
+    write_text(folder / "trials.csv", frame.to_csv(index=False))
+    best = frame[frame["state"] == "COMPLETE"].sort_values("value", ascending=False)
+    if best.empty:
+        why = frame.get("message", frame["state"]).dropna()
+        raise ValueError(f"no trial of {folder} was completed: {why.iloc[0]}")
+    chosen = with_values(config, study.best_params).to_dict()
+    write_text(folder / "best.yaml", yaml.safe_dump(chosen, sort_keys=False))
+    shares: dict[str, float] = {}
+    if len(best) >= FEW and best["value"].nunique() > 1:
+        shares = optuna.importance.get_param_importances(study, evaluator=PedAnovaImportanceEvaluator())
+    percent = [(key, f"{100 * share:.0f} %") for key, share in shares.items()]
+    rows = best[[*(columns := ("number", *POINT, *space))]].head(FEW).values.tolist()
+    cells = [[f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows]
+    page = pages.page(
+        "tune", config=config, complete=len(best), trials=len(study.trials), searched=", ".join(space),
+        untold=best["hold_success"].isna().all(), best=markdown(columns, cells),
+        judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
+        shares=shares and markdown(("setting", "share"), percent),
+    )  # fmt: skip
+    write_text(folder / "tune.md", page)
+    return folder / "tune.md"

@@ -1,1 +1,0 @@
-"""rl_zoo3 with the averaged learners and the native vector environment."""
