@@ -6,6 +6,7 @@ policies are merged from their run folders.
 """
 
 import dataclasses
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

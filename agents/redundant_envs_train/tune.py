@@ -67,7 +67,7 @@ def tune(
     if config.max_seconds is not None:
         raise ValueError(f"max_seconds is {config.max_seconds:g}; trials take equal steps: give null")
     space, count = space_of(config, searches, overrides), count_of(processes)
-    run_folder.check_study(folder, [JOURNAL, "trial*"])
+    run_folder.check_study(folder, [JOURNAL, "trial[0-9]*"])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"), progress_bars() as bars:
         study = opened(storage or str(folder / JOURNAL), config, space, seed)

@@ -162,9 +162,9 @@ def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_pa
         "The task tells no is_success, so whether an episode succeeded is unknown. It has no goal, which "
         "computed torque needs: the policy is compared with nothing.",
     ]
-    out, _ = call("table", folder, "--out", tmp_path / "a.csv")
+    out, _ = call("table", folder, "--out", tmp_path / "a.jsonl")
     assert "tells no success: the mean return of PPO is -3." in out
-    (again,) = read_groups([tmp_path / "a.csv"])
+    (again,) = read_groups([tmp_path / "a.jsonl"])
     assert curves.told([again]) == ["return"]
     ends = Outcome(None, None, None, *([np.ones(2)] * 5), None, np.ones(2), np.ones(2))
     assert report.better(ends, ends).keys() == {"effort", "smoothness", "mean_return"}
