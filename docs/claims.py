@@ -109,7 +109,7 @@ def starting() -> Found:
 
 def throughput() -> Found:
     """The core's steps."""
-    from redundant_envs.files import config_folder
+    from redundant_envs.scenes.files import config_folder
     from studies import throughput as study
 
     found: Found = {}
@@ -140,7 +140,7 @@ def environments() -> Found:
 
 def effects() -> Found:
     """Costs of all effects and scenes, times bare, and their evaluations; and what is beyond its ceiling."""
-    from redundant_envs.files import config_folder
+    from redundant_envs.scenes.files import config_folder
     from studies import effects as study
 
     rows = study.run(study.load_study(config_folder("studies") / "effects.yaml"))
@@ -270,8 +270,8 @@ def compared(group: str, found: Found) -> list[tuple[str, str, str, str, str]]:
 
 def main(words: list[str]) -> int:
     """Measure groups, or all; 1 if a number is off."""
-    from redundant_envs.machine import machine_name
-    from redundant_envs.tables import table
+    from redundant_envs.support.machine import machine_name
+    from redundant_envs.support.tables import table
 
     for word in words:
         if word not in GROUPS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import redundant_envs.backends.numpy  # noqa: F401 - functions of the dialect then know arrays
+import redundant_envs.compiler.backends.numpy  # noqa: F401 - functions of the dialect then know arrays
 from redundant_envs.envs import registration as _registration
 
 if TYPE_CHECKING:
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
-    from redundant_envs.numerics.tableaus import Tableau
     from redundant_envs.robots import RPRP, Arm, Chain, FourR
-    from redundant_envs.scene import Scene, load_scene
+    from redundant_envs.scenes.scene import Scene, load_scene
+    from redundant_envs.scenes.tableaus import Tableau
     from redundant_envs.tasks import GoalReachTask, ReachTask, Task
 
 __version__ = "0.1.0"
 
 _NAMES = {
     "robots": ("Arm", "RPRP", "FourR", "Chain"),
-    "scene": ("Scene", "load_scene"),
+    "scenes.scene": ("Scene", "load_scene"),
     "model.batch": ("BatchSimulator", "Event", "Numerics"),
     "model.trajectory": ("simulate",),
     "model.listing": ("bill", "listing"),
@@ -41,7 +41,7 @@ _NAMES = {
     "envs.check": ("check_vec_env",),
     "envs.registration": ("register_arm", "register_effect", "register_integrator", "register_task"),
     "tasks": ("Task", "ReachTask", "GoalReachTask"),
-    "numerics.tableaus": ("Tableau",),
+    "scenes.tableaus": ("Tableau",),
 }
 _HOMES = {name: f"{home}:{name}" for home, names in _NAMES.items() for name in names}
 _HOMES["effects"] = "effects"  # a module itself

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from redundant_envs import __version__
-from redundant_envs.disk import add_force, check_kept
-from redundant_envs.extras import MissingPackage
-from redundant_envs.modules import OPTION, status_of, take_imports
-from redundant_envs.values import say
+from redundant_envs.support.disk import add_force, check_kept
+from redundant_envs.support.extras import MissingPackage
+from redundant_envs.support.modules import OPTION, status_of, take_imports
+from redundant_envs.support.values import say
 
 # Only argparse here: each command imports what it needs, so that --help is instant.
 
@@ -156,8 +156,8 @@ def simulate(options: argparse.Namespace) -> None:
     """Write CSV and figures of one or more scenes."""
     from redundant_envs import load_scene
     from redundant_envs.envs.animation import FIGURES, animate, save_figures
-    from redundant_envs.figures import check_clip
     from redundant_envs.model import trajectory as energy
+    from redundant_envs.support.figures import check_clip
 
     asked: list[str] = options.scene or list(energy.STARTS)
     if options.clip is not None:
@@ -204,8 +204,8 @@ def list_names(options: argparse.Namespace) -> None:
     """Print every name that the other commands and gymnasium.make take."""
     from redundant_envs import effects
     from redundant_envs.envs.registration import ids
-    from redundant_envs.numerics.tableaus import METHODS
-    from redundant_envs.scene import scene_names
+    from redundant_envs.scenes.scene import scene_names
+    from redundant_envs.scenes.tableaus import METHODS
 
     def numbers(effect: type[Any]) -> list[str]:
         fields = {f.name: f.default for f in dataclasses.fields(effect) if f.init}
@@ -222,7 +222,7 @@ def list_names(options: argparse.Namespace) -> None:
 
 def show_cache(options: argparse.Namespace) -> None:
     """Print the size of the folder of compiled simulators, or empty it."""
-    from redundant_envs.backends import cache
+    from redundant_envs.compiler.backends import cache
 
     say(cache.usage(options.clear))
 
@@ -238,14 +238,14 @@ def show_scene(options: argparse.Namespace) -> None:
         say(listing(scene), end="")
     elif options.bill:
         from redundant_envs.model.listing import bill
-        from redundant_envs.tables import table
+        from redundant_envs.support.tables import table
 
         found = bill(scene)
         head = ("of", *next(iter(found.values()))._fields)
         say(table(head, ((owner, *counts) for owner, counts in found.items())))
     elif options.cost:
         from redundant_envs.envs import cost
-        from redundant_envs.tables import table
+        from redundant_envs.support.tables import table
 
         rows = cost.costs(cost.parts(scene))
         say(table(cost.COLUMNS, (row.values() for row in rows)))

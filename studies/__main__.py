@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.__main__ import Parser
-from redundant_envs.disk import add_force, check_kept, check_plain
-from redundant_envs.files import config_folder
-from redundant_envs.modules import status_of, take_imports
-from redundant_envs.tables import table, write_rows
-from redundant_envs.values import say
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.support.disk import add_force, check_kept, check_plain
+from redundant_envs.support.modules import status_of, take_imports
+from redundant_envs.support.tables import table, write_rows
+from redundant_envs.support.values import say
 
 OUT = Path("runs/studies")
 

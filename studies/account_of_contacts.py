@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.effects.hooks import SPEED, Friction, Gap, Impact, Impulse
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies.another_account import Account, Known
 
 BOUNCE = 1e-15

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.machine import versions
-from redundant_envs.progress import counted
-from redundant_envs.scene import Scene
-from redundant_envs.timing import by_turns
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import by_turns
 from studies import accuracy_metrics as metrics
 from studies import peers
 from studies.account_of_contacts import contact_motion

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import needs
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.extras import needs
 from redundant_envs_train.config import Model, Real, Text, Whole, checked, merged, number, read
 
 with needs("train"):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import CentringSpring, Gravity
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies import accuracy_metrics as metrics
 from studies.account_of_contacts import contact_motion
 from studies.accuracy_config import Panel, States, Study

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.trajectory import simulate
-from redundant_envs.scene import Scene
-from redundant_envs.timing import seconds
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.timing import seconds
 from studies import peers
 from studies.accuracy_config import MuJoCoSweep, OurSweep, Panel, States, Study
 from studies.accuracy_metrics import stops

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from redundant_envs.effects import Gravity
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies.accuracy_config import States
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.bounded import read_rows
-from redundant_envs.figures import bare, literal, new_figure, save_figure
+from redundant_envs.support.bounded import read_rows
+from redundant_envs.support.figures import bare, literal, new_figure, save_figure
 from studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
 from studies.accuracy_config import Study
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from redundant_envs.disk import write_text
-from redundant_envs.extras import INSTALL, needs
-from redundant_envs.tables import markdown, write_rows
+from redundant_envs.support.disk import write_text
+from redundant_envs.support.extras import INSTALL, needs
+from redundant_envs.support.tables import markdown, write_rows
 from redundant_envs_train.pages import page
 from studies import accuracy, accuracy_plots
 from studies.accuracy import Answer, PanelResult, Row

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.effects.hooks import Field, Force, Friction, Gap, Impact, Impulse, Inertia
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 COLUMNS = 2.0 * np.arange(1, 7)
 """Substeps of the columns of an extrapolation: the last one has order 12, the error is that of order 10."""

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple, Self
 from redundant_envs.effects import OWN
 from redundant_envs.effects.hooks import Effect, snake_case
 from redundant_envs.envs import cost
-from redundant_envs.extras import needs
-from redundant_envs.figures import bare as bare_axes
-from redundant_envs.figures import new_figure, save_figure
-from redundant_envs.files import config_folder, read_text
-from redundant_envs.machine import versions
-from redundant_envs.scene import Scene, load_scene, scene_names
-from redundant_envs.values import check_keys
+from redundant_envs.scenes.files import config_folder, read_text
+from redundant_envs.scenes.scene import Scene, load_scene, scene_names
+from redundant_envs.support.extras import needs
+from redundant_envs.support.figures import bare as bare_axes
+from redundant_envs.support.figures import new_figure, save_figure
+from redundant_envs.support.machine import versions
+from redundant_envs.support.values import check_keys
 from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
 from studies.speed import one_core
 

@@ -13,10 +13,10 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.registration import NAMESPACE, SCENES
-from redundant_envs.machine import versions
-from redundant_envs.progress import counted
-from redundant_envs.scene import load_scene
-from redundant_envs.timing import Times, by_turns, seconds
+from redundant_envs.scenes.scene import load_scene
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import Times, by_turns, seconds
 from studies.speed import one_core
 
 COLUMNS = (

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.figures import bare, new_figure
-from redundant_envs.progress import counted
+from redundant_envs.support.figures import bare, new_figure
+from redundant_envs.support.progress import counted
 from studies.interval_families import FAMILIES
 from studies.intervals import tips_after
 

@@ -23,7 +23,7 @@ from redundant_envs.effects import (
 )
 from redundant_envs.robots import RPRP, FourR
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies.kinked_effects import KINKED, Kinked
 
 Array = NDArray[np.float64]

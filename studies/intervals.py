@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator, Numerics
-from redundant_envs.progress import counted
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.progress import counted
 from redundant_envs.verify.judging import judge
 from studies import account_of_contacts
 from studies.drawn_families import DrawnFamily

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import clamp, maximum, minimum, physics
 from redundant_envs.effects import Actuation, Effect, Force, Link
 from redundant_envs.effects.hooks import Hook
+from redundant_envs.language.algebra import clamp, maximum, minimum, physics
 from redundant_envs.robots.arm import Arm
 
 

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.effects import CentringSpring, Gravity, ViscousFriction
 from redundant_envs.exports.files import document
-from redundant_envs.extras import MissingPackage, needs
-from redundant_envs.scene import Scene
-from redundant_envs.timing import seconds
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.extras import MissingPackage, needs
+from redundant_envs.support.timing import seconds
 
 Array = NDArray[np.float64]
 Limits = Mapping[int, tuple[float, float]]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.timing import Times, seconds
-from redundant_envs.values import say
+from redundant_envs.support.timing import Times, seconds
+from redundant_envs.support.values import say
 
 MATRIX = 1024
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from redundant_envs.effects import Gravity, PrismaticStop, ViscousFriction
 from redundant_envs.robots import RPRP
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies.interval_families import Draw, decades
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import PrismaticStop
-from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.progress import counted
-from redundant_envs.scene import Scene, load_scene
-from redundant_envs.timing import by_turns, seconds
+from redundant_envs.scenes.scene import Scene, load_scene
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import by_turns, seconds
 from studies.speed import one_core
 
 COLUMNS = (

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs import bounded
 from redundant_envs.control.computed_torque import lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.progress import counted
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import load_scene, scene_at, scene_data
-from redundant_envs.tables import markdown, write_rows
+from redundant_envs.scenes.scene import load_scene, scene_at, scene_data
+from redundant_envs.support import bounded
+from redundant_envs.support.figures import bare, new_figure, save_figure
+from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown, write_rows
+from redundant_envs.support.values import shown
 from redundant_envs.tasks.reach import ReachTask
-from redundant_envs.values import shown
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from redundant_envs_train.evidence.runs import Run, read_runs

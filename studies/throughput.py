@@ -13,17 +13,17 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.backends import llvm
-from redundant_envs.backends.processors import AVX2
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.compiler.backends.processors import AVX2
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
-from redundant_envs.extras import needs
-from redundant_envs.machine import versions
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.programs import batch_simulator, traced_batch
-from redundant_envs.progress import counted
 from redundant_envs.robots import RPRP, Arm, Chain, FourR
-from redundant_envs.scene import Scene
-from redundant_envs.timing import by_turns, seconds
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.extras import needs
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import by_turns, seconds
 from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
 from studies.speed import dgemm, dgemm_rate, one_core, second_call
 

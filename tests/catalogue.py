@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.language.algebra import physics
 from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
 from redundant_envs.verify.checks import random_states

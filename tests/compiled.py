@@ -4,12 +4,12 @@ import inspect
 
 import numpy as np
 
-from redundant_envs.algebra import where
-from redundant_envs.backends import llvm
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.compiler.tracing.flow import LANES, Kernel, LaneFunction, Program
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.number import Condition, Number, value_of
+from redundant_envs.language.algebra import where
 from redundant_envs.model.programs import Call
-from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction, Program
-from redundant_envs.tracing.graph import Graph
-from redundant_envs.tracing.number import Condition, Number, value_of
 
 
 def flat(result):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from redundant_envs.backends import llvm
+from redundant_envs.compiler.backends import llvm
 
 FOLDER = Path(__file__).parents[1] / ".pytest_cache" / "kernels"
 os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(FOLDER))

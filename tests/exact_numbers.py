@@ -4,7 +4,7 @@ import operator
 
 import mpmath
 
-from redundant_envs.algebra import Primitives, register_numbers
+from redundant_envs.language.algebra import Primitives, register_numbers
 
 register_numbers(
     Primitives(

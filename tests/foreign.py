@@ -5,8 +5,8 @@ import pytest
 
 from redundant_envs.effects import EffortLimits
 from redundant_envs.exports.files import document
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 
 try:
     import mujoco

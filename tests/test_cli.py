@@ -21,11 +21,11 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.envs import cost
 from redundant_envs.envs.registration import ids
-from redundant_envs.modules import status_of
-from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.progress import counted, progress_bars
-from redundant_envs.scene import scene_names
-from redundant_envs.tables import markdown, table, write_rows
+from redundant_envs.scenes.scene import scene_names
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.support.modules import status_of
+from redundant_envs.support.progress import counted, progress_bars
+from redundant_envs.support.tables import markdown, table, write_rows
 
 
 def rows(path):
@@ -186,7 +186,7 @@ def test_list_names_everything(capsys):
 # ---- progress on standard error, and tables ----------------------------------------------------------
 
 PROGRAM = """
-from redundant_envs.progress import counted, progress_bars
+from redundant_envs.support.progress import counted, progress_bars
 with counted("parts", 2) as done:
     done("the first")
     print("a result")

@@ -13,8 +13,9 @@ import pytest
 from catalogue import FOUR_R, RPRP, every_effect
 
 import redundant_envs
-from redundant_envs import algebra, dialect
-from redundant_envs.algebra import PRIMITIVES, gives_of, is_physics, physics
+from redundant_envs.compiler import dialect
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import PRIMITIVES, gives_of, is_physics, physics
 from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 

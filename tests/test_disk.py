@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from redundant_envs import __main__ as library
-from redundant_envs import disk
-from redundant_envs.disk import DiskFull, alone, replacing, told, write_text
 from redundant_envs.exports import files
-from redundant_envs.figures import new_figure, save_figure, write_clip
-from redundant_envs.scene import load_scene
-from redundant_envs.tables import write_rows
+from redundant_envs.scenes.scene import load_scene
+from redundant_envs.support import disk
+from redundant_envs.support.disk import DiskFull, alone, replacing, told, write_text
+from redundant_envs.support.figures import new_figure, save_figure, write_clip
+from redundant_envs.support.tables import write_rows
 
 FRAMES = [np.zeros((16, 16, 3), np.uint8)] * 2
 
@@ -109,7 +109,7 @@ def test_a_file_that_is_larger_than_files_may_be_is_told(tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")
 def test_one_process_at_a_time_works_in_a_folder(tmp_path):
-    code = "import sys, redundant_envs.disk as d\nwith d.alone(sys.argv[1], 'trains'): pass"
+    code = "import sys, redundant_envs.support.disk as d\nwith d.alone(sys.argv[1], 'trains'): pass"
     command = [sys.executable, "-c", code, str(tmp_path)]
     with alone(tmp_path, "trains"):
         found = subprocess.run(command, capture_output=True, text=True)

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import (
+from redundant_envs.compiler.backends.torch import torch
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.number import Number
+from redundant_envs.language.algebra import (
     ABSENT,
     clamp,
     exp,
@@ -20,11 +23,8 @@ from redundant_envs.algebra import (
     sqrt,
     where,
 )  # fmt: skip
-from redundant_envs.backends.torch import torch
-from redundant_envs.dual import Dual, dual
-from redundant_envs.moving import Moving, kinks_in, moving
-from redundant_envs.tracing.graph import Graph
-from redundant_envs.tracing.number import Number
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.moving import Moving, kinks_in, moving
 
 KINKED = {  # of x that moves and p that does not: the function, and where it has kinks for p = 2
     "size": (lambda x, p: abs(x - p), {2.0}),

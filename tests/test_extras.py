@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from published_runs import published_run
 
-from redundant_envs.extras import MissingPackage, needs
+from redundant_envs.support.extras import MissingPackage, needs
 
 ROOT = Path(__file__).parents[1]
 PROGRAM = """
@@ -77,7 +77,7 @@ MISSING = {
     "minari": ("datasets", [DATASET]),
     "h5py": ("datasets", [DATASET]),
     "pygame": ("human", [PLAY]),
-    "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.backends.sympy"]),
+    "sympy": ("verify", [f"{ARM} arm.symbols()", "import redundant_envs.compiler.backends.sympy"]),
     "casadi": ("casadi", ["redundant_envs export four_r_reach --format casadi --out a.casadi"]),
     "mujoco": ("verify", [f"{SCENE} peers.mujoco_model(s, 'RK4', .01)"]),
     "scipy": ("verify", [f"{SCENE} peers.scipy_motion(s, 'RK45', .01, (z, z, z), .02)"]),

@@ -15,8 +15,8 @@ from refusals import ANYTHING, refusal, short
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
-from redundant_envs.scene import scene_at, scene_data, scene_names
+from redundant_envs.scenes.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
+from redundant_envs.scenes.scene import scene_at, scene_data, scene_names
 from redundant_envs_train.__main__ import main as agents_main
 from redundant_envs_train.config import load
 from studies import accuracy_config, throughput

@@ -5,7 +5,9 @@ import sys
 
 import pytest
 
-LOAD = "from redundant_envs.scene import load_scene; load_scene('rprp_reach'); load_scene('four_r_free')"
+LOAD = (
+    "from redundant_envs.scenes.scene import load_scene; load_scene('rprp_reach'); load_scene('four_r_free')"
+)
 SYMPY = "sympy.Symbol('x')"
 FIRST = {
     "scene": LOAD,
@@ -14,7 +16,7 @@ FIRST = {
         "load_study(pathlib.Path('configs/studies/accuracy.yaml'))"
     ),
     "an unknown arm": (
-        "from redundant_envs.scene import Scene\n"
+        "from redundant_envs.scenes.scene import Scene\n"
         "try: Scene.from_dict({'robot': {'type': 'Delta'}})\n"
         "except ValueError as error: assert 'valid: Chain, FourR, RPRP' in str(error)"
     ),
@@ -26,7 +28,7 @@ FIRST = {
     "symbols, also if one was tried before": (
         "import contextlib, sympy; from redundant_envs.algebra import sqrt\n"
         f"with contextlib.suppress(TypeError): sqrt({SYMPY})\n"
-        f"import redundant_envs.backends.sympy; assert str(sqrt({SYMPY})) == 'sqrt(x)'"
+        f"import redundant_envs.compiler.backends.sympy; assert str(sqrt({SYMPY})) == 'sqrt(x)'"
     ),
 }
 MODULES = "__main__ algebra effects robots.arm tasks.reach quantities tracing.number model.batch envs.check"

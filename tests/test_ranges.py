@@ -10,7 +10,7 @@ import yaml
 from catalogue import FOUR_R, SCENES
 
 import redundant_envs as rde
-from redundant_envs.ranges import KINDS, distribution, plain, ranges
+from redundant_envs.scenes.ranges import KINDS, distribution, plain, ranges
 
 e = rde.effects
 DRAWS = (np.arange(20000) + 0.5) / 20000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from redundant_envs.timing import Times, by_turns, seconds, timed
+from redundant_envs.support.timing import Times, by_turns, seconds, timed
 
 
 def samplers(**lengths):

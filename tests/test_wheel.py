@@ -23,7 +23,7 @@ import importlib.util, sys
 import gymnasium as gym
 import redundant_envs as rde
 from redundant_envs.envs.registration import ids
-from redundant_envs.scene import scene_names
+from redundant_envs.scenes.scene import scene_names
 assert "site-packages" in rde.__file__, rde.__file__
 for env_id in ids():
     env = gym.make(env_id, render_mode="rgb_array")
@@ -155,7 +155,7 @@ def test_users_programs_are_type_checked_against_the_wheel(core, tmp_path):
         found[wrong] = call(*command, "user.py", folder=tmp_path)
     right, bad = found.values()
     assert right.returncode == 0, right.stdout
-    assert 'Revealed type is "redundant_envs.scene.Scene"' in right.stdout
+    assert 'Revealed type is "redundant_envs.scenes.scene.Scene"' in right.stdout
     assert "Any" not in right.stdout.splitlines()[1]
     assert bad.returncode == 1
     assert '"substeps" to "Scene"' in bad.stdout

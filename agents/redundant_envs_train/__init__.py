@@ -8,7 +8,7 @@ import os
 import shlex
 from pathlib import Path
 
-from redundant_envs import modules
+from redundant_envs.support import modules
 
 IN_CHECKOUT = os.path.samestat(os.stat("."), os.stat(Path(__file__).parents[2]))
 COMMAND = "python -m agents" if IN_CHECKOUT else "redundant-envs-train"

@@ -3,8 +3,8 @@
 import sys
 
 from redundant_envs import __version__
-from redundant_envs.modules import status_of, take_imports
-from redundant_envs.values import say
+from redundant_envs.support.modules import status_of, take_imports
+from redundant_envs.support.values import say
 
 from .presets import is_override, preset_path
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from redundant_envs.disk import check_kept
-from redundant_envs.extras import needs
-from redundant_envs.values import check_between, say, shown
+from redundant_envs.support.disk import check_kept
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import check_between, say, shown
 
 from . import COMMAND, command, run_folder
 from .config import WITHOUT_EFFECT, Config, check_telemetry, complete, load, page_of_keys

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.registration import full_id, ids
-from redundant_envs.extras import needs
-from redundant_envs.figures import check_clip, write_clip
-from redundant_envs.files import exists
-from redundant_envs.values import check_between, say, shown
+from redundant_envs.scenes.files import exists
+from redundant_envs.support.extras import needs
+from redundant_envs.support.figures import check_clip, write_clip
+from redundant_envs.support.values import check_between, say, shown
 
 from .rollout import Act, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences

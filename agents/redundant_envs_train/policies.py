@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.bounded import MOST_JSON, MOST_PACKED, opened, read_members
-from redundant_envs.disk import write_bytes
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import needs
-from redundant_envs.values import shown
+from redundant_envs.support.bounded import MOST_JSON, MOST_PACKED, opened, read_members
+from redundant_envs.support.disk import write_bytes
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown
 
 from . import command, train_again
 from .config import Config

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from redundant_envs.files import config_folder, exists
-from redundant_envs.values import shown
+from redundant_envs.scenes.files import config_folder, exists
+from redundant_envs.support.values import shown
 
 
 def presets() -> list[str]:

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs import Numerics, __version__
-from redundant_envs.disk import replacing, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import MissingPackage
-from redundant_envs.figures import bare, check_clip, new_figure, save_figure
-from redundant_envs.machine import machine_name
-from redundant_envs.tables import Markdown, escaped
-from redundant_envs.values import say
+from redundant_envs.support.disk import replacing, write_text
+from redundant_envs.support.extras import MissingPackage
+from redundant_envs.support.figures import bare, check_clip, new_figure, save_figure
+from redundant_envs.support.machine import machine_name
+from redundant_envs.support.tables import Markdown, escaped
+from redundant_envs.support.values import say
 
 from . import command, run_folder
 from .config import Config

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.computed_torque import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
-from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scenes.tableaus import METHODS
 
 EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
 SELECTION_SEED = 2_000_000  # first seed of the goals of the learning curve

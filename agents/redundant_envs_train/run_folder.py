@@ -16,14 +16,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.bounded import read_json, read_lines
-from redundant_envs.disk import check_folder, check_plain, write_text
 from redundant_envs.envs.registration import check_arm, check_motors, ids
-from redundant_envs.extras import needs
-from redundant_envs.figures import check_clip
-from redundant_envs.files import exists
-from redundant_envs.scene import Scene, load_scene, scene_at, scene_path
-from redundant_envs.values import say, shown
+from redundant_envs.scenes.files import exists
+from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_path
+from redundant_envs.support.bounded import read_json, read_lines
+from redundant_envs.support.disk import check_folder, check_plain, write_text
+from redundant_envs.support.extras import needs
+from redundant_envs.support.figures import check_clip
+from redundant_envs.support.values import say, shown
 
 from . import COMMAND, command, train_again
 from .config import (

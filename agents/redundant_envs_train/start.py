@@ -3,8 +3,8 @@
 import hashlib
 from pathlib import Path
 
-from redundant_envs.bounded import MOST_PACKED, opened
-from redundant_envs.values import shown
+from redundant_envs.support.bounded import MOST_PACKED, opened
+from redundant_envs.support.values import shown
 
 from .config import Config
 from .run_folder import read_config

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from redundant_envs import bounded
-from redundant_envs.disk import alone, write_text
-from redundant_envs.extras import needs
-from redundant_envs.files import text_value
-from redundant_envs.progress import progress_bars
-from redundant_envs.tables import markdown
-from redundant_envs.values import check_between, shown
+from redundant_envs.scenes.files import text_value
+from redundant_envs.support import bounded
+from redundant_envs.support.disk import alone, write_text
+from redundant_envs.support.extras import needs
+from redundant_envs.support.progress import progress_bars
+from redundant_envs.support.tables import markdown
+from redundant_envs.support.values import check_between, shown
 
 from . import command, pages, run_folder
 from .config import Config, checked

@@ -10,8 +10,8 @@ import gymnasium as gym
 import numpy as np
 
 import redundant_envs  # noqa: F401  (registers the ids)
-from redundant_envs.bounded import read_arrays
-from redundant_envs.files import read_yaml
+from redundant_envs.scenes.files import read_yaml
+from redundant_envs.support.bounded import read_arrays
 
 
 def load(path):

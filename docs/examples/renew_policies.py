@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stable_baselines3.common.save_util import json_to_data
 
-from redundant_envs.disk import write_bytes
+from redundant_envs.support.disk import write_bytes
 from redundant_envs_train.policies import portable
 
 

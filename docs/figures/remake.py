@@ -16,7 +16,7 @@ from PIL import Image
 import redundant_envs as rde
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.envs.schematic import save_schematic
-from redundant_envs.figures import bare, new_figure, save_figure
+from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
 from redundant_envs_train.play import batched, play

@@ -19,11 +19,11 @@ import redundant_envs as rde
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, SCENES, id_of
 from redundant_envs.envs.schematic import save_schematic
-from redundant_envs.files import config_folder
 from redundant_envs.model.listing import Operations
-from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.scene import scene_names
-from redundant_envs.tables import markdown
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes.scene import scene_names
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.support.tables import markdown
 from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))

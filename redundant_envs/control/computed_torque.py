@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.holding import holding_poses
 from redundant_envs.effects import EffortLimits, Gravity, ViscousFriction
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.algebra import numbered
 from redundant_envs.effects import EffortLimits
 from redundant_envs.effects.hooks import Actuation, Force, Point
+from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import hard_stops
-from redundant_envs.values import shown
 
 Array = NDArray[np.float64]
 Travel = dict[int, tuple[float, float]]

@@ -8,7 +8,7 @@ from redundant_envs.effects.hooks import Effect, Hook, Inertia
 from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from redundant_envs import dialect
-from redundant_envs.algebra import ABSENT, arguments_of, numbered, total, where
-from redundant_envs.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
+from redundant_envs.compiler import dialect
+from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import OWN, hooks
 from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import (
@@ -32,12 +31,13 @@ from redundant_envs.effects.hooks import (
     State,
     states_of,
 )
-from redundant_envs.events.boundary import side_beyond
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import ABSENT, arguments_of, numbered, total, where
+from redundant_envs.language.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
+from redundant_envs.language.limits import side_beyond
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive_numbers
-from redundant_envs.tracing.graph import owned
 
 OWN_KEYS = frozenset(map(hooks.snake_case, OWN))
 """First parts of the parameter names of this package's effects; none is like a name of a field."""

@@ -12,9 +12,8 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
-from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, name_of, numbered
-from redundant_envs.draws import DRAW
+from redundant_envs.compiler import dialect
+from redundant_envs.compiler.tracing.number import Loads
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
@@ -45,11 +44,12 @@ from redundant_envs.effects.hooks import (
     sides,
     states_of,
 )
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import arguments_of, name_of, numbered
+from redundant_envs.language.draws import DRAW
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
-from redundant_envs.tracing.number import Loads
-from redundant_envs.values import check_declared
+from redundant_envs.support.values import check_declared
 
 
 class May(enum.Enum):

@@ -16,11 +16,11 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from redundant_envs import dialect
-from redundant_envs.algebra import name_of
+from redundant_envs.compiler import dialect
 from redundant_envs.effects.hooks import Effect, states_of
+from redundant_envs.language.algebra import name_of
 from redundant_envs.robots.arm import Arm
-from redundant_envs.values import replaced, with_fields
+from redundant_envs.support.values import replaced, with_fields
 
 Described = dict[str, tuple[str, str]]
 """What is made from numbers: its name -> what is shown of it, and a text that is equal if it is the same."""

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import floor, maximum, numbered, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
 from redundant_envs.effects.numbers import Example, one
-from redundant_envs.events.boundary import ROUNDING
+from redundant_envs.language.algebra import floor, maximum, numbered, physics, where
+from redundant_envs.language.limits import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
-from redundant_envs.values import with_fields
+from redundant_envs.support.values import with_fields
 
 MOST_KEPT = 1024
 """Most commands of a motor that are kept: each is a number of every environment, and moves once in an

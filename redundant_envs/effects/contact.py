@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from redundant_envs.algebra import maximum, physics, sqrt, where
+from redundant_envs.language.algebra import maximum, physics, sqrt, where
 
 NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
 OWN = {name: f".{name}" for name in NUMBERS}

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
-from redundant_envs.algebra import clamp, maximum, physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.language.algebra import clamp, maximum, physics, sqrt
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the

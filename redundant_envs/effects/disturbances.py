@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from redundant_envs.algebra import exp, physics, sincos, sqrt, where
 from redundant_envs.effects.hooks import Effect, State
+from redundant_envs.language.algebra import exp, physics, sincos, sqrt, where
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, strengths
 
 ROUNDING = 1e-6

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example, each_joint
 from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.language.algebra import physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 
 @physics

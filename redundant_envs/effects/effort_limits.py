@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import clamp, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
 from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.language.algebra import clamp, physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 WITHIN = 1e-12
 """Share of a limit by which a command may exceed it, and counts as within: the effort of a motor that has the

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.language.algebra import physics, sqrt
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 
 @physics

@@ -420,7 +420,7 @@ class Effect:
         from dataclasses import dataclass
 
         import redundant_envs as rde
-        from redundant_envs.algebra import physics
+        from redundant_envs.language.algebra import physics
 
         @physics
         def drag(rate, coefficient):

@@ -11,7 +11,7 @@ from redundant_envs.effects.hooks import Effect, Hook, Impact
 from redundant_envs.effects.numbers import Example, one
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number, travel
-from redundant_envs.values import Ends, shown
+from redundant_envs.support.values import Ends, shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}
 """Ends of the travel of a joint without stops."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.numbers import Example, one
+from redundant_envs.language.algebra import clamp, maximum, physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, positive, travel
 

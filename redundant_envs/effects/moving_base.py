@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import physics, sincos
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
 from redundant_envs.effects.numbers import Example, checked, one, pair, text
+from redundant_envs.language.algebra import physics, sincos
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strength, strengths
-from redundant_envs.values import Numbers
+from redundant_envs.support.values import Numbers
 
 
 @physics

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.robots.parameters import number, numbers
-from redundant_envs.values import shown
+from redundant_envs.support.values import shown
 
 Check = Callable[[str, Any], Any]
 """From the name of a field and its value to the value as it is kept; ValueError that names the field."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import physics, where
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
 from redundant_envs.effects.numbers import Example, one
+from redundant_envs.language.algebra import physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, strength
 

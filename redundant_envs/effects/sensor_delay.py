@@ -10,14 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import floor, numbered, physics, where
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example, one
 from redundant_envs.effects.readings import Sensor, every_sensor
-from redundant_envs.events.boundary import ROUNDING
+from redundant_envs.language.algebra import floor, numbered, physics, where
+from redundant_envs.language.limits import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
-from redundant_envs.values import with_fields
+from redundant_envs.support.values import with_fields
 
 MOST_KEPT = 1024
 """Readings that a sensor keeps at most: each is a number of every lane, and moves on in every step."""

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.algebra import numbered
+from redundant_envs.language.algebra import numbered
 from redundant_envs.robots.arm import Arm
-from redundant_envs.values import shown
+from redundant_envs.support.values import shown
 
 Place = tuple[float, float]
 NEAR = 1.4

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
 from redundant_envs.effects.numbers import Example, one
+from redundant_envs.language.algebra import physics
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, travel
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, TRAIL, Drawing, stated_limits
-from redundant_envs.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
 from redundant_envs.model.trajectory import Trajectory
-from redundant_envs.scene import Scene
-from redundant_envs.values import shown
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
+from redundant_envs.support.values import shown
 
 FRAMES_PER_SECOND = 25
 TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most

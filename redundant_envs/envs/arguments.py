@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.algebra import arguments_of
-from redundant_envs.scene import Scene
+from redundant_envs.language.algebra import arguments_of
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
-from redundant_envs.values import shown
 
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker

@@ -12,27 +12,27 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
-from redundant_envs.draws import KEY_WORDS
+from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs import options
 from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
 from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
 from redundant_envs.envs.words import LARGEST_SEED, first_words
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import ENDS, TIP, Episode
-from redundant_envs.lane.fields import Layout
+from redundant_envs.language.draws import KEY_WORDS
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
-from redundant_envs.quantities import Quantities
-from redundant_envs.scene import Scene, scene_at
+from redundant_envs.scenes.scene import Scene, scene_at
+from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
+from redundant_envs.simulator.lane.fields import Layout
+from redundant_envs.support.values import whole_number
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tracing.flow import LANES
-from redundant_envs.values import whole_number
 
 OF_KEYS = ("keys", "mask", "waiting")
 STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")

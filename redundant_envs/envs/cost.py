@@ -18,11 +18,11 @@ from redundant_envs.effects.hooks import Effect, Sensing
 from redundant_envs.envs.core import Core
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.listing import OF_ENVIRONMENT, bill
-from redundant_envs.progress import counted
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import Times, by_turns, seconds, timed
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.base import hard_stops, narrowed
-from redundant_envs.timing import Times, by_turns, seconds, timed
 
 BARE = (EffortLimits, Gravity, ViscousFriction)
 """Effects of a bare arm: those of the environments, but for the ends of travel that only some arms have."""

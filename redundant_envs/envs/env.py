@@ -12,17 +12,17 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from redundant_envs.batch.environment import Autoreset, Operation
+from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, Face
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.envs.variation import Variation
-from redundant_envs.lane.episode import TABLES, TIP
 from redundant_envs.model.memory import IN_USE, alone, first
 from redundant_envs.model.programs import Team
-from redundant_envs.tracing.flow import LANES
+from redundant_envs.simulator.batch.environment import Autoreset, Operation
+from redundant_envs.simulator.lane.episode import TABLES, TIP
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables for :mod:`struct` and NumPy; a row has one for each lane of a block."""

@@ -14,21 +14,21 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.envs.variation import Variation
-from redundant_envs.lane.episode import TIP
 from redundant_envs.model.memory import InUse, alone, first
 from redundant_envs.model.parameters import lanes_of
-from redundant_envs.scene import Scene
-from redundant_envs.scene_numbers import names_of
-from redundant_envs.tables import table
+from redundant_envs.scenes.numbers import names_of
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.batch.environment import Autoreset
+from redundant_envs.simulator.lane.episode import TIP
+from redundant_envs.support.tables import table
+from redundant_envs.support.values import plain_data, shown, whole_number
 from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
-from redundant_envs.values import plain_data, shown, whole_number
 
 
 class Moment:

@@ -14,15 +14,15 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
-from redundant_envs.algebra import gives_of
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
 from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, NAMESPACE, SCENES
 from redundant_envs.envs.vector_env import ArmVectorEnv
-from redundant_envs.files import read_yaml
+from redundant_envs.language.algebra import gives_of
 from redundant_envs.model.programs import environment_simulator
-from redundant_envs.scene import Scene, load_scene
-from redundant_envs.tables import markdown
+from redundant_envs.scenes.files import read_yaml
+from redundant_envs.scenes.scene import Scene, load_scene
+from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import check_of_reward, reach_of
-from redundant_envs.lane.episode import Episode
-from redundant_envs.lane.randomized import fixed
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
-from redundant_envs.scene_numbers import Table, names_of
+from redundant_envs.scenes.numbers import Table, names_of
+from redundant_envs.simulator.lane.episode import Episode
+from redundant_envs.simulator.lane.randomized import fixed
+from redundant_envs.support.values import check_keys, shown
 from redundant_envs.tasks.base import hard_stops
-from redundant_envs.values import check_keys, shown
 
 PARAMETERS = "parameters"
 LARGEST_START = {"q": 1e6, "qd": 1e100, "goal": 1e100}

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.lane.episode import ENDS, GOAL, TIP, Episode
-from redundant_envs.values import shown
+from redundant_envs.simulator.lane.episode import ENDS, GOAL, TIP, Episode
+from redundant_envs.support.values import shown
 
 INFO_NAMES = {
     "saturated": "saturated_actions",

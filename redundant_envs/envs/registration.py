@@ -11,9 +11,9 @@ import gymnasium as gym
 
 if TYPE_CHECKING:
     from redundant_envs.effects import Effect
-    from redundant_envs.numerics.tableaus import Tableau
     from redundant_envs.robots import Arm
-    from redundant_envs.scene import Scene
+    from redundant_envs.scenes.scene import Scene
+    from redundant_envs.scenes.tableaus import Tableau
     from redundant_envs.tasks import Task
 
 NAMESPACE = "redundant_envs"
@@ -162,8 +162,8 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         If another arm has the name or one of the ids, or the scene is not one of this arm.
     """
     from redundant_envs import robots
-    from redundant_envs.scene import load_scene
-    from redundant_envs.values import plain_data
+    from redundant_envs.scenes.scene import load_scene
+    from redundant_envs.support.values import plain_data
 
     if not (isinstance(arm, type) and issubclass(arm, robots.Arm)):
         raise ValueError(f"arm is {arm!r}; give a class derived from redundant_envs.Arm")
@@ -192,7 +192,7 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
 
 def _check_scene(scene: Scene, kind: str) -> None:
     """ValueError unless a scene can be an environment of an arm."""
-    from redundant_envs.lane.dynamics import Dynamics
+    from redundant_envs.simulator.lane.dynamics import Dynamics
 
     if scene.robot.kind != kind:
         raise ValueError(f"scene has the arm {scene.robot.kind}; give one with a robot of type {kind}")
@@ -250,7 +250,7 @@ def register_integrator(method: Tableau) -> None:
     ValueError
         If another method has the name, or the tableau is not that of an explicit method.
     """
-    from redundant_envs.numerics import tableaus
+    from redundant_envs.scenes import tableaus
 
     if not isinstance(method, tableaus.Tableau):
         raise ValueError(f"method is {method!r}; give a redundant_envs.Tableau")

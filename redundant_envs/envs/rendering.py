@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from redundant_envs.effects import CentringSpring, Effect, PointMass, shapes
 from redundant_envs.envs.arguments import reach_of
 from redundant_envs.envs.core import Core
-from redundant_envs.extras import INSTALL
-from redundant_envs.files import read_yaml
 from redundant_envs.model import parameters
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.files import read_yaml
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.extras import INSTALL
 from redundant_envs.tasks.base import hard_stops
 
 Points = NDArray[np.float64]

@@ -16,18 +16,18 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import NoAsyncCallError
 from numpy.typing import NDArray
 
-from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_seed, episode_limit
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
-from redundant_envs.extras import needs
 from redundant_envs.model.memory import first
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.batch.environment import Autoreset
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown, whole_number
 from redundant_envs.tasks import make_task
-from redundant_envs.values import shown, whole_number
 
 with needs("train"):
     from stable_baselines3.common.monitor import Monitor

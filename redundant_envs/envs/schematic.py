@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import BACKGROUND, JOINT, LINKS, RAIL, TRAIL
-from redundant_envs.figures import new_figure, save_figure
 from redundant_envs.robots import RPRP, Arm, FourR
+from redundant_envs.support.figures import new_figure, save_figure
 
 Point = NDArray[np.float64]
 Color = tuple[float, float, float]

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.envs.arguments import check_of_reward
-from redundant_envs.scene import Scene
-from redundant_envs.scene_numbers import check_ranges, ends_of, entries_of, names_of
+from redundant_envs.scenes.numbers import check_ranges, ends_of, entries_of, names_of
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task
-from redundant_envs.values import shown
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from redundant_envs.batch.environment import Autoreset
 from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import STATE_KEYS
 from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
@@ -18,8 +17,9 @@ from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import first
 from redundant_envs.model.parameters import check_array, check_keys, table
-from redundant_envs.scene_numbers import names_of
-from redundant_envs.values import shown, whole_number
+from redundant_envs.scenes.numbers import names_of
+from redundant_envs.simulator.batch.environment import Autoreset
+from redundant_envs.support.values import shown, whole_number
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 

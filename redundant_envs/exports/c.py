@@ -7,10 +7,10 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from redundant_envs.compiler.tracing.graph import COMPARISONS, CONDITIONS, Operation, Value, reached
 from redundant_envs.exports.document import Document, Heading
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
-from redundant_envs.scene import Scene
-from redundant_envs.tracing.graph import COMPARISONS, CONDITIONS, Operation, Value, reached
+from redundant_envs.scenes.scene import Scene
 
 INFIX = {**{name: name for name in ("+", "-", "*", "/", *COMPARISONS)}, "and": "&&", "or": "||", "xor": "!="}
 """Operations between two values."""

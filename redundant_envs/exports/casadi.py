@@ -6,11 +6,11 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.backends.casadi import ca
+from redundant_envs.compiler.backends.casadi import ca
 from redundant_envs.exports.document import Document, Heading, Note
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
-from redundant_envs.lane.direct import OPERATIONS, evaluate
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.direct import OPERATIONS, evaluate
 
 OUTPUTS = ("qdd", "M", "h", "G", "tip", "J")
 ON_CONDITIONS = {"and": ca.logic_and, "or": ca.logic_or, "xor": lambda a, b: a != b}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from redundant_envs.effects.hooks import Effect
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 
 class Note(NamedTuple):

@@ -7,10 +7,10 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from redundant_envs import __version__
-from redundant_envs.disk import write_bytes
 from redundant_envs.exports.document import Document, Heading, Note
-from redundant_envs.scene import Scene, check_scene
-from redundant_envs.values import shown
+from redundant_envs.scenes.scene import Scene, check_scene
+from redundant_envs.support.disk import write_bytes
+from redundant_envs.support.values import shown
 
 FORMATS = {"mjcf": "mjcf:mjcf", "urdf": "urdf:urdf", "casadi": "casadi:serialised", "c": "c:c_code"}
 """Formats, and where the functions are that write them: CasADi may be missing."""

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from redundant_envs.compiler.tracing.graph import Graph, Operation, Value, reached
+from redundant_envs.compiler.tracing.number import Number, value_of
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Force, states_of
 from redundant_envs.exports.links import shares_of_joints
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene
-from redundant_envs.tracing.graph import Graph, Operation, Value, reached
-from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.scenes.scene import Scene
 
 Affine = dict[str, float]
 """A constant, and slopes by the names of unknowns."""

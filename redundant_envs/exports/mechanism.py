@@ -35,10 +35,10 @@ from redundant_envs.exports.links import (
     links_of,
     shares_of_joints,
 )
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.mobility import joint_rates
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 MOST_CHANGED = 1e-10

@@ -12,7 +12,7 @@ import numpy as np
 from redundant_envs.exports.document import PYBULLET, Document, Heading
 from redundant_envs.exports.mechanism import Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 MJCF = Format(
     "MJCF",

@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any
 
-from redundant_envs.algebra import entries, numbered
+from redundant_envs.compiler.tracing.graph import Graph, Value, located
+from redundant_envs.compiler.tracing.number import Number, value_of
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import (
     Actuation,
@@ -22,11 +23,10 @@ from redundant_envs.effects.hooks import (
     states_of,
 )
 from redundant_envs.exports.document import Note, named, refuse_inexact
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.scene import Scene
-from redundant_envs.tracing.graph import Graph, Value, located
-from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.language.algebra import entries, numbered
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 
 INPUTS = ("q", "qd", "commands")
 REASONS: dict[type, str] = {

@@ -11,7 +11,7 @@ import numpy as np
 from redundant_envs.exports.document import PYBULLET, Document, Heading
 from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
 from redundant_envs.exports.xml import comment, numbers, text_of
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 
 URDF = Format(
     "URDF",

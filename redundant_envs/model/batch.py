@@ -11,18 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.lane.event_log import MAX_LOGGED
-from redundant_envs.lane.faults import Fault
-from redundant_envs.lane.fields import LOG
+from redundant_envs.language.philox import LOW, philox
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, InUse, Memory, alone, first
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
-from redundant_envs.philox import LOW, philox
-from redundant_envs.scene import Scene, check_scene
-from redundant_envs.tracing.flow import LANES
-from redundant_envs.values import shown, whole_number
+from redundant_envs.scenes.scene import Scene, check_scene
+from redundant_envs.simulator.lane.event_log import MAX_LOGGED
+from redundant_envs.simulator.lane.faults import Fault
+from redundant_envs.simulator.lane.fields import LOG
+from redundant_envs.support.values import shown, whole_number
 
 Numerics = Fault
 

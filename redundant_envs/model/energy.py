@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects.attached import Attached, field_of
 from redundant_envs.effects.hooks import CONTROL_DT, Force, Point
-from redundant_envs.quantities import Quantities
-from redundant_envs.scene import Scene
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

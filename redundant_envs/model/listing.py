@@ -9,29 +9,29 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from redundant_envs.batch.advance import advance_kernel
-from redundant_envs.batch.blocks import Blocks
+from redundant_envs.compiler.tracing.flow import LaneFunction, Program
+from redundant_envs.compiler.tracing.graph import COMPARISONS, Operation, located, reached
+from redundant_envs.compiler.tracing.listing import lines
 from redundant_envs.effects.hooks import Actuation, Field, Inertia
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import Episode
-from redundant_envs.lane.fields import LOG, Layout
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import traced
-from redundant_envs.notebook import as_html, table
-from redundant_envs.scene import Scene, check_scene
+from redundant_envs.scenes.scene import Scene, check_scene
+from redundant_envs.simulator.batch.advance import advance_kernel
+from redundant_envs.simulator.batch.blocks import Blocks
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import Episode
+from redundant_envs.simulator.lane.fields import LOG, Layout
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import traced
+from redundant_envs.support.notebook import as_html, table
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tracing.flow import LaneFunction, Program
-from redundant_envs.tracing.graph import COMPARISONS, Operation, located, reached
-from redundant_envs.tracing.listing import lines
 
 PACKAGE = Path(__file__).parents[1]
 PARTS = {
-    "robots": "arm", "numerics": "integrator", "events": "integrator", "lane": "interval",
-    "batch": "interval",
+    "robots": "arm", "simulator/numerics": "integrator", "simulator/events": "integrator",
+    "simulator/lane": "interval", "simulator/batch": "interval", "language/limits.py": "integrator",
 }  # fmt: skip
-"""Folders of the package, and the owner to which the operations written there are attributed."""
+"""Folders and files of the package, and the owner to which the operations written there are attributed."""
 OF_ENVIRONMENT = ("action", "observation", "reward", "reset")
 """Entries of a bill for the parts of an environment beside its motion."""
 COUNTED = {
@@ -255,5 +255,5 @@ def _counted(nodes: Iterable[Operation], part: str | None = None) -> Counts:
 
 def _part_of(file: Path) -> str:
     """The owner of operations that are written in a file; those of a user's file belong to the arm."""
-    folder = file.relative_to(PACKAGE).parts[0] if file.is_relative_to(PACKAGE) else "robots"
-    return PARTS.get(folder, "arm")
+    place = file.relative_to(PACKAGE).as_posix() if file.is_relative_to(PACKAGE) else "robots"
+    return next((part for folder, part in PARTS.items() if place.startswith(folder)), "arm")

@@ -11,11 +11,11 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.lane.fields import LOG, PARAMETER, STATE, Layout
-from redundant_envs.tracing.flow import LANES
-from redundant_envs.values import shown
+from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
+from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE, Layout
+from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.lane.fields import PARAMETER, STATE
+from redundant_envs.compiler.tracing.flow import LANES
+from redundant_envs.language.limits import ROUNDING
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
-from redundant_envs.scene import Scene
-from redundant_envs.scene_numbers import Table, check_named_once, check_values, names_of
+from redundant_envs.scenes.numbers import Table, check_named_once, check_values, names_of
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.fields import PARAMETER, STATE
+from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, hard_stops
-from redundant_envs.tracing.flow import LANES
-from redundant_envs.values import shown
 
 
 def numbers(name: str, values: Any) -> NDArray[np.float64]:

@@ -21,22 +21,22 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.backends import cache, llvm
-from redundant_envs.backends.loaded import loaded_code, scene_key
-from redundant_envs.batch.advance import advance_kernel, begin_kernel
-from redundant_envs.batch.blocks import Blocks
-from redundant_envs.batch.environment import EnvironmentKernel, goal_reward_kernel
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import Episode
-from redundant_envs.lane.features import Features
-from redundant_envs.lane.fields import Layout
-from redundant_envs.lane.interval import Interval
+from redundant_envs.compiler.backends import cache, llvm
+from redundant_envs.compiler.backends.loaded import loaded_code, scene_key
+from redundant_envs.compiler.tracing.flow import LANES, Program
+from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.model.memory import Memory, aligned, alone
-from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.simulator.batch.advance import advance_kernel, begin_kernel
+from redundant_envs.simulator.batch.blocks import Blocks
+from redundant_envs.simulator.batch.environment import EnvironmentKernel, goal_reward_kernel
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import Episode
+from redundant_envs.simulator.lane.features import Features
+from redundant_envs.simulator.lane.fields import Layout
+from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.tasks.base import Task
-from redundant_envs.tracing.flow import LANES, Program
-from redundant_envs.tracing.graph import uncollected
 
 Traced = tuple[Program, Blocks]
 

@@ -9,18 +9,18 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.backends.torch import number, on_plain_numbers, torch
+from redundant_envs.compiler.backends.torch import number, on_plain_numbers, torch
 from redundant_envs.effects.attached import DRAWN
-from redundant_envs.lane.common_step import lane_step
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.faults import Control
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.steps_taken import steps_taken
-from redundant_envs.scene import Scene, check_scene
-from redundant_envs.scene_numbers import names_of
-from redundant_envs.values import shown
+from redundant_envs.scenes.numbers import names_of
+from redundant_envs.scenes.scene import Scene, check_scene
+from redundant_envs.simulator.lane.common_step import lane_step
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.faults import Control
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.steps_taken import steps_taken
+from redundant_envs.support.values import shown
 
 Step = Callable[..., tuple[Any, ...]]
 

@@ -12,16 +12,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.pieces import renewed
 from redundant_envs.model.batch import BatchSimulator, Event, Numerics, Status
 from redundant_envs.model.energy import kinetic_energy, potential_energy, weight_energy
 from redundant_envs.model.parameters import numbers
-from redundant_envs.notebook import as_html, table
 from redundant_envs.robots import drawn
-from redundant_envs.scene import ACCURACIES, Scene, check_scene
-from redundant_envs.tables import write_rows
-from redundant_envs.values import shown, warn
+from redundant_envs.scenes.scene import ACCURACIES, Scene, check_scene
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.pieces import renewed
+from redundant_envs.support.notebook import as_html, table
+from redundant_envs.support.tables import write_rows
+from redundant_envs.support.values import shown, warn
 
 Array = NDArray[np.float64]
 Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]

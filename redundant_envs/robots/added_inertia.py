@@ -14,7 +14,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, entries, gives_of, physics
+from redundant_envs.language.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.mobility import joint_rates

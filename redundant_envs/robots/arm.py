@@ -14,13 +14,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.algebra import entries, gives_of, numbered
-from redundant_envs.extras import needs
-from redundant_envs.notebook import as_html
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import entries, gives_of, numbered
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots import checks, derived, drawn, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
-from redundant_envs.values import Numbers, shown
+from redundant_envs.support.extras import needs
+from redundant_envs.support.notebook import as_html
+from redundant_envs.support.values import Numbers, shown
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -321,7 +321,7 @@ class Arm:
         "h", "G", "qdd", "tip", "Jdot_qd" (column Matrix); "T", "U", "Lz", "manipulability" (expressions)."""
         with needs("verify"):
             import sympy as sp
-        import redundant_envs.backends.sympy  # noqa: F401 - lets expressions be numbers
+        import redundant_envs.compiler.backends.sympy  # noqa: F401 - lets expressions be numbers
 
         n = len(self.coordinates)
         parameters = {name: sp.Symbol(name, positive=True) for name in self.parameter_values()}

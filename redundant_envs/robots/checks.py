@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from redundant_envs import dialect
-from redundant_envs.algebra import entries, gives_of, numbered
-from redundant_envs.quantities import Quantities, givers_of
+from redundant_envs.compiler import dialect
+from redundant_envs.language.algebra import entries, gives_of, numbered
+from redundant_envs.language.quantities import Quantities, givers_of
 from redundant_envs.robots.joint_types import MOST_JOINTS
 
 OWN_NAMES = re.compile(

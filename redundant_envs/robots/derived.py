@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from redundant_envs.algebra import entries, numbered, physics, sqrt, total, where
+from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total, where
 
 Function = Callable[..., Any]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.notebook import escaped, table
+from redundant_envs.support.notebook import escaped, table
 
 Points = NDArray[np.float64]
 WIDTH, HEIGHT, MARGIN = 380.0, 250.0, 34.0  # px

@@ -13,9 +13,9 @@ import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.algebra import entries, gives_of, numbered, physics, total
-from redundant_envs.dual import Dual, dual, is_zero, times
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import entries, gives_of, numbered, physics, total
+from redundant_envs.language.dual import Dual, dual, is_zero, times
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.derived import identity, rows
 
 Function = Callable[..., Any]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.algebra import entries, numbered, physics, total, where
+from redundant_envs.language.algebra import entries, numbered, physics, total, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.derived import rows, solved
 from redundant_envs.robots.mobility import joint_rates

@@ -11,8 +11,8 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
-from redundant_envs.algebra import arguments_of, gives_of, numbered, physics
-from redundant_envs.values import shown
+from redundant_envs.language.algebra import arguments_of, gives_of, numbered, physics
+from redundant_envs.support.values import shown
 
 Function = Callable[..., Any]
 MOST_JOINTS = 10

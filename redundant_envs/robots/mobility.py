@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.algebra import minimum, numbered, physics, sqrt, total
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import minimum, numbered, physics, sqrt, total
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.from_points import Points
 
 Function = Callable[..., Any]

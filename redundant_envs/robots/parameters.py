@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from redundant_envs.values import shown
+from redundant_envs.support.values import shown
 
 LARGEST_RATIO = 1e12
 """Largest allowed ratio of two masses or two lengths: beyond it float64 loses the small one."""

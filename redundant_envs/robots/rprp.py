@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.algebra import physics, sqrt, where
+from redundant_envs.language.algebra import physics, sqrt, where
 from redundant_envs.robots.arm import Arm
 
 

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from redundant_envs.support.values import check_keys, shown
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.reach import GoalReachTask, ReachTask
-from redundant_envs.values import check_keys, shown
 
 __all__ = ["GoalReachTask", "ReachTask", "Task"]
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from redundant_envs.algebra import clamp, gives_of, maximum, minimum, physics, total, where
 from redundant_envs.effects.hooks import Impact
+from redundant_envs.language.algebra import clamp, gives_of, maximum, minimum, physics, total, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
-from redundant_envs.scene import Scene
-from redundant_envs.values import plain_data
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import plain_data
 
 Function = Callable[..., Any]
 
@@ -93,7 +93,7 @@ class Task:
 
         import gymnasium as gym
         import redundant_envs as rde
-        from redundant_envs.algebra import maximum, physics
+        from redundant_envs.language.algebra import maximum, physics
 
         @physics(gives="height_term")
         def height_term(tip_y, reach):

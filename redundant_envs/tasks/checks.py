@@ -7,15 +7,15 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from redundant_envs import dialect
-from redundant_envs.algebra import arguments_of, gives_of, numbered
+from redundant_envs.compiler import dialect
 from redundant_envs.effects import captured
 from redundant_envs.effects.attached import identifier
 from redundant_envs.effects.captured import Described, Owner, Place
-from redundant_envs.quantities import check_names, givers_of
-from redundant_envs.scene import Scene
+from redundant_envs.language.algebra import arguments_of, gives_of, numbered
+from redundant_envs.language.quantities import check_names, givers_of
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import check_declared
 from redundant_envs.tasks.base import Task
-from redundant_envs.values import check_declared
 
 MOST_DRAWS = 64
 BUILT_IN = (

@@ -7,9 +7,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.algebra import numbered, physics, saturation, sqrt, squash, tolerance, total, where
+from redundant_envs.language.algebra import (
+    numbered,
+    physics,
+    saturation,
+    sqrt,
+    squash,
+    tolerance,
+    total,
+    where,
+)
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.base import Task
 
 # ---- goal, from uniform draws in (0, 1) ----------------------------------------------------------

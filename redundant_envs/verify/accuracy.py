@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects import Gravity
 from redundant_envs.model.batch import BatchSimulator, Numerics
-from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.verify.checks import Array, Trial, check, enough
 from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole, own_interval
 from redundant_envs.verify.judging import judge

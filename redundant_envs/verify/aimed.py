@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import clamp, maximum, physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
-from redundant_envs.files import read_yaml
+from redundant_envs.language.algebra import clamp, maximum, physics, where
+from redundant_envs.scenes.files import read_yaml
 
 Array = NDArray[Any]
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import MissingPackage
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.extras import MissingPackage
 from redundant_envs.tasks.base import hard_stops, narrowed
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, NotRun, Promise, Verdict, nothing
 from redundant_envs.verify.subjects import Subject

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.attached import TIME, Attached, Functions
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.hints import Motion, worst_of
 from redundant_envs.verify.promises import Finding, at_most

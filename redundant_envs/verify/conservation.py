@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.algebra import numbered
 from redundant_envs.effects.hooks import Inertia, PointMass
+from redundant_envs.language.algebra import numbered
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, enough, ratio
 from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.algebra import entries, numbered
-from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import entries, numbered
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_least, at_most
 

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import SHORTEST_INTERVAL, Scene
+from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
@@ -107,6 +107,6 @@ def singles(trial: Trial) -> Finding:
 @check("evaluators: torch", AGREE, Mode.FULL)
 def tensors(trial: Trial) -> Finding:
     """Compiled code and the same procedures on torch tensors end an interval in the same state."""
-    from redundant_envs.backends.torch import number
+    from redundant_envs.compiler.backends.torch import number
 
     return agreement(trial, direct(trial, trial.shared(compiled).lanes, number), "torch")

@@ -6,11 +6,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from redundant_envs.algebra import numbered
 from redundant_envs.effects.attached import Attached
 from redundant_envs.effects.hooks import Effect, Field, Force
+from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.verify.checks import BEYOND, ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, ratio
 from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.algebra import where
-from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.attached import TIME, Attached
 from redundant_envs.effects.hooks import SPEED, Force, Point
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import where
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import ROUNDING, Array, Trial, check, ratio
 from redundant_envs.verify.equations import TILTED, columns
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most

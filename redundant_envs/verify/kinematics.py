@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.algebra import entries, numbered
-from redundant_envs.dual import Dual, dual
 from redundant_envs.effects.hooks import Inertia
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import entries, numbered
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.tasks.base import full_reach
 from redundant_envs.verify.checks import Array, Trial, check, ratio
 from redundant_envs.verify.equations import AGREE, at_poses, columns, found, slopes, table, values_of

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.values import say
+from redundant_envs.support.values import say
 from redundant_envs.verify.aimed import AIMED, SCENES, aimed_motion, outcome
 
 RECORD = Path(__file__).with_name("recorded_bits.json")

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from redundant_envs import tables
-from redundant_envs.disk import DiskFull, write_text
-from redundant_envs.machine import versions
-from redundant_envs.progress import counted
-from redundant_envs.scene import load_scene, scene_names
-from redundant_envs.values import say
+from redundant_envs.scenes.scene import load_scene, scene_names
+from redundant_envs.support import tables
+from redundant_envs.support.disk import DiskFull, write_text
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.values import say
 from redundant_envs.verify import (
     accuracy,
     bits,

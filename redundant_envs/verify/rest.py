@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.algebra import gives_of, numbered
 from redundant_envs.effects.attached import Functions
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.algebra import gives_of, numbered
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import Trial, check
 from redundant_envs.verify.hints import Motion
 from redundant_envs.verify.promises import Finding, Promise

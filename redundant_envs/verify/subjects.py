@@ -12,13 +12,13 @@ from typing import Any
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects import Effect, Field, Gravity
 from redundant_envs.envs import registration
-from redundant_envs.modules import module_named
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene import Scene, load_scene, scene_at, scene_names
+from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_names
+from redundant_envs.support.modules import module_named
+from redundant_envs.support.values import required, shown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
-from redundant_envs.values import required, shown
 
 TOLERANCE = 1e-6
 """Tip error [m] per control interval of scenes made here: the standard accuracy of the environments."""

@@ -10,7 +10,7 @@ import numpy as np
 from redundant_envs.effects import Gravity
 from redundant_envs.effects.hooks import Field, Force, Hook, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
+from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
 from redundant_envs.verify.checks import Array, Trial, check, enough
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 

@@ -14,23 +14,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs import __version__
-from redundant_envs.backends import wasm
-from redundant_envs.backends.processors import WASM
-from redundant_envs.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
-from redundant_envs.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
-from redundant_envs.disk import write_bytes, write_text
+from redundant_envs.compiler.backends import wasm
+from redundant_envs.compiler.backends.processors import WASM
+from redundant_envs.compiler.tracing.flow import Program
+from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import TABLES, Episode
-from redundant_envs.lane.fields import LOG, PARAMETER, STATE
-from redundant_envs.lane.interval import Interval
-from redundant_envs.scene import Scene, check_scene
+from redundant_envs.scenes.scene import Scene, check_scene
+from redundant_envs.simulator.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
+from redundant_envs.simulator.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import TABLES, Episode
+from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.support.disk import write_bytes, write_text
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tracing.flow import Program
-from redundant_envs.tracing.graph import uncollected
 
 HOST = Path(__file__).with_name("kernel.js")
 """The host of the modules, for browsers and Node."""

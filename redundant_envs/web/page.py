@@ -19,15 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.batch.environment import Autoreset
-from redundant_envs.bounded import read_arrays
-from redundant_envs.disk import check_plain, write_text
 from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import SCENES, id_of
-from redundant_envs.lane.faults import Fault
 from redundant_envs.model.listing import Operations, bill
-from redundant_envs.scene import Scene, load_scene
+from redundant_envs.scenes.scene import Scene, load_scene
+from redundant_envs.simulator.batch.environment import Autoreset
+from redundant_envs.simulator.lane.faults import Fault
+from redundant_envs.support.bounded import read_arrays
+from redundant_envs.support.disk import check_plain, write_text
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web.module import HOST, as_json, environment_module
 

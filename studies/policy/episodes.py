@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
-from redundant_envs.scene import Scene
-from redundant_envs.timing import by_turns, timed
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.timing import by_turns, timed
 from redundant_envs_train.rollout import Act, Outcome, run_episodes, told
 from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.disk import replacing, write_text
-from redundant_envs.figures import bare, literal, new_figure, save_figure
-from redundant_envs.tables import write_rows
+from redundant_envs.support.disk import replacing, write_text
+from redundant_envs.support.figures import bare, literal, new_figure, save_figure
+from redundant_envs.support.tables import write_rows
 from redundant_envs_train import COMMAND
 from redundant_envs_train.pages import page
 

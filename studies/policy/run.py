@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from redundant_envs.disk import write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import needs
-from redundant_envs.machine import versions
-from redundant_envs.progress import progress_bars
+from redundant_envs.support.disk import write_text
+from redundant_envs.support.extras import needs
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import progress_bars
 from redundant_envs_train.config import Config, check_telemetry, load
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act, run_episodes

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from redundant_envs.extras import needs
-from redundant_envs.files import text_value
-from redundant_envs.numerics.tableaus import METHODS
-from redundant_envs.scene import ACCURACIES, scene_data
-from redundant_envs.values import shown
+from redundant_envs.scenes.files import text_value
+from redundant_envs.scenes.scene import ACCURACIES, scene_data
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown
 from redundant_envs_train.config import (
     MOST_EPISODES,
     Config,

@@ -13,8 +13,8 @@ from run_folders import write_scene_file
 from short_trainings import SMALL, kill_at, small_config
 
 from agents.__main__ import main
-from redundant_envs import modules
-from redundant_envs.disk import write_text
+from redundant_envs.support import modules
+from redundant_envs.support.disk import write_text
 from redundant_envs_train import report
 from redundant_envs_train.evidence import curves
 from redundant_envs_train.training.train import train

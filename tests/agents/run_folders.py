@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
-from redundant_envs.scene import load_scene, scene_at
+from redundant_envs.scenes.scene import load_scene, scene_at
 from redundant_envs_train.config import Config
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
 

@@ -21,8 +21,8 @@ from run_folders import POLICIES, TUNES, Evil, change, kept, members, says, writ
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from redundant_envs.disk import DiskFull, alone, told
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.support.disk import DiskFull, alone, told
 from redundant_envs_train import command, policies
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint

@@ -13,9 +13,9 @@ import torch
 from run_folders import FOUR_R, POLICIES, RPRP, says
 
 from redundant_envs import __version__
-from redundant_envs.backends import llvm
-from redundant_envs.modules import IMPORTED
-from redundant_envs.scene import load_scene
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.scenes.scene import load_scene
+from redundant_envs.support.modules import IMPORTED
 from redundant_envs_train.shipping import dataset
 from redundant_envs_train.shipping.dataset import spec_of, write_dataset
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from run_folders import CURVE, FOUR_R, RPRP, csv_rows, says, write_run
 
-from redundant_envs import bounded
-from redundant_envs.scene import load_scene
+from redundant_envs.scenes.scene import load_scene
+from redundant_envs.support import bounded
 from redundant_envs_train import statistics
 from redundant_envs_train.evidence.curves import MEASURES, curves, draw, summarize
 from redundant_envs_train.evidence.runs import read_groups, read_run, read_runs, write_runs

@@ -10,7 +10,7 @@ from run_folders import POLICIES, TUNES, kept, readers
 
 from agents.__main__ import main
 from redundant_envs import __main__ as library
-from redundant_envs.files import config_folder
+from redundant_envs.scenes.files import config_folder
 from studies import environments, intervals, throughput
 
 pytestmark = pytest.mark.usefixtures("no_drawing")

@@ -18,7 +18,7 @@ import pytest
 from run_folders import ROOT, says, write_members
 from short_trainings import TINY, assert_same_policy
 
-from redundant_envs.disk import DiskFull
+from redundant_envs.support.disk import DiskFull
 from redundant_envs_train.config import load
 from redundant_envs_train.training.train import train
 

@@ -36,8 +36,8 @@ from short_trainings import SMALL, TINY, assert_same_policy
 
 import redundant_envs as rde
 from redundant_envs import __main__ as library
-from redundant_envs.backends import llvm
-from redundant_envs.disk import alone
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.support.disk import alone
 from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load

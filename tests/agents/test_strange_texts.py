@@ -11,11 +11,11 @@ from run_folders import change, write_run
 from short_trainings import SMALL
 
 from redundant_envs.__main__ import main as core
-from redundant_envs.figures import literal, new_figure, save_figure
-from redundant_envs.files import config_folder
-from redundant_envs.progress import progress_bars
-from redundant_envs.tables import Markdown, code, escaped, markdown
-from redundant_envs.values import printable, warn
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.support.figures import literal, new_figure, save_figure
+from redundant_envs.support.progress import progress_bars
+from redundant_envs.support.tables import Markdown, code, escaped, markdown
+from redundant_envs.support.values import printable, warn
 from redundant_envs.web import page
 from tests.house import ROOT
 

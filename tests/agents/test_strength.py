@@ -10,8 +10,8 @@ from run_folders import ROOT, change, says, write_run
 
 from redundant_envs.control.holding import effort_limits, holding_load
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.scene import load_scene, scene_data
-from redundant_envs.tables import write_rows
+from redundant_envs.scenes.scene import load_scene, scene_data
+from redundant_envs.support.tables import write_rows
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
 from studies import strength

@@ -13,8 +13,8 @@ import llvmlite.binding
 import numpy as np
 import pytest
 
-from redundant_envs.backends import cache, llvm
-from redundant_envs.backends.processors import Processor
+from redundant_envs.compiler.backends import cache, llvm
+from redundant_envs.compiler.backends.processors import Processor
 from redundant_envs.model import programs
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import RECORDED

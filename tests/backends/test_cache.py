@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from redundant_envs.__main__ import main
-from redundant_envs.backends import cache
-from redundant_envs.tracing.flow import Kernel, Program
+from redundant_envs.compiler.backends import cache
+from redundant_envs.compiler.tracing.flow import Kernel, Program
 
 
 def small_program():

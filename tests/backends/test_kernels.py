@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from compiled import compiled
 
-from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction
-from redundant_envs.tracing.graph import Graph
+from redundant_envs.compiler.tracing.flow import LANES, Kernel, LaneFunction
+from redundant_envs.compiler.tracing.graph import Graph
 
 ELEMENTS = {"float64": "f64", "float32": "f32", "int64": "i64", "uint32": "u32", "int8": "i8"}
 

@@ -10,18 +10,18 @@ import pytest
 from catalogue import SCENES
 from compiled import compiled, on_columns
 
-from redundant_envs import algebra
-from redundant_envs.backends import llvm, llvm_kernels, llvm_text
-from redundant_envs.backends.processors import AVX2
-from redundant_envs.backends.torch import torch
-from redundant_envs.draws import uniform
-from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Lifetime, Variable
-from redundant_envs.lane.memory import traced
+from redundant_envs.compiler.backends import llvm, llvm_kernels, llvm_text
+from redundant_envs.compiler.backends.processors import AVX2
+from redundant_envs.compiler.backends.torch import torch
+from redundant_envs.compiler.tracing.flow import LANES, Kernel, LaneFunction, Program
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.language import algebra
+from redundant_envs.language.draws import uniform
+from redundant_envs.language.philox import philox
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.philox import philox
-from redundant_envs.tracing.flow import LANES, Kernel, LaneFunction, Program
-from redundant_envs.tracing.graph import Graph
+from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Layout, Lifetime, Variable
+from redundant_envs.simulator.lane.memory import traced
 
 # ---- primitives ------------------------------------------------------------------------------------
 

@@ -12,12 +12,12 @@ from numpy.testing import assert_array_equal
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.algebra import all_of, where
-from redundant_envs.backends import llvm, llvm_text
-from redundant_envs.backends.llvm_lanes import Vectors
+from redundant_envs.compiler.backends import llvm, llvm_text
+from redundant_envs.compiler.backends.llvm_lanes import Vectors
+from redundant_envs.compiler.tracing import graph
+from redundant_envs.compiler.tracing.flow import Program
+from redundant_envs.language.algebra import all_of, where
 from redundant_envs.model.programs import traced_batch
-from redundant_envs.tracing import graph
-from redundant_envs.tracing.flow import Program
 
 e = rde.effects
 ARM = rde.Chain("RR", (1.0, 1.0), (1.0, 1.0))

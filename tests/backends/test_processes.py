@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.backends.cache import CACHE_VARIABLE, SUFFIX
+from redundant_envs.compiler.backends.cache import CACHE_VARIABLE, SUFFIX
 
 pytestmark = pytest.mark.long
 
@@ -98,7 +98,7 @@ EDITS = {
     "a function": ("redundant_envs/tasks/reach.py", "return 0.25 * tol", "return 0.75 * tol"),
     "what a function gives": ("redundant_envs/tasks/reach.py", '"goal_x goal_y"', '"goal_y goal_x"'),
     "the scene": ("configs/scenes/four_r_reach.yaml", "g: 9.81", "g: 1.62"),
-    "the reader": ("redundant_envs/yaml_reader.py", "else float(text", "else 2 * float(text"),
+    "the reader": ("redundant_envs/support/yaml_reader.py", "else float(text", "else 2 * float(text"),
 }
 """Files, texts in them, and what replaces these."""
 
@@ -137,7 +137,7 @@ PATCHES = {
         "halved = tuple(0.125 if x == 0.25 else x for x in code.co_consts)\n"
         "reach.near_term.__code__ = code.replace(co_consts=halved)"
     ),
-    "a number": "from redundant_envs.lane import episode; episode.OBSERVED_RATE = 1e-9",
+    "a number": "from redundant_envs.simulator.lane import episode; episode.OBSERVED_RATE = 1e-9",
 }
 
 
@@ -183,7 +183,7 @@ def test_processes_killed_while_they_compile_or_write_leave_nothing_that_hurts(t
     for moment in ("cache.llvm.object_code", "os.replace"):
         slow = f"""
 import os, sys, time
-import redundant_envs.backends.cache as cache
+import redundant_envs.compiler.backends.cache as cache
 def wait(*_, **__):
     print("now", file=sys.stderr, flush=True)
     while True:
@@ -254,7 +254,7 @@ def test_a_process_forked_while_another_thread_compiles_can_compile(tmp_path):
     text = """
 import os, sys, threading, time
 import redundant_envs as rde
-from redundant_envs.backends import cache
+from redundant_envs.compiler.backends import cache
 arm = rde.FourR((1,) * 4, (1,) * 4)
 slowly = cache.llvm.object_code
 def object_code(program):

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from redundant_envs.backends import cache, llvm
-from redundant_envs.backends.processors import AVX2, Processor
+from redundant_envs.compiler.backends import cache, llvm
+from redundant_envs.compiler.backends.processors import AVX2, Processor
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import RECORDED, SCENES

@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 import redundant_envs as rde
-from redundant_envs import ranges
-from redundant_envs.backends import cache, llvm
-from redundant_envs.backends.loaded import scene_key
+from redundant_envs.compiler.backends import cache, llvm
+from redundant_envs.compiler.backends.loaded import scene_key
+from redundant_envs.compiler.tracing.flow import Kernel, Program
 from redundant_envs.effects import joint_stop
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
-from redundant_envs.scene import Scene
+from redundant_envs.scenes import ranges
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.reach import ReachTask
-from redundant_envs.tracing.flow import Kernel, Program
 
 e = rde.effects
 ROOT = Path(rde.__file__).parents[1]
@@ -101,7 +101,11 @@ def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(mon
         made._trace()
     finally:
         sys.setprofile(None)
-    assert {"redundant_envs.draws", "redundant_envs.philox", "redundant_envs.events.boundary"} <= ran.keys()
+    assert {
+        "redundant_envs.language.draws",
+        "redundant_envs.language.philox",
+        "redundant_envs.simulator.events.boundary",
+    } <= ran.keys()
     assert scene_key("", programs.__name__)
     for module, name in ran.items():
         with monkeypatch.context() as context:

@@ -10,13 +10,13 @@ import types
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics, tolerance
-from redundant_envs.backends.loaded import scene_key
-from redundant_envs.lane import faults
+from redundant_envs.compiler.backends.loaded import scene_key
+from redundant_envs.language.algebra import physics, tolerance
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
-from redundant_envs.numerics.tableaus import METHODS
 from redundant_envs.robots import held_joints, mobility
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.simulator.lane import faults
 from redundant_envs.tasks import base, reach
 from redundant_envs.tasks.reach import ReachTask
 
@@ -138,7 +138,7 @@ def test_what_was_noted_of_functions_is_forgotten(monkeypatch):
 GUEST = """
 from dataclasses import dataclass
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.language.algebra import physics
 from guest_helpers import law
 
 SCALE = 1.0

@@ -12,9 +12,9 @@ import pytest
 from compiled import on_columns
 from llvmlite import ir
 
-from redundant_envs.backends import llvm as backend
-from redundant_envs.backends.llvm_fma import LARGEST_FACTOR, LEAST_PRODUCT, rounded_once
-from redundant_envs.backends.processors import Processor
+from redundant_envs.compiler.backends import llvm as backend
+from redundant_envs.compiler.backends.llvm_fma import LARGEST_FACTOR, LEAST_PRODUCT, rounded_once
+from redundant_envs.compiler.backends.processors import Processor
 
 CASES = 1 << 18
 WIDTHS = (2, 4, 8)

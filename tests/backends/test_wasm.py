@@ -3,12 +3,12 @@
 import llvmlite.binding as llvm
 import pytest
 
-from redundant_envs.backends import llvm as backend
-from redundant_envs.backends import wasm
-from redundant_envs.backends.processors import WASM
-from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
-from redundant_envs.tracing.graph import Graph
-from redundant_envs.tracing.number import Number, value_of
+from redundant_envs.compiler.backends import llvm as backend
+from redundant_envs.compiler.backends import wasm
+from redundant_envs.compiler.backends.processors import WASM
+from redundant_envs.compiler.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.number import Number, value_of
 
 SOURCE = """
 target triple = "wasm32-unknown-unknown"

@@ -6,8 +6,8 @@ import pytest
 from catalogue import GRAVITY, RPRP, assert_same_bits, stops
 
 import redundant_envs as rde
-from redundant_envs.batch import blocks
-from redundant_envs.tracing.flow import LANES
+from redundant_envs.compiler.tracing.flow import LANES
+from redundant_envs.simulator.batch import blocks
 from redundant_envs.verify.checks import random_states
 
 GROUP = LANES * blocks.GROUP

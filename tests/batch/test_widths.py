@@ -5,18 +5,18 @@ import pytest
 from catalogue import SCENES
 
 from redundant_envs import load_scene
-from redundant_envs.backends import llvm
-from redundant_envs.batch.advance import COLUMNS, advance_kernel
-from redundant_envs.batch.environment import EPISODE_KEY, EnvironmentKernel, Operation
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.compiler.tracing.flow import Program
 from redundant_envs.envs.core import first_memory, start_ranges
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import TABLES, Episode
-from redundant_envs.lane.fields import LOG, PARAMETER, STATE
-from redundant_envs.lane.interval import Interval
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Call
+from redundant_envs.simulator.batch.advance import COLUMNS, advance_kernel
+from redundant_envs.simulator.batch.environment import EPISODE_KEY, EnvironmentKernel, Operation
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import TABLES, Episode
+from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
+from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.tasks import ReachTask
-from redundant_envs.tracing.flow import Program
 from redundant_envs.verify.checks import random_states
 
 pytestmark = pytest.mark.long

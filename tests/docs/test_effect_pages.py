@@ -9,8 +9,8 @@ from markdown import ROOT, blocks, text
 import redundant_envs as rde
 from redundant_envs.effects import OWN as KINDS
 from redundant_envs.effects.hooks import snake_case
-from redundant_envs.files import config_folder
-from redundant_envs.tables import markdown
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.support.tables import markdown
 from studies.effects import load_study
 
 FOLDER = ROOT / "docs" / "effects"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from redundant_envs.backends import llvm
+from redundant_envs.compiler.backends import llvm
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "redundant_envs"

@@ -11,9 +11,9 @@ import pytest
 from catalogue import IDS
 from markdown import README, RESULTS, ROOT, blocks, rows, text
 
-from redundant_envs.events import contacts
-from redundant_envs.lane import step_control
-from redundant_envs.scene import ACCURACIES
+from redundant_envs.scenes.scene import ACCURACIES
+from redundant_envs.simulator.events import contacts
+from redundant_envs.simulator.lane import step_control
 from redundant_envs_train.config import WITHOUT_EFFECT
 from redundant_envs_train.evidence.runs import read_groups, read_runs
 from redundant_envs_train.evidence.table import brief_table, table

@@ -73,8 +73,8 @@ def test_every_block_of_the_new_pages_runs(pages, capsys):
 @pytest.mark.long
 def test_every_id_scene_and_method_has_its_page_or_line(pages, parts):
     import redundant_envs as rde
-    from redundant_envs.numerics.tableaus import METHODS
-    from redundant_envs.scene import scene_names
+    from redundant_envs.scenes.scene import scene_names
+    from redundant_envs.scenes.tableaus import METHODS
 
     own, api = parts[1].OWN_IDS, pages["reference/api.md"]
     program = "import redundant_envs.envs.registration as r; print(*r.ids())"  # this process has more

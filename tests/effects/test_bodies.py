@@ -12,10 +12,10 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics, sincos
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Features
+from redundant_envs.language.algebra import physics, sincos
 from redundant_envs.model.energy import potential_energy
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.features import Features
 
 NAN = math.nan
 

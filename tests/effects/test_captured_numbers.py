@@ -17,8 +17,8 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics, where
 from redundant_envs.envs.core import Core
+from redundant_envs.language.algebra import physics, where
 
 damping = physics(lambda rate, k: -k * rate)
 no_force = physics(lambda: 0.0)

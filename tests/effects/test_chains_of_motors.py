@@ -8,12 +8,12 @@ import pytest
 from catalogue import ARMS, FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.effects import Actuation, Effect, EffortLimits, Link
 from redundant_envs.effects.hooks import effort_unit, snake_case
 from redundant_envs.envs.named import action_table
 from redundant_envs.envs.registration import check_motors
+from redundant_envs.language.algebra import physics
 
 
 @physics

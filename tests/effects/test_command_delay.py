@@ -9,9 +9,9 @@ from catalogue import ARMS, FOUR_R, RPRP, assert_same_bits
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects.command_delay import rest, whole_intervals
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 
 DT = 0.02
 STEPS = {

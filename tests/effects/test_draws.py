@@ -12,11 +12,11 @@ from catalogue import FOUR_R, RPRP, assert_same_bits
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
-from redundant_envs.draws import MOST_DRAWS, Draw, drawn, normals, stream_of
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
+from redundant_envs.language.algebra import physics
+from redundant_envs.language.draws import MOST_DRAWS, Draw, drawn, normals, stream_of
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 
 
 @physics

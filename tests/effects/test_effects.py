@@ -13,9 +13,9 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
 from redundant_envs.effects.attaching import RULES, roots_of
-from redundant_envs.events.boundary import side_beyond
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.language.limits import side_beyond
 from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.simulator.lane.dynamics import Dynamics
 
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])

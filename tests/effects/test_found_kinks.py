@@ -8,10 +8,10 @@ from catalogue import advanced, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import floor, maximum, minimum, physics, where
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Features
-from redundant_envs.lane.kinks import levels_of
+from redundant_envs.language.algebra import floor, maximum, minimum, physics, where
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.features import Features
+from redundant_envs.simulator.lane.kinks import levels_of
 from studies.kinked_effects import QuadraticDrag, VelocityController
 
 RPRP = rde.RPRP((0.5,) * 4, (0.25, 0.25))

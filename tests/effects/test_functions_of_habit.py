@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from refusals import refusal, short
 
-from redundant_envs import algebra, dialect
-from redundant_envs.algebra import PRIMITIVES, physics
+from redundant_envs.compiler import dialect
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import PRIMITIVES, physics
 
 ARGUMENTS = {
     "clip": "x, -1.0, 1.0", "clamp": "x, -1.0, 1.0", "select": "[x > 0.0], [x], y",

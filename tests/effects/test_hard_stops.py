@@ -11,7 +11,7 @@ from catalogue import EQUAL, advanced, assert_same_bits, by_another_account, tip
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scenes.tableaus import METHODS
 
 ARM = EQUAL["RPRP"]
 OVER = rde.Numerics.EVENT_BUDGET

@@ -12,8 +12,8 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
-from redundant_envs.backends.torch import torch
+from redundant_envs.compiler.backends.torch import torch
+from redundant_envs.language.algebra import physics
 
 STEPS = {
     "rk4": {"integrator": "rk4", "substeps": 4},

@@ -10,8 +10,8 @@ from catalogue import ARMS, FOUR_R, RPRP, advanced, motors
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Features
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.features import Features
 
 INERTIA = 2.0
 ONE = rde.Chain("R", (INERTIA,), (1.0,))

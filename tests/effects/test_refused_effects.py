@@ -13,9 +13,9 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
 from redundant_envs.envs.core import Core
-from redundant_envs.quantities import givers_of
+from redundant_envs.language.algebra import physics
+from redundant_envs.language.quantities import givers_of
 
 NAN = math.nan
 

@@ -9,10 +9,10 @@ from catalogue import FOUR_R, RPRP, advanced, assert_same_bits, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.events.boundary import MARGIN, law_behind, limits_of_law
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
+from redundant_envs.simulator.events.boundary import MARGIN, law_behind, limits_of_law
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.verify.checks import random_states
 
 

@@ -10,8 +10,8 @@ from catalogue import FOUR_R, RPRP, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import exp, physics
 from redundant_envs.effects.hooks import Actuation, Effect, Friction, Link, State
+from redundant_envs.language.algebra import exp, physics
 
 CASES = json.loads((Path(__file__).parents[1] / "oracles" / "stiction_four_r.json").read_text())
 """Motions of 1 s by two other programs, which agree to 2e-13 m: up to 77 events each."""

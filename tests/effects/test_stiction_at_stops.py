@@ -10,11 +10,11 @@ from catalogue import RPRP, advanced, stops
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
 from redundant_envs.effects.hooks import Effect
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
+from redundant_envs.language.algebra import physics
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 
 CASES = json.loads((Path(__file__).parents[1] / "oracles" / "stiction_rprp.json").read_text())
 """Motions of 1 s between inelastic stops by another program, up to 49 events each."""

@@ -12,8 +12,8 @@ from catalogue import advanced
 from one_force import ARM, with_force
 
 import redundant_envs as rde
-from redundant_envs.algebra import exp, physics, sincos, where
 from redundant_envs.effects import Effect, Force, Gravity, LimitSpring
+from redundant_envs.language.algebra import exp, physics, sincos, where
 from redundant_envs.model.energy import potential_energy
 from redundant_envs.model.programs import batch_simulator
 

@@ -7,7 +7,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.envs import cost
-from redundant_envs.files import config_folder
+from redundant_envs.scenes.files import config_folder
 from redundant_envs.verify.checks import random_states
 from studies.effects import load_study
 

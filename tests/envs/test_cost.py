@@ -7,11 +7,11 @@ import pytest
 from catalogue import ARMS, FOUR_R, FRICTION, GRAVITY, LIMITS, RPRP, e, every_effect, springs, stops
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Sensing
 from redundant_envs.envs import cost
+from redundant_envs.language.algebra import physics
+from redundant_envs.support.timing import Times
 from redundant_envs.tasks.base import hard_stops
-from redundant_envs.timing import Times
 
 BARE = rde.Scene(FOUR_R, (GRAVITY, FRICTION, LIMITS))
 FIRST, LAST = springs(FOUR_R)

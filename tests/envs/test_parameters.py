@@ -7,9 +7,9 @@ import pytest
 from faces import FOUR_R, ID, actions, begin, flat, made, running
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import parameters_of
+from redundant_envs.language.algebra import physics
 
 e = rde.effects
 SCENE = rde.load_scene("rprp_reach")

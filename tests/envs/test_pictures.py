@@ -17,9 +17,9 @@ from faces import FOUR_R, ID, actions, begin, made, running
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.envs import animation, rendering
 from redundant_envs.envs.rendering import BARS, GLYPHS, GOAL, TRAIL, TRAIL_LENGTH, Canvas, Window, cover
+from redundant_envs.language.algebra import physics
 from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 

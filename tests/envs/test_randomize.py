@@ -16,9 +16,9 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 
 import redundant_envs as rde
-from redundant_envs.batch.environment import philox
 from redundant_envs.envs.core import Core
-from redundant_envs.ranges import ranges
+from redundant_envs.scenes.ranges import ranges
+from redundant_envs.simulator.batch.environment import philox
 
 GOAL = "redundant_envs/FourRGoalReach-v0"
 TASK = {"goal_tolerance": {"uniform": [0.01, 0.03]}, "hold_steps": {"choice": [3, 5, 8]}}

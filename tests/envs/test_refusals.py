@@ -11,8 +11,8 @@ from faces import FACES, FOUR_R, ID, MODES, actions, begin, flat, made, refused,
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.lane.fields import PARAMETER
 from redundant_envs.model import memory
+from redundant_envs.simulator.lane.fields import PARAMETER
 
 GOAL_ID = "redundant_envs/RPRPGoalReach-v0"
 SCENE = rde.load_scene("rprp_reach").to_dict()

@@ -21,7 +21,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
 from redundant_envs.envs.registration import full_id
-from redundant_envs.files import config_folder
+from redundant_envs.scenes.files import config_folder
 
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 

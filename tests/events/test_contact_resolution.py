@@ -6,9 +6,9 @@
 import numpy as np
 import pytest
 
-from redundant_envs.events import contacts
-from redundant_envs.events.boundary import ROUNDING
-from redundant_envs.events.contacts import Contact, Happening, resolve_contacts
+from redundant_envs.language.limits import ROUNDING
+from redundant_envs.simulator.events import contacts
+from redundant_envs.simulator.events.contacts import Contact, Happening, resolve_contacts
 from studies.account_of_contacts import complementary
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])

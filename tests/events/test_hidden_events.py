@@ -9,11 +9,11 @@ import pytest
 from catalogue import RPRP, stops
 
 import redundant_envs as rde
-from redundant_envs.events import crossings
-from redundant_envs.events.boundary import BoundedCoordinate
-from redundant_envs.events.first_event import Encounter, Event
-from redundant_envs.events.search import Search, Trial, last_piece, sought_boundary
-from redundant_envs.numerics.methods import Watched
+from redundant_envs.simulator.events import crossings
+from redundant_envs.simulator.events.boundary import BoundedCoordinate
+from redundant_envs.simulator.events.first_event import Encounter, Event
+from redundant_envs.simulator.events.search import Search, Trial, last_piece, sought_boundary
+from redundant_envs.simulator.numerics.methods import Watched
 from studies.interval_families import FAMILIES, Draw
 from studies.intervals import judge_family, tips_after
 from studies.stop_families import NAMED, StopFamily

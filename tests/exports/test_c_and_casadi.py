@@ -12,11 +12,11 @@ from foreign import accelerations
 from refusals import refusal, short
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Link
 from redundant_envs.exports.files import document, write
 from redundant_envs.exports.motion import smooth_scene
-from redundant_envs.scene import scene_names
+from redundant_envs.language.algebra import physics, where
+from redundant_envs.scenes.scene import scene_names
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 WARNINGS = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror", "-O1"]

@@ -10,10 +10,10 @@ from foreign import NEEDS_MUJOCO, assert_same_tips, largest_difference, model_of
 from refusals import refusal, short
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Effect, Field, Force, Inertia
 from redundant_envs.exports.files import document, write
-from redundant_envs.scene import scene_names
+from redundant_envs.language.algebra import physics, where
+from redundant_envs.scenes.scene import scene_names
 
 pytestmark = NEEDS_MUJOCO
 e = rde.effects

@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeVar
 
 import yaml
 
-from redundant_envs.progress import counted
+from redundant_envs.support.progress import counted
 
 ROOT = Path(__file__).parents[2]
 KERNELS = os.environ.get("REDUNDANT_ENVS_CACHE") or str(ROOT / ".pytest_cache" / "kernels")

@@ -5,13 +5,13 @@ import dataclasses
 
 import numpy as np
 
-from redundant_envs.backends.torch import number
+from redundant_envs.compiler.backends.torch import number
 from redundant_envs.effects.hooks import Actuation, Friction, Impact, Sensing
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
 from redundant_envs.model.torch_step import torch_step
-from redundant_envs.scene_numbers import OF_ARM, names_of
+from redundant_envs.scenes.numbers import OF_ARM, names_of
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.verify.evaluators import MOST_EVALUATIONS
 
 from .drawing_calls import AUTORESETS

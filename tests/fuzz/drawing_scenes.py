@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies.drawing import RARE_EFFORTS, TRIES, drawn_arm, drawn_effect, drawn_rows, own_effects
 
 MOTORS = "EffortLimits"

@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scenes.tableaus import METHODS
 
 from . import motions
 from .cases import lanes_of, with_lanes, without_calls

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.backends import cache
+from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
 from . import cases

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.figures import bare, new_figure, save_figure
-from redundant_envs.machine import machine_name
-from redundant_envs.tables import markdown
+from redundant_envs.support.figures import bare, new_figure, save_figure
+from redundant_envs.support.machine import machine_name
+from redundant_envs.support.tables import markdown
 
 from . import TESTS
 from . import measured as m

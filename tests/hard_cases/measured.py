@@ -8,8 +8,8 @@ import numpy as np
 from exact_numbers import exactly
 
 import redundant_envs as rde
+from redundant_envs.language.quantities import Quantities
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.quantities import Quantities
 
 from .hard_case import at_most
 

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from redundant_envs.algebra import maximum, minimum, physics, where
 from redundant_envs.effects import CoulombFriction, Lag, LuGre, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
+from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
 from tests.oracles.misprints import misprints

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from redundant_envs.figures import new_figure
+from redundant_envs.support.figures import new_figure
 
 from . import __main__ as page
 from .hard_case import THEMES, all_cases, at_least, at_most

@@ -14,14 +14,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.compiler.tracing.graph import Operation, Value, bits_of, reached
 from redundant_envs.effects import hooks
+from redundant_envs.language.algebra import physics
 from redundant_envs.model import programs
 from redundant_envs.model.programs import Simulator
-from redundant_envs.scene import scene_names
+from redundant_envs.scenes.scene import scene_names
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
-from redundant_envs.tracing.graph import Operation, Value, bits_of, reached
 from tests import catalogue
 from tests.catalogue import FOUR_R, RPRP, delays, dry_friction, joint_stops, springs, stops
 

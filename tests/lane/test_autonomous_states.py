@@ -8,8 +8,8 @@ from catalogue import ARMS, FOUR_R, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import exp, physics
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.language.algebra import exp, physics
+from redundant_envs.simulator.lane.dynamics import Dynamics
 
 PACE = 40.0
 START = np.array([[0.3, 0.5, -0.2, 0.4]]), np.array([[2.0, -1.0, 1.5, 0.5]])

@@ -8,9 +8,9 @@ import pytest
 from catalogue import ARMS, FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.algebra import exp, physics
 from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State, lu_gre
-from redundant_envs.lane.closed_forms import share
+from redundant_envs.language.algebra import exp, physics
+from redundant_envs.simulator.lane.closed_forms import share
 
 
 @physics

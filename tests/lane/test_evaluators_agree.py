@@ -6,7 +6,7 @@
 import pytest
 from catalogue import SCENES, names
 
-import redundant_envs.backends.torch  # noqa: F401
+import redundant_envs.compiler.backends.torch  # noqa: F401
 from redundant_envs.verify import Mode, Subject
 from redundant_envs.verify.checks import Trial
 from redundant_envs.verify.evaluators import arrays, singles, tensors

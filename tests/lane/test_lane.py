@@ -5,9 +5,9 @@ import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Variable
-from redundant_envs.lane.memory import Lane
 from redundant_envs.model.programs import batch_simulator, environment_simulator
+from redundant_envs.simulator.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Variable
+from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.tasks.reach import ReachTask
 
 LAYOUT = Layout(

@@ -8,9 +8,9 @@ import pytest
 from catalogue import EQUAL, FOUR_R, GRAVITY, RPRP, SCENES, assert_same_bits, e, on
 
 import redundant_envs as rde
-from redundant_envs import algebra
-from redundant_envs.algebra import sqrt, where
 from redundant_envs.effects.hooks import Effect, Field
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import sqrt, where
 from redundant_envs.verify.checks import random_states
 
 

@@ -72,7 +72,7 @@ NOTEBOOK = """
 import dataclasses, sys
 import cloudpickle
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.language.algebra import physics
 from redundant_envs.effects.hooks import Effect, Force
 
 @physics

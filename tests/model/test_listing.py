@@ -10,8 +10,8 @@ import pytest
 from catalogue import ARMS, e, every_effect
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics, sqrt
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, Sensing, State
+from redundant_envs.language.algebra import physics, sqrt
 from redundant_envs.model.listing import OF_ENVIRONMENT
 
 ROOT = Path(rde.__file__).parents[1]

@@ -5,10 +5,10 @@ import pytest
 from catalogue import COPIES, RPRP, SCENES, e
 
 import redundant_envs as rde
-from redundant_envs.lane.fields import LOG, PARAMETER, STATE
+from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import batch_simulator
-from redundant_envs.tracing.flow import LANES
+from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
 
 MASSES = ("m1", "m2", "m3", "m4")
 every_count = pytest.mark.parametrize("count", [1, 3, 8, 9, 30])

@@ -9,7 +9,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.algebra import physics
+from redundant_envs.language.algebra import physics
 
 SCENE = "rprp_reach"
 ENV = "redundant_envs/RPRPReach-v0"

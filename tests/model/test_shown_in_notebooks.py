@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.effects import Effect, Force
+from redundant_envs.language.algebra import physics
 from redundant_envs.model.listing import Bill, Operations
-from redundant_envs.notebook import LONGEST_CELL, MOST_BYTES, MOST_ROWS
 from redundant_envs.robots.drawn import MOST_ARMS
+from redundant_envs.support.notebook import LONGEST_CELL, MOST_BYTES, MOST_ROWS
 
 e = rde.effects
 HOSTILE = "<script>alert('1')</script>&\"<b>"
@@ -208,7 +208,7 @@ def test_what_would_be_too_long_is_shown_as_text():
 
 
 def test_named_scenes_are_shown():
-    from redundant_envs.scene import scene_names
+    from redundant_envs.scenes.scene import scene_names
 
     for name in scene_names():
         assert "svg" in page(rde.load_scene(name)).tags

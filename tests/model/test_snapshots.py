@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.language.algebra import physics
 
 e = rde.effects
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))

@@ -7,7 +7,7 @@ import pytest
 from catalogue import FOUR_R, RPRP, e
 
 import redundant_envs as rde
-from redundant_envs.backends.torch import torch
+from redundant_envs.compiler.backends.torch import torch
 
 STEPS = {
     "euler": {"integrator": "euler"},

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import maximum, physics
 from redundant_envs.effects.hooks import Effect, Force
-from redundant_envs.lane import attempts
-from redundant_envs.lane.bounces import Bounces
-from redundant_envs.lane.engine_fields import engine
-from redundant_envs.lane.faults import Control, Fault
-from redundant_envs.lane.fields import Layout
-from redundant_envs.lane.memory import Lane
-from redundant_envs.lane.pieces import Whole
-from redundant_envs.lane.step_control import End, EqualSteps
-from redundant_envs.numerics.error_control import (
+from redundant_envs.language.algebra import maximum, physics
+from redundant_envs.simulator.lane import attempts
+from redundant_envs.simulator.lane.bounces import Bounces
+from redundant_envs.simulator.lane.engine_fields import engine
+from redundant_envs.simulator.lane.faults import Control, Fault
+from redundant_envs.simulator.lane.fields import Layout
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.pieces import Whole
+from redundant_envs.simulator.lane.step_control import End, EqualSteps
+from redundant_envs.simulator.numerics.error_control import (
     Crossed,
     blended_error,
     confirmed,

@@ -8,8 +8,8 @@ from functools import cache
 
 import pytest
 
-from redundant_envs.numerics.methods import explicit_step
-from redundant_envs.numerics.tableaus import METHODS, RK8
+from redundant_envs.scenes.tableaus import METHODS, RK8
+from redundant_envs.simulator.numerics.methods import explicit_step
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
 

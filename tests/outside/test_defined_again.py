@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.backends import llvm
-from redundant_envs.backends.processors import AVX2
+from redundant_envs.compiler.backends import llvm
+from redundant_envs.compiler.backends.processors import AVX2
 
 MODULE = "effect_defined_again"
 TEXT = """

@@ -15,13 +15,13 @@ from rrp import RRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.lane.common_step import others_error
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
-from redundant_envs.numerics.methods import Step
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.common_step import others_error
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.numerics.methods import Step
 from studies.interval_families import kinked
 from studies.intervals import judge_family
 

@@ -13,11 +13,11 @@ from held_command import HeldCommand
 
 import redundant_envs as rde
 from redundant_envs.algebra import ABSENT, exp, maximum, physics, sqrt, where
-from redundant_envs.backends.torch import torch
+from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.control.holding import static_efforts
 from redundant_envs.effects.two_stage_spring import energy
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify import accuracy, forces, verify
 
 AT_POINTS = [(name, k + 1) for name, arm in ARMS.items() for k in range(arm.num_masses)]

@@ -11,8 +11,8 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects.hooks import Actuation, Effect, Force
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.features import Features
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.features import Features
 
 FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
 GEAR = e.GearBacklash(0.02, 500.0, 0.02, 10.0)

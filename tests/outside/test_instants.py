@@ -13,12 +13,12 @@ from late_command import LateCommand, SampledBrake
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
-from redundant_envs.backends.torch import torch
-from redundant_envs.lane.direct import cross_interval, fields_of, in_steps
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
+from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.model.batch import Numerics
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of, in_steps
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
 
 LENGTH = 0.02
 STOPS = e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5)

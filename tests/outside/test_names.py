@@ -13,12 +13,12 @@ from lag_chain import LagChain
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.lane.direct import fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.episode import Episode
-from redundant_envs.lane.interval import Interval
-from redundant_envs.lane.memory import Lane
 from redundant_envs.model.programs import environment_simulator
+from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import Episode
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 

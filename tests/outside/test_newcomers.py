@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from redundant_envs import effects, modules
+from redundant_envs import effects
 from redundant_envs.__main__ import main
+from redundant_envs.support import modules
 
 ROOT = Path(__file__).parents[2]
 BLOCKS = re.findall(

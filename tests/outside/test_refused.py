@@ -18,13 +18,13 @@ from humming_stop import HummingStop
 import redundant_envs as rde
 import redundant_envs.robots
 from redundant_envs.algebra import physics
-from redundant_envs.backends.torch import torch
+from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.effects import Effect, Force, Point, State
 from redundant_envs.effects.captured import check_effect
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import IDS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scene_numbers import _check_task
+from redundant_envs.scenes.numbers import _check_task
 from redundant_envs.tasks.checks import check_task
 
 FOUR_R, RPRP = ARMS["4R"], ARMS["RPRP"]

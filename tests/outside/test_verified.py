@@ -19,8 +19,8 @@ from relative_two_r import RelativeTwoR
 
 import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
-from redundant_envs.lane import common_step
-from redundant_envs.numerics.tableaus import METHODS
+from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.simulator.lane import common_step
 from redundant_envs.verify import (
     Mode,
     Subject,

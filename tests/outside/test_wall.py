@@ -9,9 +9,9 @@ from arms import ARMS
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.algebra import physics
-from redundant_envs.lane.direct import cross_interval, fields_of
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.interval import Interval
+from redundant_envs.simulator.lane.direct import cross_interval, fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.interval import Interval
 
 
 @physics

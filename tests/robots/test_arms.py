@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
+from redundant_envs.language.algebra import physics
 from redundant_envs.robots import derived
 
 GOOD = {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.quantities import Quantities
+from redundant_envs.language.quantities import Quantities
 
 mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import redundant_envs as rde
-from redundant_envs.files import config_folder
+from redundant_envs.scenes.files import config_folder
 from redundant_envs_train.config import checked
 from studies import accuracy, accuracy_methods, accuracy_plots, accuracy_report
 from studies import accuracy_long as long

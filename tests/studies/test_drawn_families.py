@@ -7,7 +7,7 @@ from catalogue import by_another_account
 from redundant_envs.effects import CommandDelay, CoulombFriction, JointStop
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.robots import RPRP, Chain, FourR
-from redundant_envs.scene import Scene
+from redundant_envs.scenes.scene import Scene
 from studies import drawing, drawn_families, intervals
 from studies.another_account import Account
 from studies.drawn_families import SENSORS, DrawnFamily, made_scene, moving_effects

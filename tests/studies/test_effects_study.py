@@ -8,8 +8,8 @@ import yaml
 import redundant_envs as rde
 from redundant_envs.effects import OWN
 from redundant_envs.envs import cost
-from redundant_envs.files import config_folder
-from redundant_envs.scene import scene_names
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes.scene import scene_names
 from redundant_envs_train.config import checked
 from studies import effects
 from studies.__main__ import main

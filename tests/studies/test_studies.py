@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from redundant_envs import load_scene
-from redundant_envs.files import config_folder
+from redundant_envs.scenes.files import config_folder
 from redundant_envs_train.config import checked
 from studies import environments, stops, throughput
 from studies.__main__ import main

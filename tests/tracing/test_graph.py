@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from compiled import rows_of
 
-import redundant_envs.backends.numpy  # noqa: F401  its numbers are known from here on
-from redundant_envs import algebra
-from redundant_envs.algebra import all_of, any_of, cases, where
-from redundant_envs.tracing.graph import Graph, reached
-from redundant_envs.tracing.number import Condition
+import redundant_envs.compiler.backends.numpy  # noqa: F401  its numbers are known from here on
+from redundant_envs.compiler.tracing.graph import Graph, reached
+from redundant_envs.compiler.tracing.number import Condition
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import all_of, any_of, cases, where
 
 
 def traced(function):

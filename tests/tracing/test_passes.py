@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from compiled import on_columns, recorded
 
-from redundant_envs.algebra import logical_not, minimum, sqrt, where
-from redundant_envs.lane.direct import OPERATIONS
-from redundant_envs.tracing.graph import FREE, LATENCY, Graph, Operation, reached
-from redundant_envs.tracing.number import Number
-from redundant_envs.tracing.passes.order import in_order
-from redundant_envs.tracing.passes.simplify import join_products, specialise
-from redundant_envs.tracing.passes.stages import Stages, Subroutine
+from redundant_envs.compiler.tracing.graph import FREE, LATENCY, Graph, Operation, reached
+from redundant_envs.compiler.tracing.number import Number
+from redundant_envs.compiler.tracing.passes.order import in_order
+from redundant_envs.compiler.tracing.passes.simplify import join_products, specialise
+from redundant_envs.compiler.tracing.passes.stages import Stages, Subroutine
+from redundant_envs.language.algebra import logical_not, minimum, sqrt, where
+from redundant_envs.simulator.lane.direct import OPERATIONS
 
 MEANINGS = {**OPERATIONS, "fma": lambda a, b, c: a * b + c}
 

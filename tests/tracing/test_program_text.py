@@ -2,11 +2,11 @@
 
 import re
 
-from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Variable
-from redundant_envs.lane.memory import traced
-from redundant_envs.tracing.flow import Kernel, Program
-from redundant_envs.tracing.listing import function_lines, lines
-from redundant_envs.tracing.passes.stages import Subroutine
+from redundant_envs.compiler.tracing.flow import Kernel, Program
+from redundant_envs.compiler.tracing.listing import function_lines, lines
+from redundant_envs.compiler.tracing.passes.stages import Subroutine
+from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Layout, Variable
+from redundant_envs.simulator.lane.memory import traced
 
 LAYOUT = Layout([Variable(n, "", "", STATE) for n in ("x", "v")] + [Variable("f", "", "", SCRATCH)])
 

@@ -7,14 +7,14 @@ import textwrap
 import numpy as np
 import pytest
 
-from redundant_envs.lane.direct import evaluate
-from redundant_envs.lane.fields import SCRATCH, STATE, Layout, Variable
-from redundant_envs.lane.memory import Lane, TracedLane
-from redundant_envs.tracing.flow import Kernel, LaneFunction, Program
-from redundant_envs.tracing.graph import Graph
-from redundant_envs.tracing.listing import lines
-from redundant_envs.tracing.number import value_of
-from redundant_envs.tracing.program import ENDED, Machine
+from redundant_envs.compiler.tracing.flow import Kernel, LaneFunction, Program
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.listing import lines
+from redundant_envs.compiler.tracing.number import value_of
+from redundant_envs.compiler.tracing.program import ENDED, Machine
+from redundant_envs.simulator.lane.direct import evaluate
+from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Layout, Variable
+from redundant_envs.simulator.lane.memory import Lane, TracedLane
 
 
 class Ask(enum.Enum):

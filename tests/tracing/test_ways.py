@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import ANYTHING
 
-from redundant_envs.lane.direct import evaluate
-from redundant_envs.tracing.graph import Graph, reached
-from redundant_envs.tracing.number import Number
-from redundant_envs.tracing.ways import branches
+from redundant_envs.compiler.tracing.graph import Graph, reached
+from redundant_envs.compiler.tracing.number import Number
+from redundant_envs.compiler.tracing.ways import branches
+from redundant_envs.simulator.lane.direct import evaluate
 
 
 def interpreted(function, *columns):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs import algebra
 from redundant_envs.effects import Actuation, Effect, State
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.env import ArmEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
-from redundant_envs.events import contacts
+from redundant_envs.language import algebra
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
+from redundant_envs.simulator.events import contacts
 from redundant_envs.verify import Subject, bits, environments, evaluators, impacts, recorded_bits, verify
 from redundant_envs.verify.checks import Trial, checks_of
 from redundant_envs.verify.promises import Mode, Verdict

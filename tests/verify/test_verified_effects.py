@@ -10,10 +10,10 @@ from catalogue import SCENES
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.algebra import exp, maximum, minimum, physics, where
 from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
-from redundant_envs.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
+from redundant_envs.language.algebra import exp, maximum, minimum, physics, where
+from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.verify import (
     Mode,
     closed_forms,

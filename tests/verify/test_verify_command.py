@@ -11,7 +11,7 @@ from catalogue import IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.extras import MissingPackage
+from redundant_envs.support.extras import MissingPackage
 from redundant_envs.verify import Mode, Subject, Verdict, engines, promises, report, subject_from, verify
 from redundant_envs.verify.checks import Check
 from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge

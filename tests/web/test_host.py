@@ -12,8 +12,8 @@ from gymnasium.utils.seeding import np_random
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.envs.core import Core
-from redundant_envs.lane.dynamics import Dynamics
-from redundant_envs.lane.fields import PARAMETER
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.fields import PARAMETER
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 

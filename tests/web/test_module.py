@@ -9,11 +9,11 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.batch.environment import Autoreset
-from redundant_envs.batch.hosts import arm_quantities
 from redundant_envs.envs.core import Core
 from redundant_envs.model import parameters
-from redundant_envs.scene import scene_at
+from redundant_envs.scenes.scene import scene_at
+from redundant_envs.simulator.batch.environment import Autoreset
+from redundant_envs.simulator.batch.hosts import arm_quantities
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 

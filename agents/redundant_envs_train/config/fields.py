@@ -4,8 +4,8 @@ import sys
 from collections.abc import Mapping
 from typing import Annotated, Any, get_args
 
-from redundant_envs.extras import needs
-from redundant_envs.values import shown
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown
 
 with needs("train"):
     from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError

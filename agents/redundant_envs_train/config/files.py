@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from redundant_envs.files import exists, explained, read_yaml, text_value
-from redundant_envs.tables import markdown
-from redundant_envs.values import shown
+from redundant_envs.scenes.files import exists, explained, read_yaml, text_value
+from redundant_envs.support.tables import markdown
+from redundant_envs.support.values import shown
 
 from ..presets import is_override, preset_path
 from .fields import checked, limits, model_at, short

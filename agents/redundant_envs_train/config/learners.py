@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 
 from .fields import Model, Real, Whole, number, value
 

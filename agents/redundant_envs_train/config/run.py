@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any, Literal, Self, get_args
 
 from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, full_id, ids
-from redundant_envs.extras import needs
-from redundant_envs.values import shown
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown
 
 from . import learners
 from .fields import Model, Real, Text, Whole, number, value

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import needs
-from redundant_envs.figures import bare, literal, new_figure, save_figure
-from redundant_envs.tables import write_rows
+from redundant_envs.support.extras import needs
+from redundant_envs.support.figures import bare, literal, new_figure, save_figure
+from redundant_envs.support.tables import write_rows
 
 from ..run_folder import SELECTION
 from ..statistics import LEAST_RUNS, interquartile_mean, run_interval

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs import bounded
-from redundant_envs.disk import write_text
 from redundant_envs.envs.registration import SCENES
-from redundant_envs.scene import Scene
-from redundant_envs.values import shown
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support import bounded
+from redundant_envs.support.disk import write_text
+from redundant_envs.support.values import shown
 
 from .. import command, run_folder, train_again
 from ..config import WITHOUT_EFFECT, Config, config_of

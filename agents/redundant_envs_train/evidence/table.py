@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from redundant_envs.tables import escaped, markdown
+from redundant_envs.support.tables import escaped, markdown
 
 from ..statistics import CHANCE, LEAST_RUNS, interquartile_mean, run_interval, sign_test
 from .runs import Group, read_groups

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 
 from ..config import Config, HERSettings, PlainPPOSettings, TD3Settings, TQCSettings
 from .networks import ACTIVATIONS, Averaging

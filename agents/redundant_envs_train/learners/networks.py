@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 
 with needs("train"):
     import torch

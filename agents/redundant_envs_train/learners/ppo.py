@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 
 from .networks import Adam, Averaging, Networks, goal_mixing, linear_layers
 from .sampling import each

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.extras import needs
+from redundant_envs.support.extras import needs
 
 with needs("train"):
     import torch

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.extras import needs
-from redundant_envs.tables import Markdown, code, escaped, markdown
+from redundant_envs.support.extras import needs
+from redundant_envs.support.tables import Markdown, code, escaped, markdown
 
 with needs("train"):
     import jinja2

@@ -15,13 +15,13 @@ from gymnasium.envs.registration import EnvSpec
 
 from redundant_envs import __version__
 from redundant_envs.envs.registration import full_id, ids
-from redundant_envs.extras import needs
-from redundant_envs.files import exists
-from redundant_envs.modules import IMPORTED
-from redundant_envs.progress import counted
-from redundant_envs.scene import scene_at
-from redundant_envs.tables import table
-from redundant_envs.values import shown
+from redundant_envs.scenes.files import exists
+from redundant_envs.scenes.scene import scene_at
+from redundant_envs.support.extras import needs
+from redundant_envs.support.modules import IMPORTED
+from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import table
+from redundant_envs.support.values import shown
 
 from ..rollout import Act, expert_act, policy_act, random_act
 from ..run_folder import check_out, own_config, tell_differences

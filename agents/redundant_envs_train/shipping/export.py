@@ -12,15 +12,15 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from redundant_envs.disk import told, write_bytes
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import needs
-from redundant_envs.scene import scene_names
-from redundant_envs.tables import Markdown, code
+from redundant_envs.scenes.scene import scene_names
+from redundant_envs.support.disk import told, write_bytes
+from redundant_envs.support.extras import needs
+from redundant_envs.support.tables import Markdown, code
+from redundant_envs.support.values import shown
 from redundant_envs.tasks import ReachTask
-from redundant_envs.values import shown
 
 from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run

@@ -15,8 +15,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from redundant_envs.bounded import read_arrays
-from redundant_envs.extras import needs
+from redundant_envs.support.bounded import read_arrays
+from redundant_envs.support.extras import needs
 
 from ..learners.networks import ACTIVATIONS
 

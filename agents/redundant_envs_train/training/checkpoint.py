@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs import bounded
-from redundant_envs.disk import DiskFull, told, write_bytes
-from redundant_envs.extras import needs
-from redundant_envs.values import shown
+from redundant_envs.support import bounded
+from redundant_envs.support.disk import DiskFull, told, write_bytes
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import shown
 
 from .. import train_again
 from ..learners.sampling import each

@@ -7,8 +7,8 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from redundant_envs.disk import alone, check_plain
-from redundant_envs.extras import needs
+from redundant_envs.support.disk import alone, check_plain
+from redundant_envs.support.extras import needs
 
 from .. import run_folder
 from ..config import Config, checked

@@ -22,11 +22,11 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
-from redundant_envs.disk import alone, check_plain, write_text
-from redundant_envs.disk import told as told_of
-from redundant_envs.extras import needs
-from redundant_envs.modules import IMPORTED, OPTION
-from redundant_envs.values import shown
+from redundant_envs.support.disk import alone, check_plain, write_text
+from redundant_envs.support.disk import told as told_of
+from redundant_envs.support.extras import needs
+from redundant_envs.support.modules import IMPORTED, OPTION
+from redundant_envs.support.values import shown
 
 from ..config import Config, checked
 from ..run_folder import CHECKPOINT, STATE, check_new, check_out

@@ -10,9 +10,9 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-from redundant_envs.modules import IMPORTED, import_named
-from redundant_envs.progress import progress_bars
-from redundant_envs.values import say
+from redundant_envs.support.modules import IMPORTED, import_named
+from redundant_envs.support.progress import progress_bars
+from redundant_envs.support.values import say
 
 from ..config import MOST_SEEDS
 

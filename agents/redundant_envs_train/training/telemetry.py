@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.disk import telling
-from redundant_envs.extras import needs
+from redundant_envs.support.disk import telling
+from redundant_envs.support.extras import needs
 
 from ..config import CLIENTS, Config
 

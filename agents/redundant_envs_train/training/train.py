@@ -9,12 +9,12 @@ from typing import Any
 
 import yaml
 
-from redundant_envs.disk import DiskFull, alone, telling, told, write_text
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.extras import needs
-from redundant_envs.progress import progress_bars
-from redundant_envs.values import say
+from redundant_envs.support.disk import DiskFull, alone, telling, told, write_text
+from redundant_envs.support.extras import needs
+from redundant_envs.support.progress import progress_bars
+from redundant_envs.support.values import say
 
 from .. import command, run_folder
 from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.disk import told, write_text
-from redundant_envs.extras import needs
+from redundant_envs.support.disk import told, write_text
+from redundant_envs.support.extras import needs
 
 from ..config import Config
 from ..policies import save_policy

@@ -1,0 +1,190 @@
+"""Check that a function belongs to the physics dialect, by running it on traced numbers."""
+
+from __future__ import annotations
+
+import dis
+import functools
+import random
+import traceback
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.listing import result_lines
+from redundant_envs.compiler.tracing.number import Condition, Number, value_of
+from redundant_envs.language.algebra import PRIMITIVES, arguments_of, is_physics
+
+ALLOWED = (
+    f"+ - * /, ** 2 to 4, comparisons of two, numbers, tuples, and calls of {', '.join(PRIMITIVES)} "
+    "(from redundant_envs.algebra), abs, and functions marked @physics"
+)
+SINES = "take the sine and cosine as arguments, such as s1 and c1, or write s, c = sincos(x) with sincos of"
+CONDITIONS = "join conditions by & and |, and write logical_not(condition) of redundant_envs.algebra"
+INSTEAD = {
+    "sqrt exp expm1 log floor where": "take the function of this name from redundant_envs.algebra",
+    "abs absolute fabs": "write abs(x)",
+    "max amax fmax maximum": "write maximum(a, b) with maximum of redundant_envs.algebra",
+    "min amin fmin minimum": "write minimum(a, b) with minimum of redundant_envs.algebra",
+    "clip clamp": "write clamp(x, lower, upper) with clamp of redundant_envs.algebra",
+    "sin cos tan": f"{SINES} redundant_envs.algebra; a tangent is s / c",
+    "tanh": "write 1.0 - 2.0 / (exp(2.0 * x) + 1.0), or squash(x, scale) of redundant_envs.algebra",
+    "sinh": "write 0.5 * (exp(x) - exp(-x))",
+    "cosh": "write 0.5 * (exp(x) + exp(-x))",
+    "erf": "write squash(x, scale) of redundant_envs.algebra, another smooth step",
+    "sign": "write where(x > 0.0, 1.0, where(x < 0.0, -1.0, 0.0))",
+    "copysign": "write where(sign < 0.0, -abs(x), abs(x))",
+    "heaviside": "write where(x < 0.0, 0.0, 1.0)",
+    "round rint around": "write floor(x + 0.5), which rounds halves up",
+    "ceil": "write -floor(-x)",
+    "int trunc fix": "write where(x < 0.0, -floor(-x), floor(x))",
+    "float float16 float32 float64": "leave it out: the argument is a float already",
+    "mod fmod remainder": "write a - b * floor(a / b), which has the sign of b",
+    "hypot norm dist": "write sqrt(x * x + y * y)",
+    "square": "write x**2",
+    "pow power float_power": "write a product, x**2 to x**4, 1.0 / x, sqrt(x) or exp(k * log(x))",
+    "log2": "write 1.4426950408889634 * log(x)",
+    "log10": "write 0.4342944819032518 * log(x)",
+    "log1p": "write log(1.0 + x)",
+    "cbrt": "write exp(log(x) / 3.0) of a positive x, or take a number that is computed outside, as a field",
+    "asin acos atan atan2 arcsin arccos arctan arctan2":
+        "angles are arguments, such as phi1 of joint 1: there is no inverse of a sine here",
+    "radians deg2rad": "write 0.017453292519943295 * x",
+    "degrees rad2deg": "write 57.29577951308232 * x",
+    "reciprocal": "write 1.0 / x",
+    "negative": "write -x",
+    "positive": "write x",
+    "isnan": "write x != x",
+    "isfinite": "write x - x == 0.0",
+    "isclose": "write abs(a - b) < 1e-9 with a bound of yours",
+    "bool any all logical_and logical_or logical_not": CONDITIONS,
+    "select piecewise interp": "write where(condition, a, b), one inside the other for several pieces",
+    "sort sorted": "write minimum(a, b) and maximum(a, b)",
+    "fsum mean average": "write a sum, a + b + c",
+    "range": "loop over plain numbers only, known before the motion",
+}  # fmt: skip
+"""Functions of Python, NumPy and math that are called by habit, and what to do instead."""
+_INSTEAD = {name: what for names, what in INSTEAD.items() for name in names.split()}
+TRACES = 8
+"""How often a function from outside is traced: one that throws a coin is found but once in 128 times."""
+
+
+def check(function: Any) -> int:
+    """How many values a function returns; a ValueError that says what to write if it is outside the dialect,
+    or computes something else when it is run again."""
+    first = _traced(function)
+    if is_own(function):
+        return first[0]
+    before = random_states()
+    again = [_traced(function) for _ in range(TRACES - 1)]
+    if any(other != first for other in again) or random_states() != before:
+        raise ValueError(f"{_name(function)} {CHANGES}")
+    return first[0]
+
+
+CHANGES = (
+    "draws a random number, or asks for the time, a counter or the like: it is run only once, and what it "
+    "then got would stay for all steps and environments; draw outside, and give what you drew as a number: "
+    "a field, which set_parameters and options of a reset set. What changes with the motion is a State or "
+    "an argument"
+)
+"""What is said of functions that are not the same when they are run again."""
+
+
+def computed_by(function: Any) -> str:
+    """What a function of the dialect computes: texts are equal if all operations and constants are."""
+    return _traced(function)[1]
+
+
+def _traced(function: Any) -> tuple[int, str]:
+    """Number of the values that a function returns, and the text of its operations."""
+    if is_own(function) and getattr(function, "__closure__", function) is None:
+        return _traced_once(function)  # what it computes cannot change
+    return _trace(function)
+
+
+def _trace(function: Any) -> tuple[int, str]:
+    if not callable(function):
+        raise ValueError(f"{function!r:.80} is no function; write one with 'def', marked @physics")
+    name = _name(function)
+    if not is_physics(function):
+        raise ValueError(f"{name} is not marked; write @physics above its 'def'")
+    try:
+        names = arguments_of(function)
+        graph = Graph()
+        results = function(*(Number(graph, graph.load("argument", k)) for k in range(len(names))))
+    except RecursionError:
+        raise ValueError(f"{name} calls itself; write it without recursion") from None
+    except Exception as error:
+        called = next((n for n in _called(error) if n in _INSTEAD), None)
+        what = str(error) if called is None or isinstance(error, NameError) else f"it calls {called}"
+        fix = "write" if called is None else f"{_INSTEAD[called]}. Write"
+        file = getattr(getattr(function, "__code__", None), "co_filename", None)
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
+        place = f" ({file}:{lines[-1]})" if lines else ""
+        raise ValueError(f"{name}{place} is outside the physics dialect: {what}; {fix} {ALLOWED}") from None
+    values = results if isinstance(results, tuple) else (results,)
+    for value in values:
+        if isinstance(value, bool | Condition):
+            raise ValueError(
+                f"{name} returns a condition; return numbers, such as where(condition, 1.0, 0.0)"
+            )
+        if not isinstance(value, Number | float | int):
+            raise ValueError(
+                f"{name} returns a {type(value).__name__}; return numbers: one, or a tuple, such as a, b"
+            )
+    found = [value_of(value) for value in values]
+    return len(values), "\n".join(result_lines(found))
+
+
+_traced_once = functools.lru_cache(maxsize=512)(_trace)
+
+
+def _name(function: Any) -> str:
+    return f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
+
+
+def _package(module: Any) -> str:
+    return str(module).partition(".")[0]
+
+
+OWN = _package(__name__)
+
+
+def is_own(what: Any) -> bool:
+    """Whether a function or a class is one of this package."""
+    return _package(getattr(what, "__module__", "")) == OWN
+
+
+def random_states() -> Any:
+    """Where the random numbers stand that all modules share."""
+    state: Any = np.random.get_state(legacy=False)
+    inside = state["state"]
+    return random.getstate(), state.get("has_gauss"), str(inside.get("pos", inside))
+
+
+def _called(error: Exception) -> Iterator[str]:
+    """Names of the functions of Python and NumPy that may have stopped it, those of its own text first."""
+    trace = error.__traceback__ and error.__traceback__.tb_next
+    while trace is not None:
+        name, inside = _called_at(trace.tb_frame.f_code, trace.tb_lasti), trace.tb_next
+        module = _package(inside.tb_frame.f_globals.get("__name__")) if inside else None
+        # A function of the user's own goes on in a frame that has its name: what stopped it is there.
+        if name and not (inside and inside.tb_frame.f_code.co_name == name and module != "numpy"):
+            yield name
+        trace = None if module in ("numpy", OWN) else inside
+    if isinstance(name := getattr(error, "name", None), str):
+        yield name
+
+
+def _called_at(code: Any, offset: int) -> str | None:
+    """Name of the function that an instruction calls: it was last loaded from where the call begins."""
+    loaded: dict[Any, str] = {}
+    for step in dis.get_instructions(code):
+        begin = step.positions and (step.positions.lineno, step.positions.col_offset)
+        if step.offset == offset:
+            return loaded.get(begin) if "CALL" in step.opname and begin and begin[1] is not None else None
+        if step.opname.startswith("LOAD") and isinstance(step.argval, str):
+            loaded[begin] = step.argval
+    return None

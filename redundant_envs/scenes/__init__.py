@@ -1,0 +1,1 @@
+"""Scenes: an arm and its effects, their numbers, ranges of these, and files."""

@@ -1,0 +1,216 @@
+"""Numbers of a scene and of a task by their names, and whether many sets of them are valid: those of lanes,
+and the ends of ranges."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.effects import attaching
+from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
+from redundant_envs.scenes.ranges import Range
+from redundant_envs.support.values import replaced, shown
+
+Table = dict[str, NDArray[np.float64]]
+"""Parameter name -> values of some lanes."""
+ROUNDING = 1e-12
+"""Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
+OF_ARM = ("masses", "lengths")
+"""Names of the numbers of an arm."""
+ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")
+"""These, and names of one of them."""
+
+
+def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:
+    """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "masses[1]" or "m2" -> m2,
+    "gravity.down" -> down[0], down[1]."""
+    parameters = scene.parameters()
+    if isinstance(name, str) and name in of_task:
+        return [name]
+    for whole in OF_ARM:
+        of_arm = [p for p in parameters if p[0] == whole[0] and p[1:].isdigit()]
+        if name == whole:
+            return of_arm
+        for k, entry in enumerate(of_arm):
+            if name in (entry, f"{whole}[{k}]"):
+                return [entry]
+    if isinstance(name, str) and "." in name:
+        found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
+        if found:
+            return found
+    valid = [*OF_ARM, *sorted({p.split("[")[0] for p in parameters if "." in p}), *of_task]
+    raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join(valid)}")
+
+
+def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> None:
+    """ValueError unless the numbers of the arm, of each effect and of the task of which some change are valid
+    and fit together."""
+    for kind in OF_ARM:
+        names = names_of(scene, kind)
+        if not set(changed).isdisjoint(names):
+            _check_positive(kind, np.stack([values[p] for p in names], axis=1))
+    for effect in scene.effects:
+        near = [name for name in changed if name.startswith(f"{effect.key}.")]
+        if near and not {*near}.isdisjoint(_own_names(effect)):
+            _check_effect(scene, effect, values)
+    known: dict[str, Any] = {**values, **scene.attached.states.initial}
+    for mass, loads in scene.attached.carried.items():
+        total = sum((known[name] for name in loads), values[mass])
+        _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
+    scene.attached.check_inertias(scene.robot, values)
+    if task is not None and task.parameters().keys() & changed:
+        _check_task(task, values)
+
+
+def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
+    if not columns.size:  # of no lanes
+        return
+    if not (columns > 0.0).all():
+        raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
+    least, most = columns.min(), columns.max()
+    if least < SMALLEST or most > LARGEST:
+        allowed = f"{SMALLEST} to {LARGEST}: choose units in which they do"
+        raise ValueError(f"{name} has entries from {least} to {most}; they must lie in {allowed}")
+    ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
+    if ratio > LARGEST_RATIO:
+        raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
+
+
+def _own_names(effect: Any) -> list[str]:
+    """Scalar parameters of a scene that are numbers of an effect: another key may begin with its key."""
+    return [f"{effect.key}.{name}" for name in effect.parameters()]
+
+
+def _check_effect(scene: Any, effect: Any, values: Table) -> None:
+    """Build the effect with each lane's numbers, so that its own checks apply."""
+    for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
+        fields: dict[str, Any] = {
+            f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init
+        }
+        for name, number in numbers.items():
+            field, _, entry = name.partition("[")
+            if field in fields and entry:  # those that are no numbers, as ends without a stop, stay
+                kept, k = fields[field], int(entry[:-1])
+                fields[field] = (*kept[:k], number, *kept[k + 1 :])
+            elif field in fields:
+                fields[field] = number
+        made = replaced(effect, **fields)
+        _check_kept(f"{effect.key}.", made, numbers)
+        hooks = [a.hook for a in scene.attached if a.key == effect.key]
+        attaching.check_numbers(effect.key, made, scene.robot, hooks)
+
+
+def _check_task(task: Any, values: Table) -> None:
+    """Build the task with each lane's numbers: its own checks decide."""
+    for numbers in _distinct(values, "", task.parameters()):
+        _check_kept("", dataclasses.replace(task, **numbers), numbers)
+
+
+def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
+    """The different numbers of lanes by their names, without what these begin with."""
+    own = [name.removeprefix(before) for name in names]
+    if own and len(values[before + own[0]]) == 1:
+        return [{name: float(values[before + name][0]) for name in own}]
+    rows = np.unique(np.stack([values[before + name] for name in own], axis=1), axis=0)
+    return [dict(zip(own, row, strict=True)) for row in rows.tolist()]
+
+
+def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
+    """ValueError if a class makes other numbers of those that it is given, as one that scales them may:
+    lanes would have the given ones."""
+    kept = made.parameters()
+    for name, value in numbers.items():
+        if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
+            raise ValueError(
+                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
+                "numbers that it keeps, all of them that depend on each other"
+            )
+
+
+# ---- ranges ----------------------------------------------------------------------------------------------
+
+
+def is_of_task(name: str) -> bool:
+    """Whether a name can only be that of a number of a task, which only an environment knows."""
+    return "." not in name and ENTRY.fullmatch(name) is None
+
+
+def entries_of(scene: Any, drawn: Iterable[Range], of_task: Iterable[str] = ()) -> dict[Range, list[str]]:
+    """The scalar parameters that ranges draw; ValueError if a name is unknown, or two ranges draw one."""
+    found: dict[Range, list[str]] = {}
+    for one in drawn:
+        try:
+            found[one] = names_of(scene, one.name, of_task)
+        except ValueError as error:
+            more = "" if of_task else ", and the numbers of the task of an environment"
+            raise ValueError(f"randomize has an unknown name: {error}{more}") from None
+    check_named_once("randomize draws", {one.name: names for one, names in found.items()})
+    return found
+
+
+def check_named_once(what: str, given: Mapping[str, Iterable[str]]) -> None:
+    """ValueError, which begins with ``what``, if two of the names given mean the same scalar parameter."""
+    owners: dict[str, str] = {}
+    for owner, names in given.items():
+        for name in names:
+            other = owners.setdefault(name, owner)
+            if other != owner:
+                raise ValueError(f"{what} {name} twice, by {other!r} and {owner!r}; leave one out")
+
+
+def ends_of(drawn: Mapping[Range, list[str]], nominal: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """The least and the largest value of each scalar parameter that ranges draw."""
+    found = {}
+    for one, names in drawn.items():
+        for name in names:
+            low, high = sorted(one.drawn(end, nominal[name]) for end in one.distribution.ends)
+            found[name] = low, high
+    return found
+
+
+def check_ranges(scene: Any, drawn: Mapping[Range, list[str]], task: Any = None) -> None:
+    """ValueError unless numbers at the ends of ranges pass the checks of fixed numbers, alone and together.
+
+    Tried are all numbers at their lower ends, all at their upper ones, one range or entry alone at its upper
+    end, and for each range a number inside, or every one of a choice. So any two numbers meet at all their
+    ends: arms, effects and tasks compare no more with each other, such as the ends of a travel.
+    """
+    nominal = {**scene.parameters(), **({} if task is None else task.parameters())}
+    sets = list(_sets_of_ends(drawn, nominal))
+    if not sets:
+        return
+    table = {name: np.array([one.get(name, value) for one in sets]) for name, value in nominal.items()}
+    changed = list(sets[0])
+    try:
+        for name in changed:
+            if not np.isfinite(table[name]).all():
+                raise ValueError(f"{name} is {nominal[name]}, and a factor of it is no number; leave it out")
+        check_values(scene, task, table, changed)
+    except ValueError as error:
+        raise ValueError(f"randomize draws what a fixed number may not be: {error}") from None
+
+
+def _sets_of_ends(
+    drawn: Mapping[Range, list[str]], nominal: Mapping[str, float]
+) -> Iterator[dict[str, float]]:
+    def at(one: Range, value: float) -> dict[str, float]:
+        return {name: one.drawn(value, nominal[name]) for name in drawn[one]}
+
+    if not drawn:
+        return
+    lowest, highest = (
+        {name: x for one in drawn for name, x in at(one, one.distribution.ends[k]).items()} for k in (0, 1)
+    )
+    yield lowest
+    yield highest
+    for one, names in drawn.items():
+        for together in [names] if one.shared else [[name] for name in names]:
+            yield {**lowest, **{name: highest[name] for name in together}}
+        for value in one.distribution.inside:
+            yield {**lowest, **at(one, value)}

@@ -1,0 +1,321 @@
+"""Ranges of numbers that every episode draws anew: their distributions, and plain data for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from redundant_envs.language.algebra import cases, clamp, exp, log, numbered, physics, sqrt, where
+from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.support.values import check_keys, shown
+
+MOST_CHOICES = 64
+"""Values of a choice: each is a number in the memory of every environment, and a comparison at a reset."""
+SMALLEST_SHARE = 1e-6
+"""Least probability of the part of a normal distribution that is drawn: less means a mistaken mean or end."""
+MIDDLE = 0.381966
+"""The draw at which a number inside a range is tried: no simple fraction, so that a number that has to be
+whole is found to be none."""
+
+# ---- draws, from one that is uniform in (0, 1) ----------------------------------------------------------
+# They are clamped to their ends because a rounding must not pass these: the ends are what was checked.
+
+
+@physics
+def uniform(draw: Any, low: Any, high: Any) -> Any:
+    return clamp(low + draw * (high - low), low, high)
+
+
+@physics
+def log_uniform(draw: Any, low: Any, high: Any, log_low: Any, log_ratio: Any) -> Any:
+    """The logarithm is uniform."""
+    return clamp(exp(log_low + draw * log_ratio), low, high)
+
+
+@physics
+def normal(
+    draw: Any, low: Any, high: Any, mean: Any, deviation: Any, below: Any, above: Any, between: Any
+) -> Any:
+    """A normal distribution without its parts below and above the ends, whose probabilities are given."""
+    lower = below + draw * between
+    upper = above + (1.0 - draw) * between
+    return clamp(mean + deviation * normal_quantile(lower, upper), low, high)
+
+
+@physics
+def normal_quantile(lower: Any, upper: Any) -> Any:
+    """Number of standard deviations from the mean with these probabilities below and above it.
+
+    By rational functions with a relative error of at most 1.2e-9 (P. J. Acklam, 2003): draws have 32 bits,
+    which tell less. Both probabilities are given so that each tail has all digits.
+    """
+    q = 0.5 * (lower - upper)
+    r = q * q
+    above = -39.69683028665376 * r + 220.9460984245205
+    above = ((above * r - 275.9285104469687) * r + 138.3577518672690) * r - 30.66479806614716
+    below = -54.47609879822406 * r + 161.5858368580409
+    below = ((below * r - 155.6989798598866) * r + 66.80131188771972) * r - 13.28068155288572
+    middle = q * (above * r + 2.506628277459239) / (below * r + 1.0)
+    tail = where(lower < upper, lower, upper)
+    outer = _outer_quantile(tail)
+    return where(tail < 0.02425, where(lower < upper, -outer, outer), middle)
+
+
+@physics
+def _outer_quantile(tail: Any) -> Any:
+    """The same in a tail, as a positive number."""
+    t = sqrt(-2.0 * log(tail))
+    above = (-0.007784894002430293 * t - 0.3223964580411365) * t - 2.400758277161838
+    above = ((above * t - 2.549732539343734) * t + 4.374664141464968) * t + 2.938163982698783
+    below = (0.007784695709041462 * t + 0.3224671290700398) * t + 2.445134137142996
+    return -above / ((below * t + 3.754408661907416) * t + 1.0)
+
+
+def choice_of(count: int) -> Callable[..., Any]:
+    """The draw of one of some values, all with the same probability."""
+
+    @physics(takes=("draw", *numbered("value{}", count)))
+    def choice(draw: Any, *values: Any) -> Any:
+        chosen = [(draw * float(count) < k + 1.0, value) for k, value in enumerate(values[:-1])]
+        return cases(*chosen, default=values[-1])
+
+    return choice
+
+
+# ---- distributions ---------------------------------------------------------------------------------------
+
+
+class Distribution:
+    """A distribution of a number, between two ends."""
+
+    kind: ClassVar[str]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest number that is drawn."""
+        raise NotImplementedError
+
+    @property
+    def inside(self) -> tuple[float, ...]:
+        """Other numbers that must be valid as the ends must."""
+        return (float(self.formula(MIDDLE, *self.numbers().values())),)
+
+    @property
+    def formula(self) -> Callable[..., Any]:
+        """The number, from a uniform draw and :meth:`numbers`, in their order."""
+        raise NotImplementedError
+
+    def numbers(self) -> dict[str, float]:
+        """What the formula takes beside the draw."""
+        return dict(zip(("low", "high"), self.ends, strict=True))
+
+    def plain(self) -> dict[str, Any]:
+        """Plain data that :func:`distribution` takes."""
+        return {self.kind: list(self.ends)}
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """Every number between two ends is equally probable."""
+
+    low: float
+    high: float
+
+    kind = "uniform"
+    formula = staticmethod(uniform)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        return self.low, self.high
+
+
+class LogUniform(Uniform):
+    """Every factor is equally probable: the logarithm is uniform."""
+
+    kind = "log_uniform"
+    formula = staticmethod(log_uniform)
+
+    def numbers(self) -> dict[str, float]:
+        of_logarithm = {"log_low": math.log(self.low), "log_ratio": math.log(self.high / self.low)}
+        return {**super().numbers(), **of_logarithm}
+
+
+@dataclass(frozen=True)
+class Normal(Uniform):
+    """A normal distribution without what lies outside two ends."""
+
+    mean: float
+    deviation: float
+
+    kind = "normal"
+    formula = staticmethod(normal)
+
+    def shares(self) -> tuple[float, float, float]:
+        """Probabilities that a number without ends lies below them, above them, and between."""
+        low, high = ((end - self.mean) / (self.deviation * math.sqrt(2.0)) for end in self.ends)
+        below, above = 0.5 * math.erfc(-low), 0.5 * math.erfc(high)
+        if low > 0.0:  # each difference of numbers that are small where the other ones are nearly 1
+            return below, above, 0.5 * math.erfc(low) - above
+        return below, above, 0.5 * math.erfc(-high) - below
+
+    def numbers(self) -> dict[str, float]:
+        shares = dict(zip(("below", "above", "between"), self.shares(), strict=True))
+        return {**super().numbers(), "mean": self.mean, "deviation": self.deviation, **shares}
+
+    def plain(self) -> dict[str, Any]:
+        return {self.kind: [self.mean, self.deviation], "within": list(self.ends)}
+
+
+@dataclass(frozen=True)
+class Choice(Distribution):
+    """Every one of some values is equally probable."""
+
+    values: tuple[float, ...]
+
+    kind = "choice"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        return min(self.values), max(self.values)
+
+    @property
+    def inside(self) -> tuple[float, ...]:
+        return self.values
+
+    @property
+    def formula(self) -> Callable[..., Any]:
+        return choice_of(len(self.values))
+
+    def numbers(self) -> dict[str, float]:
+        return dict(zip(numbered("value{}", len(self.values)), self.values, strict=True))
+
+    def plain(self) -> dict[str, Any]:
+        return {self.kind: list(self.values)}
+
+
+KINDS = ("uniform", "log_uniform", "normal", "choice")
+EXAMPLE = "give one, such as {'uniform': [0, 2]}, or a factor, {'scale': {'log_uniform': [0.8, 1.25]}}"
+
+
+def distribution(where: str, data: Any) -> Distribution:
+    """A distribution from plain data, which ``where`` names in messages."""
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{where} is {shown(data)}; {EXAMPLE}")
+    check_keys(where, data, [*KINDS, "within"])
+    given = [kind for kind in KINDS if kind in data]
+    if len(given) != 1:
+        what = f"has {' and '.join(given)}" if given else "has no distribution"
+        raise ValueError(f"{where} {what}; give one of {', '.join(KINDS)}")
+    kind = given[0]
+    field = f"{where}.{kind}"
+    if kind == "choice":
+        return Choice(_choices(field, data[kind]))
+    if kind != "normal":
+        low, high = _ends(field, data[kind])
+        if kind == "uniform":
+            return Uniform(low, high)
+        if low <= 0.0:
+            raise ValueError(f"{field} begins at {low}; both ends must be positive, as logarithms need")
+        return LogUniform(low, high)
+    mean, deviation = _strengths(field, data[kind], "a mean and a standard deviation")
+    if deviation <= 0.0:
+        raise ValueError(f"{field} has the standard deviation {deviation}; it must be positive")
+    if "within" not in data:
+        fix = "'within': [low, high], outside of which nothing is drawn"
+        raise ValueError(f"{where} has a normal without ends; give {fix}")
+    low, high = _ends(f"{where}.within", data["within"])
+    made = Normal(low, high, mean, deviation)
+    share = made.shares()[-1]
+    if share < SMALLEST_SHARE:
+        what = f"{where}.within is {low} to {high}, where a normal of mean {mean} and standard deviation"
+        fix = f"give ends with at least {SMALLEST_SHARE:g}"
+        raise ValueError(f"{what} {deviation} has {share:.1g} of its draws; {fix}")
+    return made
+
+
+def _strengths(field: str, data: Any, what: str) -> tuple[float, float]:
+    values = numbers(field, data)
+    if len(values) != 2:
+        raise ValueError(f"{field} is {shown(data)}; give two numbers, {what}")
+    first, second = (strength(f"{field}[{k}]", value) for k, value in enumerate(values))
+    return first, second
+
+
+def _ends(field: str, data: Any) -> tuple[float, float]:
+    low, high = _strengths(field, data, "the least and the largest")
+    if low >= high:
+        what = "is empty" if low == high else "is reversed"
+        fix = "leave it out for a fixed number" if low == high else "give the smaller number first"
+        raise ValueError(f"{field} is {low} to {high}, which {what}; {fix}")
+    return low, high
+
+
+def _choices(field: str, data: Any) -> tuple[float, ...]:
+    values = tuple(strength(f"{field}[{k}]", v) for k, v in enumerate(numbers(field, data)))
+    if not 1 <= len(values) <= MOST_CHOICES:
+        raise ValueError(f"{field} has {len(values)} values; give 1 to {MOST_CHOICES}")
+    twice = [v for v in values if values.count(v) > 1]
+    if twice:
+        raise ValueError(
+            f"{field} has {twice[0]} more than once; all values are equally probable: name each once"
+        )
+    return values
+
+
+# ---- ranges of named numbers -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Range:
+    """A number of a scene or of a task, by its name, and how it is drawn."""
+
+    name: str
+    distribution: Distribution
+    scale: bool = False  # whether a factor of the scene's number is drawn
+    shared: bool = False  # whether one draw serves all entries of the name
+
+    def plain(self) -> dict[str, Any]:
+        """Plain data that :func:`ranges` takes under the name."""
+        data = self.distribution.plain()
+        data = {"scale": data} if self.scale else data
+        return {**data, "shared": True} if self.shared else data
+
+    def drawn(self, value: Any, nominal: float) -> Any:
+        """The number, from a value of the distribution and the number of the scene."""
+        return nominal * value if self.scale else value
+
+
+def ranges(data: Any) -> tuple[Range, ...]:
+    """Ranges from plain data, a mapping of names; ValueError says what is wrong with it."""
+    if isinstance(data, tuple) and all(isinstance(one, Range) for one in data):
+        return data
+    if not isinstance(data, Mapping):
+        raise ValueError(f"randomize is {shown(data)}; give a mapping of names to ranges: {EXAMPLE}")
+    made = [_range(name, given) for name, given in data.items()]
+    return tuple(sorted(made, key=lambda one: one.name))  # a mapping has no order
+
+
+def _range(name: Any, data: Any) -> Range:
+    if not isinstance(name, str):
+        raise ValueError(f"randomize has the key {shown(name)}; give names of numbers, such as 'gravity.g'")
+    where = f"randomize[{name!r}]"
+    if not isinstance(data, Mapping):
+        raise ValueError(f"{where} is {shown(data)}; {EXAMPLE}")
+    check_keys(where, data, [*KINDS, "within", "scale", "shared"])
+    shared = data.get("shared", False)
+    if not isinstance(shared, bool):
+        raise ValueError(f"{where}.shared is {shown(shared)}; give True, or leave it out")
+    rest = {key: value for key, value in data.items() if key != "shared"}
+    if "scale" not in rest:
+        return Range(name, distribution(where, rest), shared=shared)
+    if len(rest) > 1:
+        others = " and ".join(key for key in rest if key != "scale")
+        raise ValueError(f"{where} has scale and {others}; put {others} into scale, or leave scale out")
+    return Range(name, distribution(f"{where}.scale", rest["scale"]), scale=True, shared=shared)
+
+
+def plain(drawn: Iterable[Range]) -> dict[str, Any]:
+    """Plain data of ranges, by their names."""
+    return {one.name: one.plain() for one in drawn}

@@ -1,0 +1,227 @@
+"""The programs of an environment: step, reset and observe all lanes, and the reward of goals."""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import Any
+
+from redundant_envs.compiler.tracing.flow import LANES, Kernel, LaneFunction, Output, Scalar
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.number import Number, value_of
+from redundant_envs.language.draws import KEY_WORDS, WORDS, uniform
+from redundant_envs.language.philox import philox
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.simulator.batch.blocks import MEMORY, Block, Blocks, Ends, limited
+from redundant_envs.simulator.batch.slots import advance
+from redundant_envs.simulator.lane.dynamics import DRAW_KEY
+from redundant_envs.simulator.lane.episode import ENDS, GOAL, TABLES, TIP, Episode
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.tasks.base import Task
+
+
+class Operation(enum.IntEnum):
+    """Operation of a call of the kernel."""
+
+    STEP = 0
+    RESET = 1
+    OBSERVE = 2
+    CHECKED_STEP = 3  # if an action is not finite it changes nothing and returns NaN as the first reward
+    BEGIN_STATES = 4  # of effects, after a reset whose options have set positions or rates
+
+
+class Autoreset(enum.IntEnum):
+    """Time at which lanes whose episodes have ended start a new one."""
+
+    DISABLED = 0
+    NEXT_STEP = 1
+    SAME_STEP = 2
+
+
+EPISODE_KEY = KEY_WORDS + 1
+"""Words of an episode key: four of the key of a lane's next episode, and whether it is to begin or has
+begun."""
+DUE, BEGUN = 1, 2
+ARGUMENTS = {
+    "actions": "f32",
+    "obs": "f32",
+    **TABLES,
+    "stride": "int",
+    "last_obs": "f32",
+    **{f"last_{table}": element for table, element in TABLES.items()},
+    "episode_keys": "u32",
+    **dict.fromkeys(("operation", "autoreset", "any_due"), "int"),
+}
+"""Arguments of the kernel beside memories. The stride is that of the rows of tables."""
+
+
+class EnvironmentKernel:
+    """Step, reset or observe all environments in one call; ``lanes`` are those of a block. ValueError if the
+    scene has too many operations."""
+
+    def __init__(self, episode: Episode, lanes: int = LANES) -> None:
+        with limited(episode.features):
+            self._record(episode, lanes)
+
+    def _record(self, episode: Episode, lanes: int) -> None:
+        self.episode = episode
+        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
+        self.blocks = Blocks(p, episode.interval, episode.layout())
+        self.observed = self.blocks.function("observe", episode.observe)
+        self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
+        self.states_begin = bool(episode.dynamics.effect_states.computed)
+        """Whether states of effects have a computed value at the start of an episode."""
+        if self.states_begin:
+            self.begun = self.blocks.function("begin_states", episode.begin_states)
+        operation = p["operation"]
+        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
+        with p.when(checked), p.each(count) as k:
+            action = p.load(p["actions"], k)
+            bad = (action != action) | (action == math.inf) | (action == -math.inf)
+            with p.when(bad):
+                p.store(p["values"], 0, math.nan)
+                p.leave()
+        steps = (operation == Operation.STEP) | checked
+        with p.when(steps):
+            inputs = {"actions": ("f32", episode.actions)}
+            advance(self.blocks, Ends(episode.command, inputs, self.end, self.outputs, self.autoreset))
+        with p.when(~steps), p.each(self.blocks.count) as number:
+            block = self.blocks.block(number, 0)
+            with p.when(operation == Operation.RESET):
+                self.begin_due(block)
+            if self.states_begin:
+                with p.when(operation == Operation.BEGIN_STATES):
+                    self.begin_states(block)
+            p.call(self.observed, **block.pointers, **self.outputs(block))
+        self.blocks.prune()
+
+    def end(self, lane: Lane) -> Any:
+        self.episode.finish_control_step(lane)
+        lane.next_part()
+        return self.episode.observe(lane)
+
+    def outputs(self, block: Block) -> dict[str, Any]:
+        p = self.p
+        obs = p["obs"] + block.first * len(self.episode.observed)
+        tables: dict[str, Any] = {table: p[table] + block.first for table in TABLES}
+        return {"obs": obs, **tables, **{f"{table}_stride": p["stride"] for table in TABLES}}
+
+    def _flag(self, lane: Scalar) -> Scalar:
+        return lane * EPISODE_KEY + KEY_WORDS
+
+    def begin_due(self, block: Block, then: int = DUE) -> Scalar:
+        """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
+        p = self.p
+        some = p.variable(0)
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            lane = block.first + k
+            with p.when(p.load(p["episode_keys"], self._flag(lane)) != 0):
+                self.draw(block, k)
+                p.store(p["episode_keys"], self._flag(lane), then)
+                some.value = 1
+        with p.when(some.value != 0):
+            self.reset(block)
+        return some.value
+
+    def begin_states(self, block: Block) -> None:
+        """Compute again what states of effects are at the start, in lanes that begin an episode."""
+        p = self.p
+        self._clear(block)
+        with p.each(block.lanes) as k:
+            begins = p.load(p["episode_keys"], self._flag(block.first + k)) != 0
+            with p.when(begins):
+                self.blocks.store(block.pointers, k, "resetting", 1.0)
+        p.call(self.begun, **block.pointers)
+
+    def randomized(self) -> list[LaneFunction]:
+        """Functions that draw the numbers of an episode, and compute what follows from them: without joined
+        products, to the bits of numbers that are set from outside."""
+        randomized, make = self.episode.randomized, self.blocks.function
+        if not randomized.drawn:
+            return []
+        return [make("draw", randomized.draw), make("prepare", randomized.prepare, joins=False)]
+
+    def reset(self, block: Block) -> None:
+        """Begin an episode in the lanes of a block that are ``resetting``."""
+        for function in self.resets:
+            self.p.call(function, **block.pointers)
+
+    def _clear(self, block: Block) -> None:
+        with self.p.each(self.blocks.lanes) as k:
+            self.blocks.store(block.pointers, k, "resetting", 0.0)
+
+    def draw(self, block: Block, k: Scalar) -> None:
+        """The draws of a lane's next episode, from its key and nothing else."""
+        p = self.p
+        key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
+        streams = [((0, 0), self.episode.draws), *self.episode.randomized.streams()]
+        for (first, second), draws in streams:
+            for group in range(0, len(draws), WORDS):
+                words = philox(key[:2], [first + group // WORDS, second, key[2], key[3]])
+                for name, word in zip(draws[group : group + WORDS], words, strict=False):
+                    self.blocks.store(block.pointers, k, name, uniform(p.number(word)))
+        if self.episode.dynamics.draws:
+            for name, word in zip(DRAW_KEY, key, strict=True):
+                self.blocks.store(block.pointers, k, name, p.number(word))
+        self.blocks.store(block.pointers, k, "resetting", 1.0)
+
+    def autoreset(self, block: Block) -> None:
+        """Autoreset of a block after its step."""
+        p, blocks, pointers = self.p, self.blocks, block.pointers
+        done = blocks.mask(pointers, "terminated") | blocks.mask(pointers, "truncated")
+        done = done & blocks.valid(block)
+        with p.when(p["autoreset"] == Autoreset.NEXT_STEP):
+            begun = p.variable(0)
+            with p.when(p["any_due"] != 0):
+                with p.each(block.lanes) as k:
+                    flag = p.load(p["episode_keys"], self._flag(block.first + k))
+                    with p.when(flag == DUE):
+                        begun.value = begun.value | p.record("<<", 1, k)
+                with p.when(begun.value != 0):
+                    self.begin_due(block, BEGUN)
+                    p.call(self.observed, **pointers, **self.outputs(block))
+            with p.each_set(done & ~begun.value) as k:
+                p.store(p["episode_keys"], self._flag(block.first + k), DUE)
+        with p.when((p["autoreset"] == Autoreset.SAME_STEP) & (done != 0)):
+            self._clear(block)
+            with p.each_set(done) as k:
+                self._keep_last(block.first + k)
+                self.draw(block, k)
+                p.store(p["episode_keys"], self._flag(block.first + k), DUE)
+            self.reset(block)
+            p.call(self.observed, **pointers, **self.outputs(block))
+            with p.each_set(done) as k:
+                for table, names in self.episode.tables.items():
+                    rows = [row for row, name in enumerate(names) if name in ENDS]
+                    self._copy(table, f"last_{table}", block.first + k, rows)
+
+    def _keep_last(self, lane: Scalar) -> None:
+        """Outputs of a lane before it starts a new episode."""
+        p, width = self.p, len(self.episode.observed)
+        with p.each(width) as column:
+            p.store(p["last_obs"], lane * width + column, p.load(p["obs"], lane * width + column))
+        for table, names in self.episode.tables.items():
+            self._copy(f"last_{table}", table, lane, range(len(names)))
+
+    def _copy(self, goal: str, source: str, lane: Scalar, rows: Any) -> None:
+        """Rows of a lane from one table to another."""
+        p = self.p
+        for row in rows:
+            at = p["stride"] * row + lane
+            p.store(p[goal], at, p.load(p[source], at))
+
+
+def goal_reward_kernel(task: Task) -> Kernel:
+    """A kernel for the reward of goal environments, from both goals alone, in whole blocks."""
+    p = Kernel("goal_reward", {"pairs": "f64", "numbers": "f64", "reward": "f64", "blocks": "int"})
+    graph, goals, numbers = Graph(), (*TIP, *GOAL), ("reach", *task.parameters())
+    known = {name: Number(graph, graph.load("numbers", k)) for k, name in enumerate(numbers)}
+    known |= {name: Number(graph, graph.load("pairs", k)) for k, name in enumerate(goals)}
+    reward = Quantities(known, task.goal_functions, {})["goal_reward"]
+    output, inputs = Output("reward", "f64", 0, 0, value_of(reward)), {"pairs": ("f64", len(goals))}
+    function = LaneFunction("goal_reward", ("numbers",), [], [output], inputs, whole_blocks=True)
+    with p.each(p["blocks"]) as block:
+        pairs, told = p["pairs"] + block * (LANES * len(goals)), p["reward"] + block * LANES
+        p.call(function, pairs=pairs, reward=told, numbers=p["numbers"])
+    return p

@@ -1,0 +1,157 @@
+"""All boundaries of a lane together: how a step meets them, and how contacts with stops are resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from redundant_envs.language.algebra import any_of, cases, maximum, minimum, total, where
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.simulator.events import boundary, contacts, crossings
+from redundant_envs.simulator.events.boundary import BoundedCoordinate
+from redundant_envs.simulator.events.contacts import Resolved
+from redundant_envs.simulator.lane.boundary import Bounded
+from redundant_envs.simulator.lane.faults import Reason
+from redundant_envs.simulator.lane.features import Features
+from redundant_envs.simulator.lane.guards import guards_of
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.pieces import Whole
+from redundant_envs.simulator.lane.stops import Impacting, Stop
+
+
+class Boundaries:
+    """Procedures of lanes at the boundaries of a scene."""
+
+    def __init__(self, features: Features, pieces: Whole) -> None:
+        self.features, self.dynamics, self.pieces = features, features.dynamics, pieces
+        self.guards = guards_of(features)
+
+    def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
+        """The coordinates in a step, whose initial values are in fields of this form."""
+        return [b.in_step(lane, origin) for b in self.features.bounded]
+
+    def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
+        """How a step of length ``h`` meets the boundaries."""
+        for b in self.features.bounded:
+            s = b.in_step(lane, origin)
+            lane[b.crossing] = crossings.crossing_of(s, h, self.features.overshoot)
+            lane[b.turning] = crossings.turning_time(s, h)
+
+    def at_start(self, lane: Lane, rule: Any) -> dict[Bounded, Any]:
+        """Apply a rule of :mod:`events.boundary` to every stop in the state before the common step."""
+        return {b: b.rule(lane, rule, "{}_start") for b in self.features.stops}
+
+    def touched_before(self, lane: Lane) -> Any:
+        """Whether a coordinate was at a stop, or rested there, before the common step."""
+        return any_of(side != 0.0 for side in self.at_start(lane, boundary.side_touched).values())
+
+    def touches(self, lane: Lane) -> Any:
+        """Whether a coordinate that rests at no stop is at one now."""
+        sides = ((b.active_side(lane), b.rule(lane, boundary.side_touched)) for b in self.features.stops)
+        return any_of((active == 0.0) & (side != 0.0) for active, side in sides)
+
+    def confirm_crossings(self, lane: Lane) -> None:
+        """After a common step that ends near a boundary: whether the lane meets it."""
+        self.record_crossings(lane, "{}_start", lane.h)
+        # A coordinate that was released before the step starts at its stop and may leave it.
+        starts = self.at_start(lane, boundary.starts_at_stop)
+        meets = any_of(
+            b.in_step(lane, "{}_start").free & ((lane[b.crossing] != 0.0) | starts.get(b, False))
+            for b in self.features.bounded
+        )
+        near = lane.reason == Reason.NEAR_BOUNDARY
+        lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
+
+    # ---- stops that hold sliders -------------------------------------------------------------------------
+
+    def quantities_of_motion(self, lane: Lane) -> Quantities:
+        """Quantities of the present state, without accelerations."""
+        numbers = self.features.known_numbers(lane)
+        return self.features.quantities_in_step(lane.get(self.dynamics.states), numbers)
+
+    def quantities(self, lane: Lane) -> Quantities:
+        """Quantities of the present state, with the present sliders at rest."""
+        x = self.quantities_of_motion(lane)
+        x["derivatives"] = self.dynamics.accelerations(x)
+        return x
+
+    def update_constraint_forces(self, lane: Lane) -> None:
+        """After a step with sliders at rest: also the force with which a stop would have to pull one now."""
+        x = self.quantities(lane)
+        for b in self.features.holding:
+            held, now = x[f"held{b.number}"] > 0.0, b.pull(x, lane[b.active_stop])
+            for name, of in ((b.least, minimum), (b.most, maximum), (b.last, lambda _, now: now)):
+                lane[name] = where(held, of(lane[name], now), lane[name])
+
+    def release(self, lane: Lane) -> None:
+        """Before a common step: release sliders whose stops would have to pull them.
+
+        It also notes the mobilities of the others, which say how far such a pull may move one in the step.
+        """
+        x, holding = self.quantities(lane), self.features.holding
+        lowest = self.features.bounces.lowest(lane)
+        resting = [b.contact(lane, x[f"hold{b.number}"], None, lowest) for b in holding]
+        w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
+        for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
+            leaves = leaves & self.pieces.goes_on(lane)
+            lane[b.active_stop] = where(leaves, 0.0, lane[b.active_stop])
+        for b in holding:
+            lane[b.mobility_per(b.travel.rate)] = x[f"W{b.number}{b.number}"]
+
+    def find_contact_forces(self, lane: Lane) -> None:
+        """Accelerations, holding forces and mobilities, of the present state."""
+        self.guards.resolve(lane)
+        x, dynamics = self.quantities(lane), self.dynamics
+        self.features.stiction.record(lane, x, self.features.pulls)
+        lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
+        for b in self.features.stops:
+            b.record_forces(lane, x)
+
+    def decide(self, lane: Lane) -> Any:
+        """Resolve the contacts of a lane once, and then which joints stick; whether the motion goes on."""
+        settled = self.resolve(lane) if self.features.stops else True
+        return self.features.stiction.decide(lane, settled)
+
+    def resolve(self, lane: Lane) -> Any:
+        """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
+        features, stops = self.features, self.features.stops
+        touching = [self._contact(lane, b) for b in stops]
+        w = symmetric(len(stops), lambda i, j: stops[i].mobility(lane, stops[j]))
+        r = contacts.resolve_contacts(lane.impacts, touching, w)
+        for s, value in self._struck(lane, touching, r).items():
+            lane[s] = where(r.strikes, value, lane[s])
+        for b, side, force, released, happened, speed in zip(
+            stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
+        ):
+            b.resolved(lane, side, force)
+            lane[b.released] = released
+            features.log.note(lane, b, happened, speed)
+        features.bounces.note(lane, r)
+        lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
+        return features.stiction.strike(lane, r.strikes, r.going_on)
+
+    def _contact(self, lane: Lane, b: Impacting) -> contacts.Contact:
+        features = self.features
+        grip = features.stiction.grip(lane, b.joint if isinstance(b, Stop) else None)
+        known = b.holding_force(lane), grip, features.bounces.lowest(lane)
+        return b.contact(lane, *known, b.pressing(lane), lane[b.released])
+
+    def _struck(self, lane: Lane, touching: Sequence[contacts.Contact], r: Resolved) -> dict[str, Any]:
+        """Velocities of the arm, and the work, after impulses."""
+        stops, exact = self.features.stops, dict(zip(self.features.stops, r.velocities, strict=True))
+        struck = {}
+        for v in self.dynamics.arm.rates:
+            pushes = (j * lane[b.mobility_per(v)] for j, b in zip(r.impulses, stops, strict=True))
+            struck[v] = lane[v] + total(pushes)
+        for b in self.features.from_base:
+            struck[b.travel.rate] = b.rate_after(exact[b], struck)
+        if "work" in self.dynamics.states:
+            impulses = zip(r.impulses, touching, r.velocities, strict=True)
+            struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)
+        return struck
+
+
+def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:
+    """A symmetric matrix from the entries above its diagonal."""
+    entries = {(i, j): upper(i, j) for j in range(count) for i in range(j + 1)}
+    return [[entries[min(i, j), max(i, j)] for j in range(count)] for i in range(count)]

@@ -1,0 +1,109 @@
+"""States of effects in closed form: fixed steps evaluate them, and integrate everything else.
+
+Stages of a Runge-Kutta step may not be longer than a few time constants of a state. Where a state decays
+faster, its closed form is evaluated at each stage: from its value at the start of the step, the time since
+then, and quantities of the stage, which the form takes as constant. A quantity that is not constant is given
+its value at some time between the start and the stage; :func:`share` says at which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from redundant_envs.effects.attached import TIME, Attached
+from redundant_envs.effects.attaching import roots_of
+from redundant_envs.effects.hooks import Force
+from redundant_envs.language.algebra import expm1, where
+from redundant_envs.language.quantities import Quantities
+
+FEW_DECAYS = 1e-3
+"""Time in time constants below which :func:`share` is a series: rounding would be 1e-13 of it, and the next
+term of the series is 1e-12."""
+
+
+def share(decays: Any) -> Any:
+    """Share of a time in which a quantity is taken, if a state that decays towards it is to end where it
+    would if the quantity changed evenly: 1/2 for a short time, 1 for one of many time constants.
+
+    With e = exp(-t / T) the solution of z' = (a + b t - z) / T is a + b t - b T + (z(0) - a + b T) e. That of
+    z' = (a + w b t - z) / T, constant but for z, is the same at t if w = 1 / (1 - e) - T / t. ``decays`` is
+    t / T.
+    """
+    gone = -expm1(-decays)
+    many = decays > FEW_DECAYS
+    exact = (decays - gone) / where(many, decays * gone, 1.0)
+    return where(many, exact, 0.5 + 0.08333333333333333 * decays)
+
+
+class StepStart:
+    """The start of a step: it notes the quantities that closed forms take there."""
+
+    def __init__(self, varying: Mapping[str, tuple[str, ...]]) -> None:
+        self.varying = varying
+        self.found: dict[str, Any] = {}
+
+    def close(self, a: Attached[Any], x: Quantities) -> None:
+        """Note those of the states of a hook; a command is then the input of its link."""
+        for field in a.states:
+            self.found |= {noted(field, name): x[name] for name in self.varying.get(field, ())}
+
+
+class InStep:
+    """A time in a step: the closed forms of states are evaluated there."""
+
+    def __init__(
+        self, start: Mapping[str, Any], elapsed: Any, varying: Mapping[str, tuple[str, ...]]
+    ) -> None:
+        """``start`` has the states at the start of the step, and what :class:`StepStart` noted."""
+        self.start, self.elapsed, self.varying = start, elapsed, varying
+
+    def close(self, a: Attached[Any], x: Quantities) -> None:
+        """Give quantities the values of the states of a hook."""
+        for field, own in a.states.items():
+            if "closed" not in own:
+                continue
+            given = {field: self.start[field], TIME: self.elapsed}
+            if field in self.varying:
+                early = share(own["rate"](x) * self.elapsed)
+                for name in self.varying[field]:
+                    before = self.start[noted(field, name)]
+                    given[name] = before + early * (x[name] - before)
+            names = own["closed"].names
+            x[field] = own["closed"].on(given[name] if name in given else x[name] for name in names)
+
+
+def noted(field: str, name: str) -> str:
+    """Name of a quantity as it is at the start of a step, for the closed form of a state."""
+    return f"{name} at start, for {field}"
+
+
+def varying_arguments(attached: Any, arm: Any, constant: frozenset[str]) -> dict[str, tuple[str, ...]]:
+    """For each state with a closed form and a rate the quantities that this form takes, and that change
+    within a step; ``constant`` has the names of some that do not."""
+    found: dict[str, tuple[str, ...]] = {}
+
+    def changes(name: str, known: frozenset[str]) -> bool:
+        if name in known:
+            return False
+        if name in attached.states or name.startswith("side_"):
+            return True
+        return not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
+
+    def examine(a: Attached[Any], known: frozenset[str]) -> None:
+        for field, own in a.states.items():
+            if "closed" in own and "rate" in own:
+                names = [n for n in own["closed"].names if n not in (field, TIME)]
+                varying = tuple(dict.fromkeys(n for n in names if changes(n, known)))
+                if varying:
+                    found[field] = varying
+
+    for a in attached.of(Force):
+        examine(a, constant)
+    for command, chain in attached.chains.items():
+        known = constant
+        for link in chain:
+            examine(link, known)
+            if any(changes(name, known) for name in link.functions["function"].names):
+                known = known - {command}
+    return found

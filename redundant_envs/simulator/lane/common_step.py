@@ -1,0 +1,373 @@
+"""A step of a lane and its error; the step that all lanes take together, and why a lane leaves it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Any
+
+from redundant_envs.compiler.tracing.passes.stages import Subroutine
+from redundant_envs.language.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
+from redundant_envs.simulator.events import crossings
+from redundant_envs.simulator.lane import coordinates, jumps, required_steps
+from redundant_envs.simulator.lane.boundaries import Boundaries
+from redundant_envs.simulator.lane.closed_forms import InStep, StepStart
+from redundant_envs.simulator.lane.faults import Control, Reason
+from redundant_envs.simulator.lane.features import Features
+from redundant_envs.simulator.lane.kinks import kink_values, levels_of
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.numerics import error_control
+from redundant_envs.simulator.numerics.methods import Numbers, Step, explicit_step
+
+MOST_INLINED = 4
+"""Stages of a step up to which each has its own copy of the right-hand side."""
+SMALLEST_STATE = 1e-300
+"""Smallest number by which an error is divided."""
+
+
+def lane_step(features: Features, lane: Lane, h: Any) -> Step:
+    """A step of length ``h``.
+
+    It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
+    speeds of :attr:`Features.watched_sliders`.
+    """
+    dynamics, numbers = features.dynamics, features.known_numbers(lane)
+    start = _start_of_closed_forms(features, lane, numbers)
+    count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
+    states, alone = dynamics.states[:width], dynamics.autonomous
+    # What is known before the accelerations of the stage before are comes first.
+    early = (*states[:count], *alone, *(("elapsed",) if start else ()))
+    late = tuple(name for name in states[count:] if name not in alone)
+    arguments = (*early, *late, *numbers, *start)
+
+    def derivatives(*values: Any) -> list[Any]:
+        known = dict(zip(arguments, values, strict=True))
+        x = features.quantities_in_step([known[name] for name in states], {n: known[n] for n in numbers})
+        results = dynamics.accelerations(
+            x, InStep(known, known["elapsed"], dynamics.varying) if start else None
+        )
+        others = zip(states[count:], results, strict=False)
+        results = [change for name, change in others if name not in alone] + results[width - count :]
+        results += [b.at_stage(x) for b in features.bounded]
+        pulls = features.pulls(x)
+        results += [pulls[b.name] for b in features.guards]
+        results += kink_values(features.scene.attached, features.kinks, x)
+        return [*results, *(known[states[count + k]] for k in sliders)]
+
+    kinks, sliders = levels_of(features.kinks), features.watched_sliders
+    more = len(features.boundaries) + len(kinks) + len(sliders)
+    right_hand_side: Any = derivatives
+    if dynamics.method.stages > MOST_INLINED:
+        asides = [k for k, name in enumerate(late) if name == "work"]
+        right_hand_side = Subroutine(derivatives, len(early), len(late) + more, arguments, asides)
+
+    def changes(q: Numbers, v: Numbers, z: Numbers, node: float) -> Numbers:
+        known = {**numbers, **start, **dict(zip(states, (*q, *v, *z), strict=True))}
+        if start:
+            known["elapsed"] = node * h
+        results = right_hand_side(*(known[name] for name in arguments))
+        found = dict(zip(late, results, strict=False)) | dynamics.autonomous_changes(known)
+        return [*(found[name] for name in states[count:]), *results[len(late) :]]
+
+    values = lane.get(states)
+    step = explicit_step(
+        dynamics.method, changes, values[:count], values[count : 2 * count], values[2 * count :], h
+    )
+    if start:
+        x = features.quantities_in_step([*step.positions, *step.velocities, *step.others], numbers)
+        dynamics.close(x, InStep(start, h, dynamics.varying))
+        step.others.extend(x.each(dynamics.closed))
+    return step
+
+
+def _start_of_closed_forms(features: Features, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
+    """States in closed form, and what else their forms take, at the start of a step."""
+    dynamics = features.dynamics
+    found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
+    at_start = StepStart(dynamics.varying)
+    dynamics.close(features.quantities_in_step(lane.get(dynamics.states), numbers), at_start)
+    return found | at_start.found
+
+
+def step_error(features: Features, lane: Lane, step: Step) -> Any:
+    """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
+    dynamics = features.dynamics
+    if features.control is Control.ADAPTIVE:
+        names = tuple(name for name in dynamics.states if name != "work")
+        after = [*step.positions, *step.velocities, *step.others]
+        strikes = bool(features.stops)
+        states = zip(lane.get(names), after, strict=False)
+        scales = [error_control.rounding_scale(a, b, strikes) for a, b in states]
+
+        def size(errors: Sequence[Any], h: Any) -> Any:
+            squares = ((e * s) ** 2 for e, s in zip(errors, scales, strict=False))
+            return h * sqrt(total(squares) * (1.0 / len(names)))
+
+        return error_control.blended_error(*(size(*error) for error in step.errors[1:]))
+    weights = tip_weights(features, lane)
+
+    def tip_size(errors: Sequence[Any], h: Any) -> Any:
+        n = dynamics.count
+        parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
+        return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
+
+    return error_control.tip_error(*(tip_size(*error) for error in step.errors), sharpness=features.sharpness)
+
+
+def others_error(features: Features, lane: Lane, step: Step, h: Any) -> Any:
+    """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
+    not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
+    of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
+    dynamics = features.dynamics
+    gained = gained_speed(features, lane, lane.get(dynamics.arm.rates), step.velocities)
+    shares = []
+    for k, name in enumerate(dynamics.effect_states.integrated):
+        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in step.errors]
+        size = size_of_state(lane[name], step.others[k], lane.interval, h)
+        shares.append(error_control.tip_error(*sizes, sharpness=features.sharpness) / size)
+    return lane.interval * gained * total(shares)
+
+
+def gained_speed(features: Features, lane: Lane, before: Sequence[Any], after: Sequence[Any]) -> Any:
+    """Change of the tip's speed between two sets of rates, m/s: the sum of what each joint contributes."""
+    rates = zip(coordinates.tip_norms(features.dynamics, lane), after, before, strict=True)
+    return total(norm * abs(after - before) for norm, after, before in rates)
+
+
+def size_of_state(before: Any, after: Any, interval: Any, h: Any) -> Any:
+    """Size of an effect's state to which an error in a step of ``h`` is related."""
+    pace = abs(after - before) * (interval / h)
+    return maximum(maximum(abs(before), pace), SMALLEST_STATE)
+
+
+def departure(features: Features, lane: Lane) -> Any:
+    """Speed at which the end of the interval departs from the motion, m/s at the tip, as long as the law goes
+    on to hold whose guard has passed 0, or is sought: by what the laws differ in the present state."""
+    dynamics = features.dynamics
+    states, numbers = lane.get(dynamics.states), features.known_numbers(lane)
+    others = dict(numbers)
+    for k, b in enumerate(features.guards, start=len(features.bounded)):
+        passed = (lane[b.pull] > 0.0) | (lane.target == float(k))
+        others |= b.other_law(lane, passed)
+    slopes = (
+        dynamics.accelerations(features.quantities_in_step(states, known)) for known in (numbers, others)
+    )
+    apart = [abs(one - other) for one, other in zip(*slopes, strict=True)]
+    speed = total(w * a for w, a in zip(tip_weights(features, lane), apart, strict=False))
+    shares = []
+    for k, name in enumerate(dynamics.effect_states.integrated):
+        size = size_of_state(lane[f"{name}_trial"], lane[name], lane.interval, lane.step)
+        shares.append(apart[dynamics.count + k] / size)
+    if shares:
+        rates = (lane.get(dynamics.arm.rates, of=form) for form in ("{}_trial", "{}"))
+        speed = speed + gained_speed(features, lane, *rates) * total(shares)
+    return lane.interval * speed
+
+
+def tip_weights(features: Features, lane: Lane) -> list[Any]:
+    """Metres at the tip per unit of the error of each coordinate."""
+    norms, arm = coordinates.tip_norms(features.dynamics, lane), features.arm
+    if features.scene.tolerance is None:
+        return norms
+    lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
+    reach = total(lengths or [0.0])  # an arm of sliders alone has none
+    return [
+        n if slides else error_control.tip_weight(n, reach, lane.tip_tolerance)
+        for n, slides in zip(norms, arm.prismatic, strict=True)
+    ]
+
+
+class CommonStep:
+    """Procedures of a step, and of the one that all lanes take together."""
+
+    def __init__(self, boundaries: Boundaries) -> None:
+        self.boundaries, self.features, self.pieces = boundaries, boundaries.features, boundaries.pieces
+        self.dynamics = self.features.dynamics
+
+    def clear(self, lane: Lane) -> None:
+        """Before an interval; impulses act then."""
+        lane.error = 0.0
+        self.pieces.clear(lane)
+        if self.features.counts_evaluations:
+            lane.evaluations = 0.0
+        if self.features.local:
+            self._clear_counts(lane)
+        jumps.strike(self.features, lane)
+
+    def _clear_counts(self, lane: Lane) -> None:
+        features = self.features
+        lane.fault = 0.0
+        for name in features.doubts:
+            lane[name] = False
+        for name in features.counted:
+            lane[name] = 0.0
+        features.log.clear(lane)
+        if features.origin != "{}_start":
+            lane.copy(features.kept, to=features.origin)
+
+    def start(self, lane: Lane) -> None:
+        """Before a common step: keep the state, and determine which lanes the step may serve."""
+        lane.copy(self.features.kept, to="{}_start")
+        lane.error_start = lane.error
+        lane.copy(self.features.counted, to="{}_start")
+        self.boundaries.guards.begin_laws(lane)
+        if self.dynamics.controlled:
+            steps = self.least_steps(lane)
+            lane.min_steps = where(steps <= 1.0, 0.0, steps)
+        self.features.log.start(lane)
+
+    def least_steps(self, lane: Lane) -> Any:
+        """Number of steps of an interval, or a piece, before any estimate is used: half a radian of the
+        fastest link in each, and as many as springs and dampers require, which no estimate sees before they
+        are touched."""
+        arm, crossed = self.dynamics.arm, self.pieces.span(lane)
+        turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
+        rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.parameters.prepared else []
+        here = coordinates.quantities_of_arm(self.dynamics, lane)
+        numbers = coordinates.numbers_of(self.dynamics, lane)
+        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
+        fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
+        return crossed * maximum(2.0 * fastest, self.pieces.least_rate(lane, most))
+
+    def common_step(self, lane: Lane) -> None:
+        """The step of all lanes; one whose piece has no length stays as it is."""
+        self.pieces.stays(lane, lambda: self._set_step(lane, lane.h, None))
+        self.boundaries.guards.record_pulls(lane)
+        if self.features.counts_evaluations and not self.features.local:
+            self._count(lane, self.pieces.goes_on(lane))
+
+    def _count(self, lane: Lane, taken: Any) -> None:
+        """Count the evaluations of the common step where it is taken."""
+        stages = float(self.dynamics.method.stages)
+        lane.evaluations = where(taken, lane.evaluations + stages, lane.evaluations)
+
+    def trial_step(self, lane: Lane) -> None:
+        """A trial step of the lanes that ask for one."""
+        self._set_step(lane, lane.step, lane.moving)
+
+    def record_step(self, lane: Lane) -> None:
+        """After a trial step: count it, and determine how it meets the boundaries."""
+        self.boundaries.record_crossings(lane, "{}_trial", lane.step)
+        self.boundaries.guards.record_pulls(lane)
+        if self.dynamics.bounds_late_switch:
+            lane.departure = departure(self.features, lane)
+        lane.due = lane.moving
+        stages = float(self.dynamics.method.stages)
+        lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
+
+    def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
+        """The fields of a step; the state of lanes that are not ``moving`` stays."""
+        dynamics = self.dynamics
+        step = lane_step(self.features, lane, h)
+        if dynamics.method.error5:
+            error = step_error(self.features, lane, step)
+            # The error of an adaptive step decides on that step, all others are summed up.
+            lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
+        if self.features.doubts:
+            self._doubt(lane, step, h, moving)
+        new = [*step.positions, *step.velocities, *step.others]
+        before, now = (dict(zip(dynamics.states, x, strict=True)) for x in (lane.get(dynamics.states), new))
+        self.features.stiction.keep(lane, before, now)
+        new = list(now.values())
+        if moving is not None:
+            new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
+        lane.set(dynamics.states, new)
+        for b, watched in zip(self.features.boundaries, step.watched, strict=False):
+            lane.set(b.watches, watched[: len(b.watches)])
+
+    def _doubt(self, lane: Lane, step: Step, h: Any, moving: Any) -> None:
+        """Record whether the error of a step may exceed its estimate."""
+        features, levels = self.features, levels_of(self.features.kinks)
+        watched = step.watched[len(features.boundaries) :]
+        kinks = zip(watched, levels, strict=False)
+        met = [crossings.meets_kink(*kink, features.overshoot) for kink in kinks]
+        hidden = [unseen for _, unseen in met]
+        crossed = [seen for seen, _ in met] + hidden
+        doubts = []
+        if self.dynamics.effect_states.integrated:
+            limit = error_control.DOUBTFUL * lane.tip_tolerance
+            doubts.append(others_error(features, lane, step, h) > limit)
+        if features.watched_sliders:
+            far = total(h * maximum(w.most, -w.least) for w in watched[len(levels) :])
+            doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
+        if moving is not None and features.pose_tells_distances:
+            doubts += self._farther(lane, "{}", "{}_start")
+        for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
+            if found:
+                seen = any_of(found) if moving is None else any_of(found) & moving
+                lane[name] = lane[name] | seen
+
+    def _distances(self, lane: Lane, form: str) -> list[Any]:
+        """Distance of the tip from each joint that turns, m, from the fields of a form."""
+        joints = zip(
+            coordinates.tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True
+        )
+        return [norm for norm, slides in joints if not slides]
+
+    def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
+        """For each joint that turns, whether the tip is now many times as far from it as before."""
+        distances = zip(self._distances(lane, before), self._distances(lane, after), strict=True)
+        return [new > error_control.FARTHER * old for old, new in distances]
+
+    def judge(self, lane: Lane) -> None:
+        """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
+        moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.features.overshoot
+        pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
+        near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
+        reason: Any = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
+        passes = [
+            (lane[b.pull] > 0.0) | crossings.may_pass(b.watched(lane), overshoot)
+            for b in self.features.guards
+        ]
+        reason = where(any_of(passes), Reason.EVENT, reason)
+        goes_on = self.pieces.goes_on(lane)
+        if not self.dynamics.controlled:
+            self._count(lane, goes_on)
+        elif self.features.control is Control.EQUAL:
+            # A link that has become fast during the step may have been too fast for it.
+            slow = self.least_steps(lane) <= error_control.TOO_FAST
+            single = lane.min_steps == 0.0
+            served = single & slow & (lane.error <= self.pieces.allowed_error(lane))
+            for name in self.features.doubts:
+                lane[name] = lane[name] & single
+            doubtful, kinked, _ = self.doubts(lane)
+            served = served & logical_not(kinked | doubtful)
+            reason = where(served, reason, Reason.ACCURACY)
+            self._count(lane, single & goes_on)
+            lane.error = where(single, lane.error, 0.0)
+            self.pieces.judged(lane)
+        self._leave(lane, reason)
+
+    def doubts(self, lane: Lane) -> tuple[Any, ...]:
+        """Whether the error of an interval may exceed its estimate: near a kink, which estimates do not
+        capture well, or though the motion is smooth.
+
+        For the latter either a step has found so, or the tip is now so far from a joint that an error of its
+        angle, made when the tip was near, weighs more.
+        """
+        names = ("doubtful", "kinked", "hidden_kink")
+        doubtful, *kinks = (lane[name] if name in self.features.doubts else False for name in names)
+        if self.features.pose_tells_distances:
+            doubtful = doubtful | any_of(self._farther(lane, "{}_start", "{}"))
+        return doubtful, *kinks
+
+    def skip_common_step(self, lane: Lane) -> None:
+        """Skip the common step: no lane is served by it."""
+        if self.features.control is Control.EQUAL:
+            lane.error = 0.0
+        self._leave(lane, Reason.ACCURACY)
+
+    def _leave(self, lane: Lane, reason: Any) -> None:
+        # Local steps do not help lanes whose state or effort is not finite.
+        motion = lane.get(self.dynamics.states[: 2 * self.dynamics.count], of="{}_start")
+        defect = self.defect([*motion, *lane.get(self.dynamics.commands)])
+        leaves = (defect == 0.0) & self.pieces.goes_on(lane)
+        lane.reason = where(leaves, reason, Reason.NONE)
+        # Poison every state: some were never advanced, and others hold results that depend on neighbours.
+        for s in self.dynamics.states:
+            lane[s] = where(defect == 0.0, lane[s], defect)
+
+    @staticmethod
+    def defect(values: list[Any]) -> Any:
+        """0 if some numbers are finite, else NaN."""
+        return reduce(lambda total, x: total + (x - x), values[1:], values[0] - values[0])

@@ -1,0 +1,214 @@
+"""A control interval without a compiler: on floats as it is written, on arrays by an interpreter."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from redundant_envs.compiler.tracing.flow import LaneFunction
+from redundant_envs.compiler.tracing.graph import COMPARISONS, Operation, Value, reached
+from redundant_envs.language import algebra
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.faults import Control, Reason
+from redundant_envs.simulator.lane.interval import FIRST, Interval
+from redundant_envs.simulator.lane.memory import Lane, traced
+from redundant_envs.simulator.lane.program import Request
+
+Procedure = Callable[[Lane], Any]
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
+    "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp, "expm1": algebra.expm1,
+    "log": algebra.log, "philox": algebra.philox,
+    "sin": lambda x: algebra.sincos(x)[0], "cos": lambda x: algebra.sincos(x)[1],
+    **COMPARISONS, "and": operator.and_, "or": operator.or_, "xor": operator.xor,
+    "not": algebra.logical_not, "select": algebra.where,
+}  # fmt: skip
+"""Operations of a graph that is recorded with whole functions (:class:`Graph`)."""
+
+
+def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
+    scene = dynamics.scene
+    values = {**dynamics.parameters.values, **(parameters or {})}
+    steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
+    return {**values, **dynamics.parameters.prepare(values), **steps}
+
+
+def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Lanes after a control interval: the new states by their names, and "fault", "error", "evaluations"
+    where the scene has them.
+
+    ``fields`` are states, parameters (:func:`fields_of`) and commands by the names of their fields: floats,
+    or arrays or tensors with one number for each lane; others are 0.
+    """
+    with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
+        *_, crossed = in_steps(interval, fields)
+    return crossed
+
+
+def in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
+    """The same lanes after each common step of a control interval, then at its end."""
+    several = any(getattr(x, "shape", ()) for x in fields.values())
+    return several_in_steps(interval, fields) if several else one_in_steps(interval, fields)
+
+
+def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
+    """One lane: its program runs as it is written."""
+    numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
+    layout = interval.layout()
+    interval.declare_program(layout)
+    lane = Lane(layout, lambda name: numbers.get(name, np.float64(0.0)))
+    interval.step.clear(lane)
+    for _ in range(interval.pieces.attempts):
+        for begins in common_steps(interval):
+            for procedure in (*begins, *common_procedures(interval)):
+                procedure(lane)
+            if not interval.features.local or lane.reason == Reason.NONE:
+                yield lane
+                continue
+            for request in interval.program.cross(lane):
+                if request is Request.FORCES:
+                    interval.boundaries.find_contact_forces(lane)
+                elif not lane.due:
+                    lane.moving = True
+                    for procedure in trial_procedures(interval):
+                        procedure(lane)
+                lane.due = False
+            yield lane
+        if interval.pieces.attempts > 1:
+            interval.pieces.doubt(lane)
+            interval.pieces.settle(lane)
+            if not lane.again:
+                break
+    interval.end(lane)
+    yield lane
+
+
+def common_steps(interval: Interval) -> Iterator[list[Procedure]]:
+    """The common steps of an interval: for each what a lane does before it, if a piece begins there."""
+    for _ in range(interval.pieces.count):
+        for substep in range(interval.dynamics.scene.substeps):
+            yield [*interval.pieces.begins] if substep == 0 else []
+
+
+def common_procedures(interval: Interval) -> list[Procedure]:
+    """What a lane does with all others in a common step."""
+    features, step, boundaries = interval.features, interval.step, interval.boundaries
+    if not features.local:
+        return [step.common_step]
+    if features.control is Control.ADAPTIVE:
+        return [step.start, step.skip_common_step]
+    held = [boundaries.release] if features.holding else []
+    forces = [boundaries.update_constraint_forces] if features.holding else []
+    confirm = [boundaries.confirm_crossings] if features.bounded else []
+    return [step.start, *held, step.common_step, *forces, step.judge, *confirm]
+
+
+def trial_procedures(interval: Interval) -> list[Procedure]:
+    """What all slots do together in a trial step."""
+    forces = [interval.boundaries.find_contact_forces] if interval.features.resolves else []
+    return [interval.step.trial_step, interval.step.record_step, *forces]
+
+
+def evaluate(
+    results: Iterable[Value], load: Callable[[tuple[str, int]], Any],
+    operations: Mapping[str, Callable[..., Any]] = OPERATIONS,
+) -> list[Any]:  # fmt: skip
+    """Values of a graph; ``load`` returns the number at a memory location."""
+    results = list(results)
+    known: dict[Operation, Any] = {}
+    for node in reached(results):
+        arguments = [known[a] if isinstance(a, Operation) else a for a in node.arguments]
+        if node.name == "load":
+            known[node] = load(node.extra)
+        elif node.name == "stage":
+            known[node] = node.extra.function(*arguments)
+        elif node.name in ("result", "word"):
+            known[node] = arguments[0][node.extra]
+        else:
+            known[node] = operations[node.name](*arguments)
+    return [known[r] if isinstance(r, Operation) else r for r in results]
+
+
+@functools.lru_cache(maxsize=16)
+def graphs_of(interval: Interval) -> tuple[Any, ...]:
+    """Procedures and the program of an interval as graphs with whole functions; and the names of all rows."""
+    layout = interval.layout()
+    program = interval.traced_program(layout, whole=True) if interval.features.local else {}
+    procedure = functools.cache(lambda procedure: traced("procedure", layout, procedure, whole=True))
+    return procedure, program, {layout.row_of(name): name for name in layout.fields}
+
+
+class Records(Protocol):
+    """What records how lanes cross a piece of an interval; see :mod:`steps_taken`."""
+
+    def tried(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+        """Fields before and after the program of the lanes that have left the common step goes on."""
+
+    def crossed(self, lane: Mapping[str, Any]) -> None:
+        """Fields after the piece."""
+
+
+def several_in_steps(
+    interval: Interval, given: Mapping[str, Any], records: Sequence[Records] = ()
+) -> Iterator[dict[str, Any]]:
+    """Many lanes: traced procedures and the traced program, by an interpreter; ``records`` are those of the
+    pieces of an interval, if there are any."""
+    fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
+
+    def call(*parts: Procedure | LaneFunction) -> None:
+        for part in parts:
+            stores = (part if isinstance(part, LaneFunction) else traced_procedure(part)).stores
+            found = evaluate((v for _, _, v in stores), lambda place: fields.get(names[place], 0.0))
+            for (space, row, _), value in zip(stores, found, strict=True):
+                fields[names[space, row]] = value
+
+    def some(name: str) -> bool:
+        value = fields[name] > 0.0
+        return bool(value.any() if hasattr(value, "any") else value)
+
+    def go_on(part: LaneFunction) -> None:
+        before = dict(fields)
+        call(part)
+        if record:
+            record.tried(before, fields)
+
+    call(interval.step.clear)
+    for _ in range(interval.pieces.attempts):
+        for begins, record in itertools.zip_longest(common_steps(interval), records):
+            call(*begins)
+            if interval.pieces.begins and not some("h"):  # all wait at the end; numbers may divide by h
+                yield fields
+                continue
+            call(*common_procedures(interval))
+            if not interval.features.local:
+                yield fields
+                continue
+            served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
+            fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
+            fields |= {"moving": 0.0, "touching": 0.0}
+            go_on(program[None])
+            if FIRST in program:
+                go_on(program[FIRST])
+            while some("moving") or some("touching"):
+                while some("touching"):
+                    call(interval.boundaries.find_contact_forces, program[Request.FORCES])
+                call(*trial_procedures(interval))
+                go_on(program[Request.STEP])
+            for name, before in served.items():
+                if fields[name] is not before:
+                    fields[name] = algebra.where(leaves, fields[name], before)
+            if record:
+                record.crossed(fields)
+            yield fields
+        if interval.pieces.attempts > 1:
+            call(interval.pieces.doubt, interval.pieces.settle)
+            if not some("again"):
+                break
+    call(interval.end)
+    yield fields

@@ -1,0 +1,400 @@
+"""The dynamics of a scene: functions of its arm and its effects, connected by the names of quantities."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from redundant_envs.compiler.tracing.graph import owned
+from redundant_envs.effects.attached import Attached, EffectStates, field_of
+from redundant_envs.effects.hooks import SPEED, Actuation, Field, Force, Friction, Impact, Point, Sensing
+from redundant_envs.language.algebra import gives_of, numbered, physics, total
+from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.robots.added_inertia import functions_with, held_functions
+from redundant_envs.robots.held_joints import held_joint_dynamics
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.scenes.tableaus import METHODS, Tableau
+from redundant_envs.simulator.lane import sensing
+from redundant_envs.simulator.lane.closed_forms import InStep, StepStart, varying_arguments
+from redundant_envs.simulator.lane.parameters import Parameters
+
+DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
+INTERVALS = "draw_interval"
+"""Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """The equations of motion of a scene."""
+
+    scene: Scene
+    track_work: bool = False  # the work of motors and of forces without a potential is a state, too
+    located: bool = True
+    """Whether changes of a force's law are located in time under error control; otherwise the law follows
+    from the position at each evaluation."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what follows from these: it has functions of effects, which need not be picklable."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+
+    @property
+    def arm(self) -> Any:
+        return self.scene.robot
+
+    @property
+    def count(self) -> int:
+        """Joints of the arm."""
+        return len(self.arm.coordinates)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether error control chooses the steps."""
+        return self.scene.controlled
+
+    @property
+    def method(self) -> Tableau:
+        return METHODS[self.scene.integrator]
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        return Parameters(self.scene)
+
+    @property
+    def effect_states(self) -> EffectStates:
+        return self.scene.attached.states
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Integrated states: coordinates, velocities, those of effects, and the work; then those of effects
+        that steps evaluate in closed form."""
+        work = ("work",) if self.track_work else ()
+        stepped = (name for name in self.effect_states.integrated if name not in self.closed)
+        return (*self.arm.coordinates, *self.arm.rates, *stepped, *work, *self.closed)
+
+    @cached_property
+    def closed(self) -> tuple[str, ...]:
+        """States of effects that steps evaluate in closed form: none if error control chooses the steps."""
+        return () if self.controlled else self.effect_states.closed
+
+    @cached_property
+    def constant(self) -> frozenset[str]:
+        """Quantities that are constant in a step."""
+        return frozenset(
+            (*self.parameters.numbers, *self.commands, *self.effect_states.updated, *self.passed)
+        )
+
+    @cached_property
+    def varying(self) -> dict[str, tuple[str, ...]]:
+        """Quantities that closed forms take, and that change in a step; see :mod:`closed_forms`."""
+        return varying_arguments(self.scene.attached, self.arm, self.constant) if self.closed else {}
+
+    @cached_property
+    def _autonomous(self) -> tuple[Attached[Any], ...]:
+        """Fields and forces with states whose rates of change follow from these and constants alone."""
+
+        def follows(a: Attached[Any]) -> bool:
+            own = [functions["derivative"] for functions in a.states.values() if "derivative" in functions]
+            known = {*a.states, *self.constant} - {*self.closed}  # closed forms are those of a stage
+            return bool(own) and all(known.issuperset(f.names) for f in own)
+
+        hooks = (*self.scene.attached.of(Field), *self.scene.attached.of(Force))
+        return tuple(a for a in hooks if follows(a))
+
+    @cached_property
+    def autonomous(self) -> tuple[str, ...]:
+        """States of these that are integrated."""
+        own = {field for a in self._autonomous for field in a.states} - {*self.closed}
+        return tuple(name for name in self.effect_states.integrated if name in own)
+
+    def autonomous_changes(self, known: Mapping[str, Any]) -> dict[str, Any]:
+        """Rates of change of such states by their names, from them and from constants."""
+        x = Quantities(known, (), {})
+        return {k: v for a in self._autonomous for k, v in a.changes("derivative", x).items()}
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Fields of the commanded efforts."""
+        return self.scene.attached.commands
+
+    @property
+    def passed(self) -> tuple[str, ...]:
+        """Fields that say which instants have passed."""
+        return tuple(a.passed for a in self.scene.attached.instants)
+
+    @property
+    def draws(self) -> Mapping[str, Draw]:
+        """Draws of effects' states, by the names of their quantities."""
+        return self.scene.attached.draws
+
+    @property
+    def draw_fields(self) -> tuple[str, ...]:
+        """Fields from which draws follow; none in a scene without draws."""
+        return (*DRAW_KEY, INTERVALS) if self.draws else ()
+
+    # ---- laws, and joints that stick ---------------------------------------------------------------
+
+    @property
+    def locates_laws(self) -> bool:
+        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
+        return self.controlled and self.located
+
+    @cached_property
+    def guarded(self) -> tuple[Attached[Any], ...]:
+        """Forces and links with guards whose changes of sign are located."""
+        return tuple(a for a in self.scene.attached if a.guards) if self.locates_laws else ()
+
+    @property
+    def bounds_late_switch(self) -> bool:
+        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
+        return bool(self.guarded) and self.scene.tolerance is not None
+
+    def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
+        """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
+        the sides in ``x``."""
+        found: dict[str, Any] = {}
+        for a in self.scene.attached.along(x, self.guarded):
+            if a in self.guarded:
+                if begins:
+                    a.settle_law(x)
+                found |= zip(a.guards, a.guard_values(x), strict=True)
+        return found
+
+    @cached_property
+    def frictions(self) -> dict[int, list[Attached[Friction]]]:
+        """Dry friction by the numbers of its joints."""
+        found: dict[int, list[Attached[Friction]]] = {}
+        for a in self.scene.attached.of(Friction):
+            found.setdefault(a.hook.joint, []).append(a)
+        return found
+
+    def friction_limit(self, joint: int, x: Quantities, speed: Any) -> Any:
+        """Largest force of the friction of a joint at a speed, N m or N."""
+        limits = []
+        for a in self.frictions.get(joint, ()):
+            function = a.functions["limit"]
+            limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
+        return total(limits or [0.0])
+
+    @cached_property
+    def slipping(self) -> tuple[int, ...]:
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
+        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
+        stopped = {a.hook.joint for a in self.scene.attached.of(Impact)}
+        turning = any(not self.arm.prismatic[k] for k in stopped)
+        return tuple(sorted({*self.frictions, *stopped})) if self.frictions or turning else ()
+
+    # ---- actuation, and states of effects ----------------------------------------------------------
+
+    def efforts(
+        self, x: Quantities, change: str, time: InStep | StepStart | None = None
+    ) -> tuple[list[Any], dict[str, Any]]:
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; at a
+        ``time`` in a step states are in closed form."""
+        efforts, changes = x.each(self.commands), dict[str, Any]()
+        for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
+            given = efforts[k]
+            for link in chain:
+                x[command] = efforts[k]
+                if link.guards and not self.locates_laws:
+                    link.settle_law(x)
+                if time is not None:
+                    time.close(link, x)
+                changes |= link.changes(change, x)
+                efforts[k] = link.functions["function"](x)
+            x[command] = given
+        return efforts, changes
+
+    def changes(self, x: Quantities, what: str, lane: Any) -> dict[str, Any]:
+        """New values of effects' states, by their fields: the "update" at the end of an interval, or
+        :data:`RENEWAL`."""
+        x.update(self._drawn(what, lane))
+        _, changes = self.efforts(x, what)
+        for a in self.scene.attached:
+            if not isinstance(a.hook, Actuation | Sensing):
+                changes |= a.changes(what, x)
+        return changes | sensing.renewed(self.scene.attached, what, x)
+
+    def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
+        """Values of effects' states at a start, by their fields, of those that are computed then."""
+        x.update(self._drawn("initial", lane))
+        return self.begun(x) | sensing.renewed(self.scene.attached, "initial", x)
+
+    def begun(self, x: Quantities) -> dict[str, Any]:
+        """Those of them that no sensor has, from quantities that have the draws."""
+        changes: dict[str, Any] = {}
+        for a in self.scene.attached:
+            if not isinstance(a.hook, Sensing):
+                changes |= a.changes("initial", x)
+        return changes
+
+    def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
+        """The draws that functions of states take, by the names of quantities: of the start, or of the next
+        interval."""
+        functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
+        needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
+        if not needed:
+            return {}
+        interval = 0.0 if what == "initial" else lane[INTERVALS] + 1.0
+        found = drawn(needed.values(), interval, lane.get(DRAW_KEY))
+        return {name: found[draw] for name, draw in needed.items()}
+
+    # ---- equations of motion -----------------------------------------------------------------------
+
+    def quantities(self, states: Sequence[Any], numbers: Any, held: bool = False) -> Quantities:
+        """Quantities of the arm, from states, and numbers and efforts by name; ``held``: with the dynamics of
+        sliders that may rest at their stops."""
+        functions = self.functions_held if held else self.functions
+        return Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+
+    @property
+    def functions(self) -> tuple[Callable[..., Any], ...]:
+        """Equations of the arm with the inertias that effects add."""
+        added, (*own,) = self.scene.attached.inertias, self.arm_functions
+        if not added:
+            return tuple(own)
+        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :])
+
+    @property
+    def arm_functions(self) -> tuple[Callable[..., Any], ...]:
+        """Equations of the arm, and sums of its masses that change."""
+        carried, changing = self.scene.attached.carried, self.scene.attached.changing
+        if not changing:
+            return tuple(self.arm.functions)
+        sums = [total_mass(mass, (self.parameters.field_of(mass), *carried[mass])) for mass in changing]
+        prepared = [f for f in self.arm.prepared if f not in self.arm.functions]
+        return (*self.arm.functions, *prepared, *sums)
+
+    @property
+    def functions_held(self) -> tuple[Callable[..., Any], ...]:
+        """The same with the dynamics of sliders that may rest at their stops."""
+        arm = self.arm
+        added = self.scene.attached.inertias
+        held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
+        if self.slipping:
+            mobility = held[1:] if self.arm.sliders() else ()
+            held = held_joint_dynamics(arm.__class__, self.slipping), *mobility
+        return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
+
+    def close(self, x: Quantities, time: InStep | StepStart) -> None:
+        """Give quantities at a ``time`` in a step the states that are in closed form."""
+        self.efforts(x, "none", time)
+        self._close_forces(x, time)
+
+    def _close_forces(self, x: Quantities, time: InStep | StepStart) -> None:
+        for a in self.scene.attached.of(Force):
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
+            time.close(a, x)
+
+    def set_field(self, x: Quantities) -> None:
+        """The field of the scene, where it does not follow from parameters alone."""
+        if "ax" in self.parameters.prepared:
+            return
+        attached, steady = self.scene.attached, self.parameters.steady_field
+        known = steady[0] in self.parameters.prepared
+        constant = x.each(steady) if known else field_of(attached.constant_fields, x)
+        moving = field_of(attached.moving_fields, x)
+        x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
+
+    def accelerations(self, x: Quantities, time: InStep | None = None) -> list[Any]:
+        """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
+
+        At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.
+        """
+        joints = range(self.count)
+        self.set_field(x)
+        effort, changes = self.efforts(x, "derivative", time)
+        if time is not None:
+            self._close_forces(x, time)
+        at_joints = self.scene.actuation == "joint"
+        acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
+        working, at_points = dict(acting), dict[str, Any]()
+        for moving in self.scene.attached.of(Field):
+            changes |= moving.changes("derivative", x)
+        for a in self.scene.attached.of(Force):
+            if a.has_laws and not self.locates_laws:
+                a.settle_law(x)
+            force = _components(a, "function", x)
+            changes |= a.changes("derivative", x)
+            for rate, component in force.items():
+                acting[rate] = _plus(acting.get(rate), component)
+            if isinstance(a.hook.joint, Point):
+                self._add_at_coordinates(a, a.hook.joint, force, x, at_points)
+            if a.hook.conservative is a.hook.function:
+                continue
+            for rate, component in force.items():
+                working[rate] = _plus(working.get(rate), component)
+            if a.hook.conservative is not None and self.track_work:
+                for rate, component in _components(a, "conservative", x).items():
+                    working[rate] = working[rate] + (-component)
+        for k in sorted(self.frictions):
+            rate, side = f"phid{k + 1}", x[f"side_friction{k + 1}"]
+            friction = -(side * self.friction_limit(k, x, side * x[rate]))
+            acting[rate] = _plus(acting[rate], friction)
+            working[rate] = _plus(working[rate], friction)
+        torques = [acting[f"phid{k + 1}"] for k in joints]
+        if any(t is not None for t in torques):
+            x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
+            forces = x.each(f"Q{k + 1}" for k in joints)
+            if not at_joints:
+                x.update({f"Q{k + 1}": forces[k] + effort[k] for k in joints})
+        else:
+            x.update({f"Q{k + 1}": effort[k] for k in joints})
+        x.update({name: x[name] + force for name, force in at_points.items()})
+        results = x.each(f"qdd{k + 1}" for k in joints)
+        results += [changes[name] for name in self.effect_states.integrated if name not in self.closed]
+        if self.track_work:
+            power = [force * x[rate] for rate, force in working.items() if force is not None]
+            power += self._power_of_fields(x)
+            if not at_joints:
+                power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
+            results.append(total(power or [0.0]))
+        return results if time is not None else results + [changes[name] for name in self.closed]
+
+    def _power_of_fields(self, x: Quantities) -> list[Any]:
+        """The power of moving fields, -G qd with the weight G in these fields alone."""
+        fields = self.scene.attached.moving_fields
+        if not fields:
+            return []
+        known = {name: x[name] for name in (*self.arm.coordinates, *self.arm.rates)}
+        known |= {name: x[name] for name in self.parameters.numbers if name not in ("ax", "ay")}
+        known["ax"], known["ay"] = field_of(fields, x)
+        alone = Quantities(known, self.functions, self.arm.sincos)
+        return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]
+
+    def _add_at_coordinates(
+        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]
+    ) -> None:
+        """Add the generalized force of a force at a point, J^T f of that point."""
+        with owned(a.key):
+            for j in range(self.count):
+                for axis, component in zip("XY", force.values(), strict=True):
+                    slope = x[f"{axis}{at.number + 1}{j + 1}"]
+                    if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
+                        forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
+
+
+@functools.lru_cache(maxsize=64)
+def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
+    """A mass of the arm with all that it carries."""
+
+    def total_mass(*masses: Any) -> Any:
+        return total(masses)
+
+    made: Callable[..., Any] = physics(gives=mass, takes=parts)(total_mass)
+    return made
+
+
+def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:
+    """A force by the names of the velocities along which it acts."""
+    force = a.functions[field](x)
+    return dict(zip(a.hook.rates, force if isinstance(force, tuple) else (force,), strict=True))
+
+
+def _plus(a: Any, b: Any) -> Any:
+    return b if a is None else a + b

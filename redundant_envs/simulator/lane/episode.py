@@ -1,0 +1,281 @@
+"""Episodes of a task: efforts from actions, reward and faults after an interval, observation, new starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property, reduce
+from typing import Any
+
+from redundant_envs.effects.hooks import Sensing
+from redundant_envs.language.algebra import (
+    arguments_of,
+    gives_of,
+    logical_not,
+    maximum,
+    minimum,
+    numbered,
+    total,
+    where,
+)
+from redundant_envs.language.quantities import Quantities, check_names
+from redundant_envs.scenes.scene import identifier
+from redundant_envs.simulator.lane.dynamics import INTERVALS
+from redundant_envs.simulator.lane.engine_fields import engine
+from redundant_envs.simulator.lane.faults import (
+    GIVEN_UP,
+    OBSERVED_ANGLE,
+    OBSERVED_RATE,
+    Fault,
+    angle_fault,
+    largest_angle,
+)
+from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Layout, Variable, copies
+from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.randomized import Randomized
+from redundant_envs.simulator.lane.sensing import measured, reads_nonsense
+from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
+
+TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
+"""Achieved and desired goal, the last columns of the outputs."""
+ENDS = ("terminated", "truncated", "reward")
+"""Outputs about the end of a step. They stay when a new episode begins in the same step."""
+COUNTS = ("steps", "saturated", "numerics")
+"""What every lane remembers of its episode."""
+SPENT = ("evaluations_sum", "events_sum", "error_most")
+"""What lanes with steps of their own remember beside it."""
+TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
+"""Tables that a step of an environment fills, and the types of their numbers."""
+
+
+class Episode:
+    """Episodes of the lanes of an environment, around their motion."""
+
+    def __init__(self, interval: Interval, task: Task, observed_numbers: tuple[str, ...] = ()) -> None:
+        """``observed_numbers`` are fields that an observation shows after the quantities of the task."""
+        dynamics, scene = interval.dynamics, interval.dynamics.scene
+        self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
+        self.features = interval.features
+        self.actions = tuple(numbered("action{}", dynamics.count))
+        self.draws = (*numbered("u{}", dynamics.count), *numbered("draw{}", task.draws))
+        """Uniform draws of an episode: of the start of each joint, then those of the task."""
+        self.terms: tuple[str, ...] = task.reward_terms(scene)
+        self.returns = tuple(f"{t}_sum" for t in self.terms)
+        self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
+        self.held_outputs = (*ENDS, *task.held_outputs)
+        self.randomized = Randomized(dynamics, task.parameters())
+        self.observed_numbers = observed_numbers
+        self.observed = (*task.observation(scene), *observed_numbers)
+        self.sensors = bool(scene.attached.of(Sensing))
+        """Whether observations follow from readings of sensors."""
+        has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
+        counts = interval.features.counts_evaluations
+        spent = (name for name in SPENT if counts and has.get(name, True))
+        self.counts: tuple[str, ...] = (*self.returns, *spent, *COUNTS)
+        """What a lane remembers of its episode beside its state and the task's memory."""
+
+    @cached_property
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """Quantities in the rows of the tables."""
+        flags, metrics = self.task.flags, self.task.metrics
+        beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
+        totals = [n for n in SPENT if n in self.counts and n != "error_most"]
+        most = ("error_most",) if "error_most" in self.counts else ()
+        measured = (m for m in metrics if m not in flags)
+        return {
+            "flags": ("terminated", "truncated", *(m for m in metrics if m in flags)),
+            "counts": ("numerics", "saturated", "steps", *totals),
+            "values": ("reward", *measured, *beyond, *most, *self.returns, *self.drawn, *TIP, *self.goal),
+        }
+
+    @cached_property
+    def drawn(self) -> tuple[str, ...]:
+        """Fields of the numbers that every episode draws anew."""
+        return tuple(field for fields in self.randomized.fields_by_name.values() for field in fields)
+
+    @cached_property
+    def aliases(self) -> dict[str, str]:
+        """What functions of the task call numbers and states of effects -> their fields."""
+        scene = self.dynamics.scene
+        of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
+        return {**{identifier(name): name for name in of_effects}, **self.task.aliases(scene)}
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the lanes, those of the interval included."""
+        task, owner = self.task, f"the task {type(self.task).__name__}"
+        yield from self.interval.fields()
+        if not self.features.local:
+            yield from copies(self.features.kept, "{}_start", "when the interval began")
+        for name in task.parameters():
+            yield Variable(name, "", "number", PARAMETER, owner=owner)
+        yield from engine("limit")
+        for name in task.memory:
+            yield Variable(name, "", "memory", STATE, owner=owner)
+        for name in self.returns:
+            yield Variable(name, "", "sum of a reward term over the episode", STATE)
+        yield from engine(*self.counts[len(self.returns) :], *ENDS)
+        for name in task.held_outputs:
+            yield Variable(name, "", "held output", STATE, owner=owner)
+        for name in self.actions:
+            yield Variable(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
+        for name in self.draws:
+            yield Variable(name, "", "uniform draw in (0, 1)", SCRATCH)
+        yield from self.randomized.fields()
+        yield from engine("resetting")
+
+    def layout(self) -> Layout:
+        """The fields of the lanes, and the rows that hold them."""
+        self.interval.layout()  # refuses an arm whose quantities are not its own
+        layout = Layout(self.fields())
+        shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
+        shown |= {name: layout.fields[name].whose for name in (*self.counts, *ENDS)}
+        check_names(f"{type(self.task).__name__}.metrics", self.task.metrics, shown)
+        return layout
+
+    def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
+        """Quantities of the arm and the task."""
+        if functions is None:
+            functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
+        names = (*self.dynamics.parameters.numbers, *self.task.parameters(), "interval", "steps")
+        numbers, angles = {n: lane[n] for n in names}, {**self.arm.sincos, **self.task.angles}
+        return Quantities({**numbers, **known}, functions, angles, (), self.aliases)
+
+    def quantities_now(self, lane: Lane) -> Quantities:
+        """The same after an interval."""
+        states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
+        names = (*states, *self.task.memory, *self.actions)
+        return self.quantities(lane, {n: lane[n] for n in names})
+
+    # ---- a control step --------------------------------------------------------------------------------
+
+    def command(self, lane: Lane) -> None:
+        """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
+        if not self.features.local:
+            lane.copy(self.features.kept, to="{}_start")
+        count: Any = 0.0
+        defect: Any = 0.0
+        units = tuple(self.dynamics.scene.action_units())
+        for k, name in enumerate(self.actions):
+            action = lane[name]
+            clipped = minimum(maximum(action, -1.0), 1.0)
+            count = count + where(clipped != action, 1.0, 0.0)
+            defect = defect + (action - action)
+            used = where(action - action == 0.0, clipped, 0.0)
+            lane[name] = used
+            lane[self.dynamics.commands[k]] = used * lane[units[k]]
+        lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
+        lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
+
+    def finish_control_step(self, lane: Lane) -> None:
+        """After an interval: faults, task memory, reward, ends of episodes; a faulty lane is undone."""
+        interval, task, states = self.interval, self.task, self.dynamics.states
+        interval.update_effect_states(lane)
+        defect = interval.step.defect(lane.get((*states, *self.dynamics.effect_states.updated)))
+        if self.sensors:
+            x = self.quantities_now(lane)
+            defect = defect + where(reads_nonsense(self.dynamics.scene.attached, x), math.nan, 0.0)
+            lane.next_part()
+        fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
+        observable = (largest_angle(self.arm, lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
+        if self.features.local:
+            code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
+        too_fast = logical_not(code > 0.0) & (fastest > lane["speed_bound"])
+        fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
+        if task.speed_bound_ends:
+            code = code + fast
+        faulty = code > 0.0
+        interval.undo(lane, faulty)
+        if task.moves:
+            x = self.quantities_now(lane)
+            for name, source in task.moves.items():
+                lane[name] = where(faulty, lane[name], x[source])
+        x = self.quantities_now(lane)
+        terms = self.terms
+        taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in arguments_of(f)]
+        earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
+        if taking:
+            x["ended"] = code
+            x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
+        lane.reward = total(x.each(terms))
+        new = {name: x[source] for name, source in task.updates.items()}
+        for t in terms:
+            lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
+        for name, value in new.items():
+            lane[name] = value
+        told = code if task.speed_bound_ends else code + fast
+        if self.features.local:
+            told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
+        lane.numerics = told + angle_fault(self.arm, lane)
+        lane.steps = lane.steps + 1.0
+        lane.terminated = where(faulty, 1.0, 0.0)
+        lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
+        for name in task.held_outputs:
+            lane[name] = x[name]
+        if "evaluations_sum" in lane:
+            lane.evaluations_sum = lane.evaluations_sum + lane.evaluations
+        if "events_sum" in lane:
+            lane.events_sum = lane.events_sum + lane.impacts
+        if "error_most" in lane:
+            lane.error_most = maximum(lane.error_most, lane.error)
+
+    # ---- observation -----------------------------------------------------------------------------------
+
+    def observe(self, lane: Lane) -> dict[Any, Any]:
+        """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
+        memory = (*self.task.memory, *self.counts, *self.held_outputs, *self.drawn)
+        states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
+        known = {n: lane[n] for n in (*states, *self.task.memory)}
+        x = self.quantities(lane, known)
+        read = measured(self.dynamics.scene.attached, self.arm, x)
+        seen = self.quantities(lane, {**known, **read}) if read else x
+        count = len(self.observed)
+        of_task = self.observed[: count - len(self.observed_numbers)]
+        values = [*(seen[name] for name in of_task), *(lane[name] for name in self.observed_numbers)]
+        shown = {("obs", "f32", k, count): value for k, value in enumerate(values)}
+        for table, element in TABLES.items():
+            for k, name in enumerate(self.tables[table]):
+                if name == "beyond_limit":
+                    limits = spring_limits(self.dynamics.scene)
+                    depths = (
+                        depth_beyond(x[f"phi{k + 1}"], lane[low], lane[high]) for k, low, high in limits
+                    )
+                    value = reduce(maximum, depths)
+                elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
+                    bad = reads_nonsense(self.dynamics.scene.attached, x) & (lane.numerics == 0.0)
+                    value = where(bad, float(Fault.NON_FINITE), lane.numerics)
+                else:
+                    value = lane[name] if name in memory else x[name]
+                shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
+        return shown
+
+    # ---- a new episode ---------------------------------------------------------------------------------
+
+    def reset(self, lane: Lane) -> None:
+        """A new episode in the lanes that are ``resetting``, from their draws and their numbers."""
+        task, arm = self.task, self.arm
+        functions = (
+            *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),
+            *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
+        )  # fmt: skip
+        drawn = [m for m in task.memory if m not in task.updates]
+        draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
+        for joint in range(self.dynamics.count):  # uniform in its range of starts, inside the lane's limits
+            low, high = range_of_starts(task, self.dynamics.scene, joint, lane.__getitem__)
+            draws[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        x = self.quantities(lane, draws, functions)
+        values = {name: x[name] for name in (*arm.coordinates, *drawn)}
+        remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
+        zero = [*arm.rates, *remembered, *self.features.active, *self.held_outputs]
+        zero += ["next_step"] if "next_step" in lane else []
+        zero += [INTERVALS] if self.dynamics.draws else []
+        values |= self.dynamics.effect_states.initial
+        for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
+            lane[name] = where(lane.resetting, value, lane[name])
+        self.begin_states(lane)
+
+    def begin_states(self, lane: Lane) -> None:
+        """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
+        for name, value in self.interval.initial_states(lane).items():
+            lane[name] = where(lane.resetting, value, lane[name])

@@ -1,0 +1,82 @@
+"""The log of a lane's events: impacts at stops, rests and releases, with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from redundant_envs.language.algebra import where
+from redundant_envs.simulator.lane.engine_fields import engine
+from redundant_envs.simulator.lane.fields import LOG, Variable
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.stops import Impacting
+
+MAX_LOGGED = 256
+"""Number of events of an interval that are kept."""
+
+
+class NoLog:
+    """A lane whose events are not kept."""
+
+    counted: tuple[str, ...] = ()
+    """Fields with counts of an interval."""
+    read: tuple[str, ...] = ()
+    """Fields that the kernel reads, and no function."""
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the time of events."""
+        return iter(())
+
+    def fields_of_events(self) -> Iterator[Variable]:
+        """Fields of the events."""
+        return iter(())
+
+    def clear(self, lane: Lane) -> None:
+        """Before an interval."""
+
+    def begin_piece(self, lane: Lane, start: Any) -> None:
+        """Before a piece of it."""
+
+    def start(self, lane: Lane) -> None:
+        """Before a common step."""
+
+    def note(self, lane: Lane, b: Impacting, happened: Any, speed: Any) -> None:
+        """After contacts are resolved: what has happened to a coordinate, at a speed."""
+
+    def end(self, lane: Lane, given_up: Any) -> None:
+        """After an interval: one that is given up has no events."""
+
+
+class EventLog(NoLog):
+    """A lane whose events are kept."""
+
+    counted, read = ("logged",), ("span_start",)
+
+    def __init__(self, controlled: bool) -> None:
+        """``controlled``: whether error control chooses the steps, so that there is one common step."""
+        self.controlled = controlled
+
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("span_start")
+
+    def fields_of_events(self) -> Iterator[Variable]:
+        yield from engine("logged_start", "logged")
+        for n in range(MAX_LOGGED):
+            for name, unit in (("time", "s"), ("kind", ""), ("speed", "m/s")):
+                yield Variable(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
+
+    def clear(self, lane: Lane) -> None:
+        lane.span_start = 0.0 if self.controlled else -lane.h
+
+    def begin_piece(self, lane: Lane, start: Any) -> None:
+        lane.span_start = start if self.controlled else start - lane.h
+
+    def start(self, lane: Lane) -> None:
+        if not self.controlled:
+            lane.span_start = lane.span_start + lane.h
+
+    def note(self, lane: Lane, b: Impacting, happened: Any, speed: Any) -> None:
+        lane[b.happened], lane[b.speed] = happened, speed
+
+    def end(self, lane: Lane, given_up: Any) -> None:
+        lane.logged = where(given_up, 0.0, lane.logged)

@@ -1,0 +1,212 @@
+"""A control interval of a lane: the step that all lanes take together, and the program of the others.
+
+A lane leaves the common step for three reasons: an error above its tolerance, a boundary that it meets, and
+the integrator dop853, whose steps are always local.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from redundant_envs.compiler.tracing.flow import LaneFunction
+from redundant_envs.compiler.tracing.graph import Graph
+from redundant_envs.compiler.tracing.program import Machine
+from redundant_envs.effects.hooks import CONTROL_DT
+from redundant_envs.language.algebra import gives_of, where
+from redundant_envs.language.quantities import check_names
+from redundant_envs.simulator.lane import jumps
+from redundant_envs.simulator.lane.attempts import pieces_of
+from redundant_envs.simulator.lane.boundaries import Boundaries
+from redundant_envs.simulator.lane.common_step import CommonStep
+from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
+from redundant_envs.simulator.lane.engine_fields import EngineFields, engine
+from redundant_envs.simulator.lane.faults import GIVEN_UP, Control
+from redundant_envs.simulator.lane.features import Features
+from redundant_envs.simulator.lane.fields import (
+    ENGINE,
+    PARAMETER,
+    SCRATCH,
+    STATE,
+    Layout,
+    Lifetime,
+    Variable,
+    copies,
+)
+from redundant_envs.simulator.lane.memory import Lane, TracedLane, function_of
+from redundant_envs.simulator.lane.program import LaneProgram, Request
+from redundant_envs.simulator.lane.step_control import CLASSES
+
+ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
+"""The field that is true when the program of a lane may go on after a request."""
+FIRST = "first"
+"""Key of what a program does after its first trial step, if the common step was that: a part of what it does
+after any, and half as long."""
+ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
+"""Quantities that are no fields in every scene, and whose names they are."""
+CONDITIONS = ("entered", "due", "moving", "touching", "complete")
+"""Fields about the program of a lane."""
+
+
+class Interval:
+    """The lanes of a scene in a control interval: their procedures and fields."""
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self.dynamics, self.features = dynamics, Features(dynamics)
+        self.pieces = pieces_of(self.features)
+        self.boundaries = Boundaries(self.features, self.pieces)
+        self.step = CommonStep(self.boundaries)
+        self.program = LaneProgram(self.boundaries, CLASSES[self.features.control](self.step))
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the lanes, without those that only the program of a lane sets."""
+        dynamics, features = self.dynamics, self.features
+        yield from motion_fields(dynamics, self.pieces.length)
+        yield from self.pieces.fields()
+        if not features.local:
+            if features.counts_evaluations:
+                yield from engine("evaluations")
+            return
+        for stop in features.holding:
+            yield from stop.own("active_stop")
+        if features.control is Control.ADAPTIVE:
+            yield from engine("next_step")
+        yield from copies(features.kept, "{}_start", "before the common step")
+        if features.origin != "{}_start":
+            yield from copies(features.kept, features.origin, "when the interval began")
+        yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
+        yield from engine("evaluations", "reason", "error_start", "min_steps", "state", *CONDITIONS)
+        for name, doc in features.doubts.items():
+            yield Variable(name, "", doc, SCRATCH, truth=True)
+        yield from self.fields_of_boundaries()
+
+    def fields_of_boundaries(self) -> Iterator[Variable]:
+        """Fields about boundaries, and the log of events."""
+        features = self.features
+        yield from features.log.fields()
+        for b in features.boundaries:
+            yield from b.watched_fields()
+        for law in features.laws:
+            yield from law.fields()
+        yield from features.stiction.fields()
+        for guard in features.guards:
+            yield from guard.fields()
+        if self.dynamics.bounds_late_switch:
+            yield from engine("departure", "target")
+            for guard in features.guards:
+                yield from guard.own("left")
+        yield from self.boundaries.guards.fields()
+        if features.stops:
+            yield from engine("impacts", "impacts_start")
+        if features.resolves:
+            for v in self.dynamics.states[self.dynamics.count :]:
+                yield Variable(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
+        for stop in features.stops:
+            yield from stop.fields()
+        yield from features.bounces.fields()
+        yield from features.log.fields_of_events()
+
+    def update_effect_states(self, lane: Lane) -> None:
+        """At the end of an interval: update the states of effects that were constant in it."""
+        dynamics = self.dynamics
+        x = self.features.quantities(lane)
+        dynamics.set_field(x)
+        changes = dynamics.changes(x, "update", lane)
+        lane.set(changes, changes.values())
+        jumps.exchange(self.features, lane, x)
+        if dynamics.draws:
+            lane[INTERVALS] = lane[INTERVALS] + 1.0
+
+    def initial_states(self, lane: Lane) -> dict[str, Any]:
+        """Values that states of effects have at the start of a motion, of those whose values are computed."""
+        return self.dynamics.initial_states(self.features.quantities(lane), lane)
+
+    def undo(self, lane: Lane, failed: Any) -> None:
+        """Return lanes that failed to their states at the start of the interval."""
+        for name in self.features.kept:
+            lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
+
+    def end(self, lane: Lane) -> None:
+        """End an interval; a lane that has given it up returns to its state at the start."""
+        self.update_effect_states(lane)
+        if self.features.local:
+            self.undo(lane, lane.fault >= GIVEN_UP)
+
+    def declare_program(self, layout: Layout) -> None:
+        """Declare the fields that only the program of a lane sets."""
+        for variable in self.program.fields():
+            declared = layout.fields.get(variable.name)
+            if declared is None or declared.owner != ENGINE:
+                layout.add(variable)
+
+    def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
+        """The program of a lane as functions: at its beginning (None), after each request, and after a common
+        step that is its first trial step (:data:`FIRST`).
+
+        The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
+        """
+        self.declare_program(layout)
+        lane = TracedLane(layout, Graph())
+        made: dict[Any, LaneFunction] = {}
+        machine = Machine(self.program.cross, lane, Request, whole)
+        for request, answered in ANSWERED.items():
+            if request not in machine.graphs:
+                continue
+            written = machine.after(request, answered)
+            if request is not Request.FORCES:  # which the program itself asks for again
+                written[answered] = 0.0
+            name = "begin_program" if request is None else f"after_{request.name.lower()}"
+            made[request] = function_of(layout, name, written)
+        skips = self.features.control is Control.ADAPTIVE and self.features.sticking
+        if self.features.boundaries and not skips:  # what sticks is decided before any first step then
+            written = machine.after(Request.STEP, "due", first=True)
+            made[FIRST] = function_of(layout, "after_common_step", {**written, "due": 0.0})
+        return made
+
+    def layout(self) -> Layout:
+        """The fields of the lanes, and the rows that hold them."""
+        dynamics, layout = self.dynamics, Layout(self.fields())
+        known = (*dynamics.states, *dynamics.parameters.numbers, *dynamics.commands)
+        owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
+        arm = dynamics.arm
+        more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
+        given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+        angles = {name for pair in arm.sincos.values() for name in pair}
+        kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
+        check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
+        return layout
+
+
+def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Variable]:
+    """State, parameters and what every interval has."""
+    arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
+    owners = dict.fromkeys(dynamics.parameters.numbers, of_arm) | dict.fromkeys(
+        (*ARGUMENTS, CONTROL_DT), ENGINE
+    )
+    for effect in dynamics.scene.effects:
+        names = (*effect.parameters(), *effect.states(arm))
+        owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
+    units = ["m" if slides else "rad" for slides in arm.prismatic]
+    for name, unit in zip(arm.coordinates, units, strict=True):
+        yield Variable(name, unit, "generalized coordinate", STATE, owner=of_arm)
+    for name, unit in zip(arm.rates, units, strict=True):
+        yield Variable(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
+    for name, state in dynamics.effect_states.items():
+        yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
+    for name in dynamics.draw_fields:
+        doc = "control intervals since draws began" if name == INTERVALS else "word of the key of draws"
+        yield Variable(name, "", doc, STATE)
+    if dynamics.track_work:
+        yield from engine("work")
+    yield EngineFields.h.field(length)
+    yield from engine("interval")
+    for name in (*dynamics.parameters.values, *dynamics.parameters.prepared):
+        doc = (
+            "parameter of the scene"
+            if name in dynamics.parameters.values
+            else "follows from parameters alone"
+        )
+        yield Variable(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
+    for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
+        yield Variable(name, unit, "command of a motor", SCRATCH)
+    yield from engine("error", "fault")

@@ -1,0 +1,304 @@
+"""Boundaries that bounce: stops of joints, and walls for any function of the pose."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from typing import Any, ClassVar
+
+from redundant_envs.effects.attached import Bound
+from redundant_envs.language.algebra import logical_not, maximum, total, where
+from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.simulator.events.boundary import leaves_stop
+from redundant_envs.simulator.events.contacts import Contact
+from redundant_envs.simulator.events.first_event import Encounter
+from redundant_envs.simulator.lane.boundary import Bounded
+from redundant_envs.simulator.lane.coordinates import numbers_of, response
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Own, Variable
+from redundant_envs.simulator.lane.joint import Travel
+from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.stiction import StickingJoint
+
+
+class Impacting(Bounded):
+    """A coordinate whose limits are stops."""
+
+    bounces: ClassVar[bool] = True
+    holds: ClassVar[bool] = True
+    """Whether they can hold it."""
+    restitution: str
+    """Field with that of the stops."""
+    released = Own("", "is leaving its stop", truth=True)
+    happened = Own("", "resolution of the contact (Happening)", book=True)
+    speed = Own("m/s", "into the stop, before an impact", book=True)
+
+    def mobility_per(self, rate: str) -> str:
+        """The field with the change of a rate of the arm per impulse along the coordinate."""
+        return f"mobility_{rate}_{self.name}"
+
+    def fields(self) -> Iterator[Variable]:
+        yield from self.fields_of_kind()
+        for v in self.dynamics.arm.rates:
+            yield Variable(self.mobility_per(v), "", f"{v} per impulse along {self.name}", SCRATCH)
+        yield from self.own("happened", "speed")
+
+    def fields_of_kind(self) -> Iterator[Variable]:
+        """Those that the kind has alone."""
+        return iter(())
+
+    def rule(self, lane: Lane, rule: Any, form: str = "{}") -> Any:
+        """Apply a rule of :mod:`events.boundary` to the state in the fields of a form."""
+        return rule(*self.motion(lane, form), self.active_side(lane, form), *self.limits(lane))
+
+    def record_forces(self, lane: Lane, x: Quantities) -> None:
+        """What contacts take from the present state; ``x`` has its accelerations."""
+        lane.set(map(self.mobility_per, self.dynamics.arm.rates), self.pushed(lane, x))
+
+    @abc.abstractmethod
+    def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        """Change of the rates of the arm per impulse along the coordinate."""
+
+    @abc.abstractmethod
+    def present_acceleration(self, lane: Lane) -> Any:
+        """Acceleration of the coordinate, once it has been asked for."""
+
+    def pressing(self, lane: Lane) -> Any:
+        """The same, with the friction of a joint that slips reversed: so it acts on its way back."""
+        return self.present_acceleration(lane)
+
+    @abc.abstractmethod
+    def mobility(self, lane: Lane, by: Impacting) -> Any:
+        """Change of the rate of the coordinate per impulse along another one."""
+
+    def holding_force(self, lane: Lane) -> Any:
+        """Force with which its stop holds it."""
+        return 0.0
+
+    def contact(
+        self, lane: Lane, force: Any, grip: Any, lowest: Any, acceleration: Any = None, released: Any = None
+    ) -> Contact:
+        """The stop as a contact, with the limit of the friction at rest and the height of the lowest bounce;
+        the other arguments are those of :class:`Contact`."""
+        return Contact(
+            *self.place(lane), self.active_side(lane), *self.limits(lane), acceleration, force, released,
+            lane[self.restitution], self.holds, self.owner, grip, lowest,
+        )  # fmt: skip
+
+    def place(self, lane: Lane) -> tuple[Any, Any]:
+        """Value and rate for a contact."""
+        return self.motion(lane)
+
+    def resolved(self, lane: Lane, side: Any, force: Any) -> None:
+        """After contacts are resolved: the side of the stop at which it rests, and the force there."""
+
+    def settled(self, lane: Lane, e: Encounter) -> Encounter:
+        watched = e.motion.watched._replace(last=self.present_acceleration(lane))
+        return e._replace(motion=e.motion._replace(watched=watched))
+
+    def note_released(self, lane: Lane, form: str = "{}") -> None:
+        """Record whether it leaves its stop, in the state in the fields of a form."""
+        lane[self.released] = self.rule(lane, leaves_stop, form)
+
+    def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
+        # It comes to its stop, even if by rounding it seems to move away.
+        lane[self.released] = self.rule(lane, leaves_stop) & logical_not(sought)
+
+
+class Wall(Impacting):
+    """A gap, any function of the pose, that is not negative; dual numbers give its derivatives."""
+
+    holds = False
+    acceleration = Own("m/s^2", "of the gap")
+    arrived = Own("", "is at its stop, but for rounding", truth=True)
+
+    def __init__(self, dynamics: Dynamics, name: str, owner: str, gap: Bound, restitution: str) -> None:
+        super().__init__(dynamics, name, owner)
+        self.gap, self.restitution = gap, restitution
+
+    def normal_per(self, rate: str) -> str:
+        """The field with the rate of the gap per rate of the arm."""
+        return f"normal_{rate}_{self.name}"
+
+    def fields_of_kind(self) -> Iterator[Variable]:
+        yield from self.own("acceleration", "arrived")
+        for v in self.dynamics.arm.rates:
+            yield Variable(self.normal_per(v), "", f"rate of the gap per {v}", SCRATCH)
+
+    def _on(self, coordinates: Sequence[Dual], numbers: Any) -> Dual:
+        """The gap on coordinates with derivatives."""
+        arm = self.dynamics.arm
+        known = dict(zip(arm.coordinates, coordinates, strict=True))
+        return dual(self.gap(Quantities(known, self.dynamics.arm_functions, arm.sincos, numbers)))
+
+    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+        arm = self.dynamics.arm
+        q, v = (lane.get(names, of=form) for names in (arm.coordinates, arm.rates))
+        gap = self._on([Dual(x, y) for x, y in zip(q, v, strict=True)], numbers_of(self.dynamics, lane))
+        return gap.value, gap.slope
+
+    def limits(self, lane: Lane) -> tuple[Any, Any]:
+        return 0.0, math.inf
+
+    def scale(self, lane: Lane) -> Any:
+        arm = self.dynamics.arm
+        lengths = (lane[f"l{k + 1}"] for k in range(arm.num_lengths))
+        return total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
+
+    def at_stage(self, x: Quantities) -> Any:
+        arm = self.dynamics.arm
+        q, v = x.each(arm.coordinates), x.each(arm.rates)
+        a = [x.get(f"qdd{k + 1}", 0.0) for k in range(self.dynamics.count)]
+        moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
+        return dual(self._on(moving, numbers_of(self.dynamics, x)).slope).slope
+
+    def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        lane[self.acceleration] = self.at_stage(x)
+        q, n = x.each(self.dynamics.arm.coordinates), range(self.dynamics.count)
+        numbers = numbers_of(self.dynamics, x)
+        normal = [self._on([Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
+        lane.set(map(self.normal_per, self.dynamics.arm.rates), normal)
+        return response(self.dynamics, normal, x)
+
+    def present_acceleration(self, lane: Lane) -> Any:
+        return lane[self.acceleration]
+
+    def mobility(self, lane: Lane, by: Impacting) -> Any:
+        rates = self.dynamics.arm.rates
+        return total(lane[self.normal_per(v)] * lane[by.mobility_per(v)] for v in rates)
+
+    def place(self, lane: Lane) -> tuple[Any, Any]:
+        position, velocity = self.motion(lane)
+        return where(lane[self.arrived], 0.0, position), velocity
+
+    def note_released(self, lane: Lane, form: str = "{}") -> None:
+        super().note_released(lane, form)
+        lane[self.arrived] = False
+
+    def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
+        lane[self.arrived] = position <= 0.0
+        super().arrive(lane, sought, side, position)
+
+
+class TravelStop(Impacting):
+    """Both ends of the travel of a joint."""
+
+    def __init__(self, travel: Travel, owner: str, restitution: str) -> None:
+        super().__init__(travel.dynamics, travel.dynamics.arm.joints[travel.index], owner)
+        self.travel, self.restitution = travel, restitution
+
+    @property
+    def number(self) -> int:
+        """Number of its joint, from 1 on, as quantities have it."""
+        return self.travel.number
+
+    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+        return self.travel.motion(lane, form)
+
+    def limits(self, lane: Lane) -> tuple[Any, Any]:
+        return self.travel.limits(lane)
+
+    def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        return x.each(f"W{k + 1}{self.number}" for k in range(self.dynamics.count))
+
+    def present_acceleration(self, lane: Lane) -> Any:
+        return lane[f"{self.travel.rate}_slope"]
+
+    def mobility(self, lane: Lane, by: Impacting) -> Any:
+        return lane[by.mobility_per(self.travel.rate)]
+
+    def set_position(self, lane: Lane, position: Any) -> None:
+        """At an event: its exact position."""
+        lane[self.travel.coordinate] = position
+
+    def rate_after(self, velocity: Any, rates: Any) -> Any:
+        """Rate of its coordinate after impulses, from the joint's exact one and the rates before it."""
+        return velocity
+
+
+class HoldingStop(TravelStop):
+    """A stop that holds its slider by itself: in scenes in which no joint sticks."""
+
+    active_stop = Own("", "side of the stop a slider rests at: 1 upper, -1 lower, 0 none", STATE)
+    force = Own("N", "that holds the slider")
+    force_trial = Own("N", "at the start of the trial step")
+
+    def fields_of_kind(self) -> Iterator[Variable]:
+        yield from self.own("force", "force_trial")
+
+    def active_side(self, lane: Lane, form: str = "{}") -> Any:
+        return lane[form.format(self.active_stop)]
+
+    def forces(self, lane: Lane) -> tuple[Any, Any, Any]:
+        return lane[self.force], lane[self.force_trial], self.mobility(lane, self)
+
+    def pull(self, x: Quantities, side: Any) -> Any:
+        """Force with which it has to pull a slider that rests; 0 for a free one."""
+        return where(x[f"held{self.number}"] > 0.0, side * x[f"hold{self.number}"], 0.0)
+
+    def at_stage(self, x: Quantities) -> Any:
+        held = x[f"held{self.number}"] > 0.0
+        return where(held, self.pull(x, x[self.active_stop]), x[f"qdd{self.number}"])
+
+    def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        lane[self.force] = x[f"hold{self.number}"]
+        return super().pushed(lane, x)
+
+    def holding_force(self, lane: Lane) -> Any:
+        return lane[self.force]
+
+    def resolved(self, lane: Lane, side: Any, force: Any) -> None:
+        lane[self.active_stop], lane[self.force] = side, force
+
+
+class Stop(TravelStop):
+    """A stop of a slider that sticks there: with its friction, it decides whether the slider rests."""
+
+    def __init__(self, travel: Travel, owner: str, restitution: str, joint: StickingJoint) -> None:
+        super().__init__(travel, owner, restitution)
+        self.joint = joint
+
+    def active_side(self, lane: Lane, form: str = "{}") -> Any:
+        sticks = lane[form.format(self.joint.side)] == 0.0
+        return where(sticks, self.travel.side_touched(lane, form), 0.0)
+
+    def at_stage(self, x: Quantities) -> Any:
+        return x[f"qdd{self.number}"]
+
+    def pressing(self, lane: Lane) -> Any:
+        acceleration, joint = self.present_acceleration(lane), self.joint
+        if not joint.rubs:
+            return acceleration
+        reversed_force = 2.0 * (lane[joint.side] * lane[joint.limit])
+        return acceleration + reversed_force * self.mobility(lane, self)
+
+
+class HingeStop(Stop):
+    """A stop of a revolute joint, whose angle may be a difference of coordinates."""
+
+    def scale(self, lane: Lane) -> Any:
+        return reduce(maximum, [abs(lane[q]) for q in self.travel.coordinates])
+
+    def at_stage(self, x: Quantities) -> Any:
+        return self.travel.along(x.each(f"qdd{k + 1}" for k in range(self.dynamics.count)))
+
+    def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        return response(self.dynamics, self.travel.shares, x)
+
+    def present_acceleration(self, lane: Lane) -> Any:
+        return self.travel.along(lane.get(self.dynamics.arm.rates, of="{}_slope"))
+
+    def mobility(self, lane: Lane, by: Impacting) -> Any:
+        return self.travel.along(lane.get(map(by.mobility_per, self.dynamics.arm.rates)))
+
+    def set_position(self, lane: Lane, position: Any) -> None:
+        lower, upper = self.limits(lane)
+        at_stop = (position == lower) | (position == upper)
+        own = self.travel.own_value(position, lane, self.dynamics.arm.coordinates)
+        lane[self.travel.coordinate] = where(at_stop, own, lane[self.travel.coordinate])
+
+    def rate_after(self, velocity: Any, rates: Any) -> Any:
+        return self.travel.own_value(velocity, rates, self.dynamics.arm.rates)

@@ -1,0 +1,1 @@
+"""Small things without physics: values and files of users, tables, figures, progress."""

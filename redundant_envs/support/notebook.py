@@ -1,0 +1,72 @@
+"""How objects show themselves in a notebook: HTML of bounded length, whose texts are escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from redundant_envs.support.values import printable
+
+MOST_BYTES = 200_000
+"""Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
+LONGEST_CELL, LONGEST_TEXT = 100, 2000
+"""Most characters of a cell of a table, and of an object that is shown as text."""
+MOST_ROWS = 80
+STYLE = (
+    "<style>.redundant-envs table{border-collapse:collapse;margin:.4em 0;font-size:.9em}"
+    ".redundant-envs th,.redundant-envs td{padding:.1em .7em;text-align:left;vertical-align:top;"
+    "border-bottom:1px solid rgba(128,128,128,.35)}"
+    ".redundant-envs svg{max-width:100%;height:auto}"
+    "@media (prefers-reduced-motion:reduce),print{.redundant-envs .moving{display:none}"
+    ".redundant-envs .still{display:inline}}</style>"
+)
+"""The same on every object, so that several on a page do not disturb each other. The colour of texts is that
+of the page, light or dark."""
+
+
+def as_html(thing: Any, *parts: Callable[[], str]) -> str:
+    """HTML of an object from its parts; the text of the object stands for parts that fail.
+
+    Any error is caught, since users' classes may do anything: a picture must not hide the object.
+    """
+    made = []
+    for part in parts:
+        try:
+            with np.errstate(all="ignore"):  # numbers may be of any size
+                made.append(part())
+        except Exception:
+            made.append("")
+    text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"
+    page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'
+    return page if len(page.encode(errors="replace")) <= MOST_BYTES else text
+
+
+def escaped(value: Any, longest: int = LONGEST_CELL) -> str:
+    """A value as text in HTML; floats with six digits."""
+    text = f"{value:.6g}" if isinstance(value, float) else printable(value)
+    from html import escape  # with all entities, which cost a start 3 ms
+
+    return escape(text if len(text) <= longest else f"{text[: longest - 3]}...")
+
+
+def table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
+    """A table; of many rows the first."""
+    all_rows = [*rows]
+    few = all_rows[:MOST_ROWS]
+    if len(all_rows) > MOST_ROWS:
+        few.append((f"... and {len(all_rows) - MOST_ROWS} more",))
+    lines = [_line("th", head), *(_line("td", row) for row in few)]
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _line(kind: str, cells: Sequence[Any]) -> str:
+    return f"<tr>{''.join(f'<{kind}>{escaped(cell)}</{kind}>' for cell in cells)}</tr>"
+
+
+def _text(thing: Any) -> str:
+    try:
+        return repr(thing)
+    except Exception:  # a representation of a user's own may fail in any way
+        return f"<{type(thing).__name__}>"

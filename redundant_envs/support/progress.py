@@ -1,0 +1,90 @@
+"""Progress of a command on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import itertools
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, TextIO
+
+from redundant_envs.support.extras import needs
+from redundant_envs.support.values import printable, say
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+EVERY = 10.0  # s; time between two lines of progress where there is no terminal
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a stream, None if it is closed, is a terminal."""
+    return stream is not None and stream.isatty()
+
+
+def progress_bars() -> Progress:
+    """Progress whose tasks have a ``note``: bars on a terminal or in a notebook, else a line every 10 s."""
+    with needs("train"):
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.text import Text
+
+    class Plain(TextColumn):  # names of files are no markup
+        def render(self, task: Any) -> Text:
+            return Text(printable(self.text_format.format(task=task)))
+
+    console = Console(stderr=True)
+    if not (console.is_terminal or console.is_jupyter):
+        return _lines(Progress)
+    return Progress(
+        Plain("{task.description}"), BarColumn(), Plain("{task.percentage:3.0f} %"),
+        Plain("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+        console=console, redirect_stdout=is_terminal(sys.stdout),
+    )  # fmt: skip
+
+
+def _lines(base: type[Progress]) -> Progress:
+    """Progress as lines, each with all tasks that are under way; ``base`` is rich's class."""
+
+    class Lines(base):  # type: ignore[valid-type,misc]
+        last = time.monotonic()
+
+        def update(self, task_id: Any, **changes: Any) -> None:
+            super().update(task_id, **changes)
+            if time.monotonic() - self.last < EVERY:
+                return
+            self.last = time.monotonic()
+            under_way = [task for task in self.tasks if task.started and not task.finished]
+            if under_way:
+                say("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
+
+    return Lines(disable=True)
+
+
+def _line(task: Any) -> str:
+    """A task in words: its share, note, time so far and time left."""
+    left = "" if task.time_remaining is None else f", {task.time_remaining:.0f} s left"
+    note = f", {task.fields['note']}" if task.fields["note"] else ""
+    return f"{task.description}: {task.percentage:.0f} %{note}, {task.elapsed or 0.0:.0f} s{left}"
+
+
+@contextlib.contextmanager
+def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
+    """A function that counts one more finished part of ``total`` and takes its description: it moves a bar on
+    a terminal, if rich is installed, or writes a line every ``each`` counts."""
+    if is_terminal(sys.stderr) and importlib.util.find_spec("rich"):
+        with progress_bars() as bars:
+            task = bars.add_task(name, total=total, note="")
+            yield lambda what: bars.update(task, advance=1, note=what)
+        return
+    counts = itertools.count(1)
+
+    def line(what: str) -> None:
+        count = next(counts)
+        if count % each == 0:
+            say(f"{name} {count // each}/{total // each}: {what}", file=sys.stderr, flush=True)
+
+    yield line

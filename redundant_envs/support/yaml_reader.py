@@ -1,0 +1,142 @@
+"""YAML text as plain data, within bounds, and the lines of what is in it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import yaml
+
+from redundant_envs.support.values import DEEPEST, LONGEST, MOST_VALUES, shown
+
+MOST_DIGITS = 100
+"""Characters of the longest number: more digits do not change a float."""
+
+
+class _Mistake(Exception):
+    """Something that a file must not have: its line, and the problem in words."""
+
+
+class _Reader(yaml.SafeLoader):
+    """Plain data only: no tags, no aliases, no keys twice; numbers as in YAML 1.2, so 1e-6 is one."""
+
+    yaml_implicit_resolvers: dict[Any, Any] = {}
+    depth = count = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        line = _line(event)
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
+            raise _Mistake(line, "it has an anchor (&) or an alias (*); write the value out each time")
+        if getattr(event, "tag", None) is not None:
+            raise _Mistake(line, f"it has the tag {shown(event.tag)}; write plain values without tags")
+        self.count += 1
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise _Mistake(line, f"it is nested more than {DEEPEST} deep; write plain data")
+        if self.count > MOST_VALUES:
+            raise _Mistake(line, f"it holds more than {MOST_VALUES} values; write fewer")
+        node = super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        self.depth -= 1
+        return node
+
+    def table(self, node: yaml.MappingNode) -> dict[Any, Any]:
+        """A mapping whose keys are plain and different."""
+        table: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            line = _line(key_node)
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise _Mistake(line, "a key is a list or a mapping; write a plain name")
+            key = self.construct_object(key_node)  # type: ignore[no-untyped-call]
+            if key == "<<":
+                raise _Mistake(line, "it has a merge key (<<); write the values out")
+            if key in table:
+                raise _Mistake(line, f"the key {shown(key)} is there twice; keep one of them")
+            table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
+        return table
+
+    def number(self, node: yaml.ScalarNode) -> float:
+        """A whole number, or a float, as the tag of the node says."""
+        text = str(node.value).replace("_", "").lower()
+        if len(text) > MOST_DIGITS:
+            raise _Mistake(_line(node), f"a number has {len(text)} digits; write a shorter one")
+        whole = node.tag.endswith("int")
+        return int(text) if whole else float(text.replace(".inf", "inf").replace(".nan", "nan"))
+
+
+def _line(part: Any) -> int:
+    """The line of a node or an event."""
+    return int(part.start_mark.line) + 1
+
+
+_Reader.add_constructor("tag:yaml.org,2002:map", _Reader.table)
+_Reader.add_constructor("tag:yaml.org,2002:int", _Reader.number)
+_Reader.add_constructor("tag:yaml.org,2002:float", _Reader.number)
+for _kind, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9][0-9_]*", list("-+0123456789")),
+    ("float", r"[-+]?(\.[0-9][0-9_]*|[0-9][0-9_]*(\.[0-9_]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.")),
+):
+    _Reader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(rf"(?:{_pattern})$"), _first)
+
+
+def parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
+    """The content of YAML text, and its node, which knows the lines; ``where`` names it in messages."""
+    loader = None
+    try:
+        loader = _Reader(text)
+        node = loader.get_single_node()
+        return (None if node is None else loader.construct_document(node)), node  # type: ignore[no-untyped-call]
+    except _Mistake as mistake:
+        line, problem = mistake.args
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        problem = f"it has the character {shown(chr(error.character))}, which YAML does not allow; remove it"  # type: ignore[arg-type]
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else 1
+        parts = (" ".join(str(p).split()) for p in (error.context, error.problem) if p)
+        problem = f"it is not valid YAML: {', '.join(parts)[: 2 * LONGEST]}"
+    except Exception as error:  # PyYAML lets errors of int() and chr() through, as of "\\UFFFFFFFF"
+        line = loader.line + 1 if loader else 1
+        problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
+    raise ValueError(f"{where}, line {line}: {problem}")
+
+
+def line_of(message: str, root: Any) -> int | None:
+    """The line of the value that a message names first, as in "effects[1].g is ..."; None if unknown."""
+    key = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
+    head = re.match(r"\w[\w\[\].]*", message)
+    path = re.findall(r"\w+", head.group()) if head else [""]
+    waiting = [root]
+    while waiting:  # outer mappings first
+        node = waiting.pop(0)
+        entries = _entries(node)
+        waiting += [value for _, value in entries.values()]
+        is_type = "type" in entries and entries["type"][1].value == path[0]
+        if not is_type and path[0] not in entries:
+            line = _unknown(node, key)
+        else:  # the last part of the path that there is, or an unknown key there
+            line = _line(node)
+            for part in path[is_type:]:
+                line, node = _entries(node).get(part, (line, node))
+            line = _unknown(node, key) or line
+        if line:
+            return line
+    return None
+
+
+def _entries(node: Any) -> dict[str, tuple[int, Any]]:
+    """The values of a mapping or a list by key or index, each with its line."""
+    if isinstance(node, yaml.MappingNode):
+        return {str(key.value): (_line(key), value) for key, value in node.value}
+    if isinstance(node, yaml.SequenceNode):
+        return {str(k): (_line(value), value) for k, value in enumerate(node.value)}
+    return {}
+
+
+def _unknown(node: Any, key: re.Match[str] | None) -> int | None:
+    """The line of the key of a mapping that a message calls unknown."""
+    return next((line for k, (line, _) in _entries(node).items() if key and key[1] in (k, shown(k))), None)
