@@ -48,13 +48,9 @@ class NoLog:
 
 
 class EventLog(NoLog):
-    """A lane whose events are kept."""
+    """A lane whose events are kept; an interval, or a piece of it, has one common step."""
 
     counted, read = ("logged",), ("span_start",)
-
-    def __init__(self, controlled: bool) -> None:
-        """``controlled``: whether error control chooses the steps, so that there is one common step."""
-        self.controlled = controlled
 
     def fields(self) -> Iterator[Variable]:
         yield from engine("span_start")
@@ -66,17 +62,26 @@ class EventLog(NoLog):
                 yield Variable(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
 
     def clear(self, lane: Lane) -> None:
-        lane.span_start = 0.0 if self.controlled else -lane.h
+        lane.span_start = 0.0
 
     def begin_piece(self, lane: Lane, start: Any) -> None:
-        lane.span_start = start if self.controlled else start - lane.h
-
-    def start(self, lane: Lane) -> None:
-        if not self.controlled:
-            lane.span_start = lane.span_start + lane.h
+        lane.span_start = start
 
     def note(self, lane: Lane, b: Impacting, happened: Any, speed: Any) -> None:
         lane[b.happened], lane[b.speed] = happened, speed
 
     def end(self, lane: Lane, given_up: Any) -> None:
         lane.logged = where(given_up, 0.0, lane.logged)
+
+
+class LogOfSubsteps(EventLog):
+    """One of an interval with equal common steps, before the first of which it is one step too early."""
+
+    def clear(self, lane: Lane) -> None:
+        lane.span_start = -lane.h
+
+    def begin_piece(self, lane: Lane, start: Any) -> None:
+        lane.span_start = start - lane.h
+
+    def start(self, lane: Lane) -> None:
+        lane.span_start = lane.span_start + lane.h

@@ -18,7 +18,7 @@ from redundant_envs.simulator.lane import kinks
 from redundant_envs.simulator.lane.bounces import Bounces, ComparedBounces, NoStops
 from redundant_envs.simulator.lane.boundary import Boundary, Bounded
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.simulator.lane.event_log import EventLog, NoLog
+from redundant_envs.simulator.lane.event_log import EventLog, LogOfSubsteps, NoLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.joint import HingeTravel, Joint, SliderTravel, Travel
 from redundant_envs.simulator.lane.laws import Guard, LateGuard, LawChange
@@ -218,8 +218,9 @@ class Features:
     @cached_property
     def log(self) -> NoLog:
         """The log of events."""
-        kept = bool(self.stops) and self.dynamics.track_work
-        return EventLog(self.dynamics.controlled) if kept else NoLog()
+        if not (self.stops and self.dynamics.track_work):
+            return NoLog()
+        return EventLog() if self.dynamics.controlled else LogOfSubsteps()
 
     @property
     def counted(self) -> tuple[str, ...]:
