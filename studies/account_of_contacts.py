@@ -25,8 +25,8 @@ SLOW = 1e-13
 """A rate into a stop that counts as none."""
 TORN = 1e-12
 """Share of the limit of a friction by which holding a joint has to exceed it."""
-MOST_EVENTS = 400
-LEAST_STEPS, SHORTEST = 40, 1e-18
+MAX_EVENTS = 400
+MIN_STEPS, SHORTEST = 40, 1e-18
 ELSEWHERE = -np.inf, np.inf, 0.0
 """Ends and restitution of a joint without stops."""
 
@@ -143,7 +143,7 @@ class ContactAccount(Account):
         and those at which joints rest, support the arm; a joint that moves out is not supported, and may be
         struck next."""
         hit = set()
-        for _ in range(MOST_EVENTS):
+        for _ in range(MAX_EVENTS):
             at = [k for k in self.stops if self.side(y, k)]
             sides = np.array([self.side(y, k) for k in at])
             into = sides * y[self.rates][at]
@@ -205,7 +205,7 @@ class ContactAccount(Account):
 
     def crossed(self, y, t, end, error):
         """The state at the end of a piece of the interval."""
-        for _ in range(MOST_EVENTS):
+        for _ in range(MAX_EVENTS):
             if t >= end:
                 return y
             y, hit = self.struck(y)
@@ -228,7 +228,7 @@ class ContactAccount(Account):
             terms = self.terms(y)
             return np.concatenate([y[self.rates], self.moved(terms, modes)[0], terms[2]])
 
-        events, until, longest = self.events(y, modes), end, self.scene.control_dt / LEAST_STEPS
+        events, until, longest = self.events(y, modes), end, self.scene.control_dt / MIN_STEPS
         leaving = [k for k in self.stops if modes[k] and self.side(y, k) and y[self.n + k] * a[k]]
         first = max(min([longest, *(0.25 * abs(y[self.n + k] / a[k]) for k in leaving)]), SHORTEST)
         while True:

@@ -22,9 +22,9 @@ States = tuple[Array, Array, Array]
 
 PEERS = ("mujoco", "scipy")
 MOST = 1_000_000
-LEAST_TOLERANCE = 1e-15
+MIN_TOLERANCE = 1e-15
 Count = Annotated[Whole, Field(ge=1, le=MOST)]
-Positive = Annotated[Real, Field(ge=LEAST_TOLERANCE, le=1e9)]
+Positive = Annotated[Real, Field(ge=MIN_TOLERANCE, le=1e9)]
 Four = Annotated[tuple[Real, ...], Field(min_length=4, max_length=4)]
 
 

@@ -19,9 +19,9 @@ from redundant_envs.scenes.scene import Scene
 
 COLUMNS = 2.0 * np.arange(1, 7)
 """Substeps of the columns of an extrapolation: the last one has order 12, the error is that of order 10."""
-LEAST_STEP = 1e-11
+MIN_STEP = 1e-11
 """A step this small as a share of the interval is taken whatever its error: a law changes in it."""
-MOST_STEPS = 100
+MAX_STEPS = 100
 NOT_TOLD = Friction, Impact, Gap, Impulse
 """Hooks that this account does not know."""
 
@@ -132,7 +132,7 @@ class Account:
         y = np.concatenate([q, qd, *(states[name][:, None] for name in self.moving)], axis=1)
         t, h = np.zeros(count), np.full(count, dt / 16.0)
         breaks = [np.where((at >= 0.0) & (at < dt), at, np.inf) + np.zeros(count) for _, at in self.instants]
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             (lanes,) = np.nonzero(t < dt)
             if not len(lanes):
                 break
@@ -148,7 +148,7 @@ class Account:
                 best, off = extrapolated(functools.partial(self.slope, known), y[lanes], step)
                 off = (off / (1.0 + np.abs(y[lanes]))).max(axis=1) / error
             off = np.where(np.isfinite(off), off, 1e9)
-            taken = (off <= 1.0) | (step <= LEAST_STEP * dt)
+            taken = (off <= 1.0) | (step <= MIN_STEP * dt)
             done = lanes[taken]
             y[done] = best[taken]
             t[done] = np.where(whole, end, now + step)[taken]

@@ -43,15 +43,15 @@ SENSORS = "DroppedSamples", "Quantisation", "SensorBias", "SensorDelay", "Sensor
 """Effects that change no motion."""
 SUCCESSIVE = 8
 """Intervals in succession from one drawn state."""
-MOST_GRAVITY = 30.0  # m/s^2
-MOST_EVALUATIONS = 100_000
+MAX_GRAVITY = 30.0  # m/s^2
+MAX_EVALUATIONS = 100_000
 """Of an interval: few take more."""
 ENOUGH = 3e6
 """Evaluations of the intervals of a draw: where they take many it has fewer of them, and is the last one if
 it has less than half of those asked for."""
 AT_ONCE = 32
 """States drawn at once."""
-LEAST_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
+MIN_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class DrawnFamily:
                 else [name, str(rng.choice([k for k in kinds if k not in (name, "Gravity")]))]
             )
             made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt, actuation)
-            if not LEAST_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
+            if not MIN_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
                 made = None
         others = (changed(rng, made) for _ in range(20 * VARIANTS))
         return [made, *itertools.islice((s for s in others if s is not None), VARIANTS - 1)]
@@ -140,7 +140,7 @@ class DrawnFamily:
             efforts *= decades(rng, *EFFORT, (few, 1))
             begin = batch.q, batch.qd, efforts, batch.z
             status = batch.advance(efforts)
-            fine = fine[status.evaluations[fine] <= MOST_EVALUATIONS]
+            fine = fine[status.evaluations[fine] <= MAX_EVALUATIONS]
             drawn.append((*begin, fine))
             spent += float(status.evaluations.sum())
             fine = fine[status.numerics[fine] == 0]
@@ -213,7 +213,7 @@ def made_scene(
 def drawn_calmly(rng: np.random.Generator, kind: type[Effect], arm: Arm) -> Effect:
     """An effect with numbers of its own; ValueError if an arm under it only whirls."""
     effect = drawing.drawn_effect(rng, kind, arm)
-    if isinstance(effect, Gravity) and effect.g > MOST_GRAVITY:
+    if isinstance(effect, Gravity) and effect.g > MAX_GRAVITY:
         raise ValueError(f"g is {effect.g} m/s^2")
     return effect
 
@@ -224,7 +224,7 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
     try:
         masses, lengths = drawing.drawn_numbers(rng, arm.num_masses, arm.num_lengths, calm=True)
         other = dataclasses.replace(arm, masses=masses, lengths=lengths)
-        if not LEAST_SIZE <= drawing.size_of(other) <= LARGEST_SIZE:
+        if not MIN_SIZE <= drawing.size_of(other) <= LARGEST_SIZE:
             return None
         effects = [
             dataclasses.replace(drawn_calmly(rng, type(e), other), **{n: getattr(e, n) for n in e.static})

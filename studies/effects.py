@@ -35,15 +35,15 @@ ARM, ARM_WITH_SLIDERS = "four_r_reach", "rprp_reach"
 """Scenes whose bare arms effects are added to: the first, or the second where an effect needs sliders."""
 BARE = "bare "
 """Begins the names of bare arms in the table."""
-MOST_TIMES = 1e6
+MAX_TIMES = 1e6
 """Largest ceiling, times bare: an effect that costs more cannot be timed."""
 
 
 class Ceilings(Model):
     """Most that a control step may cost, times bare."""
 
-    step: Real = number(..., 1e-9, MOST_TIMES, "ceiling at one rk8 step")
-    tolerance: Real = number(..., 1e-9, MOST_TIMES, "ceiling at 1e-6 m")
+    step: Real = number(..., 1e-9, MAX_TIMES, "ceiling at one rk8 step")
+    tolerance: Real = number(..., 1e-9, MAX_TIMES, "ceiling at 1e-6 m")
 
 
 class Entry(NamedTuple):

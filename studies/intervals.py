@@ -40,7 +40,7 @@ COLUMNS = (
 BATCH = 4096
 DRAWN = {"impacts": 12, "intervals": 60}
 """Families drawn by the seed beside the named ones: every effect alone, then each beside another."""
-TOLD, TOLD_WITH_CONTACTS, MOST_TOLD = 12, 2, 48
+TOLD, TOLD_WITH_CONTACTS, MAX_TOLD = 12, 2, 48
 """Lanes of a batch of a drawn family that another account crosses, those with contacts, each of which takes
 it seconds, and the most of those that are off."""
 
@@ -140,7 +140,7 @@ def told_of(family: DrawnFamily, drawn: Draw, best: Array, doubtful: NDArray[np.
     few = TOLD_WITH_CONTACTS if account_of_contacts.tells(family.scene()) else TOLD
     some = np.arange(len(doubtful)) % (len(doubtful) // few + 1) == 0
     tips = np.full((len(doubtful), 2), np.nan)
-    (lanes,) = np.nonzero(some | (doubtful & (doubtful.cumsum() <= MOST_TOLD)))
+    (lanes,) = np.nonzero(some | (doubtful & (doubtful.cumsum() <= MAX_TOLD)))
     tips[lanes] = family.told(chosen(drawn, lanes), best[lanes])
     return tips
 

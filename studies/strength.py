@@ -46,7 +46,7 @@ FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of 
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
-MOST_FACTORS, MOST_FACTOR = 100, 10.0
+MAX_FACTORS, MAX_FACTOR = 100, 10.0
 ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that do not change its goals and its hold success."""
@@ -259,10 +259,10 @@ def factors_of(text: str) -> tuple[float, ...]:
         factors = tuple(round(float(part), 6) for part in text.split(","))
     except ValueError:
         factors = ()
-    valid = 1 <= len(set(factors)) == len(factors) <= MOST_FACTORS
-    if not valid or not all(0.0 < factor <= MOST_FACTOR for factor in factors):
+    valid = 1 <= len(set(factors)) == len(factors) <= MAX_FACTORS
+    if not valid or not all(0.0 < factor <= MAX_FACTOR for factor in factors):
         raise ValueError(
-            f"factors is {shown(text)}; give different numbers above 0 and up to {MOST_FACTOR:g}, such "
+            f"factors is {shown(text)}; give different numbers above 0 and up to {MAX_FACTOR:g}, such "
             "as 0.6,0.5"
         )
     return factors

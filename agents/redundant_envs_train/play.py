@@ -29,8 +29,8 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: no_effort, "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
-MOST_EPISODES = 1_000_000
-MOST_SEED = 2**63
+MAX_EPISODES = 1_000_000
+MAX_SEED = 2**63
 CLIP_EVERY = 2  # control steps from frame to frame
 LARGEST_CLIP = 1 << 29
 """Bytes of the frames of a clip, which all are in memory until it is written: half a minute by default."""
@@ -45,8 +45,8 @@ def play(
     ``actions``. With a ``path`` no window opens: GIF or MP4 by its ending. Episode i has the seed
     ``seed + i``; ``trust`` is as in :func:`load_policy`.
     """
-    check_between("episodes", episodes, 1, MOST_EPISODES)
-    check_between("seed", seed, 0, MOST_SEED)
+    check_between("episodes", episodes, 1, MAX_EPISODES)
+    check_between("seed", seed, 0, MAX_SEED)
     if path is not None:
         check_clip(path)
     if path is None:

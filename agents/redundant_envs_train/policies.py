@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.support.bounded import MOST_JSON, MOST_PACKED, opened, read_members
+from redundant_envs.support.bounded import MAX_JSON, MAX_PACKED, opened, read_members
 from redundant_envs.support.disk import write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
@@ -39,7 +39,7 @@ PICKLED = ":serialized:"  # key of an object of policy.zip in stable-baselines3'
 SPACES = ("observation_space", "action_space")
 ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
 """Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
-MOST_OBJECTS = 1 << 20
+MAX_OBJECTS = 1 << 20
 """Bytes of a table of tensors, which may become sixty times as many in memory; policies have ten thousand."""
 TENSOR_NAMES = {
     "collections OrderedDict", "torch._utils _rebuild_tensor_v2", "torch FloatStorage", "torch LongStorage",
@@ -183,8 +183,8 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
 def check_table(table: bytes, names: Collection[str]) -> None:
     """Refuse a pickled table of tensors that is too large, or refers to other objects than those of
     ``names``."""
-    if len(table) > MOST_OBJECTS:
-        raise ValueError(f"its data.pkl has {len(table)} bytes, more than the {MOST_OBJECTS} that are read")
+    if len(table) > MAX_OBJECTS:
+        raise ValueError(f"its data.pkl has {len(table)} bytes, more than the {MAX_OBJECTS} that are read")
     for operation, argument, _ in pickletools.genops(table):
         refers = operation.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4")
         if refers or (operation.name == "GLOBAL" and argument not in names):
@@ -226,8 +226,8 @@ def read_about(path: Path) -> dict[str, Any]:
 def about_of(path: Path, data: bytes) -> dict[str, Any]:
     """The same of the member ``data`` of a policy.zip."""
     try:
-        if len(data) > MOST_JSON:
-            raise ValueError(f"{len(data)} bytes, more than the {MOST_JSON} that are read")
+        if len(data) > MAX_JSON:
+            raise ValueError(f"{len(data)} bytes, more than the {MAX_JSON} that are read")
         about = json.loads(data)
         if not isinstance(about, dict):
             raise ValueError(f"it holds a {type(about).__name__}")
@@ -251,7 +251,7 @@ def _check_activation(path: Path, about: Mapping[str, Any], activation: str) -> 
 
 def _members(path: Path, *names: str) -> dict[str, bytes]:
     """Members of a policy.zip by name."""
-    with opened(path, "policy", MOST_PACKED) as file:
+    with opened(path, "policy", MAX_PACKED) as file:
         return read_members(file, str(path), names)
 
 

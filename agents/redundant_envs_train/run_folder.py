@@ -28,8 +28,8 @@ from redundant_envs.support.values import say, shown
 from . import COMMAND, command, train_again
 from .config import (
     ALGORITHMS,
-    MOST_EPISODES,
-    MOST_SEEDS,
+    MAX_EPISODES,
+    MAX_SEEDS,
     WITHOUT_EFFECT,
     Config,
     check_telemetry,
@@ -57,7 +57,7 @@ UNSURE = {
 UNKNOWN: dict[str, Any] = {**dict.fromkeys(UNSURE), "faults": {}}
 """What an evaluation of an older version lacks."""
 LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
-MOST_CHARACTERS = 200  # most characters of the name of a machine
+MAX_CHARACTERS = 200  # most characters of the name of a machine
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"  # file that exists only in a complete checkpoint
@@ -68,7 +68,7 @@ JUDGED = (*EVALUATED, *REPORTED)
 TRAINED = ("policy.zip", "selection.csv", "monitor.csv", "progress*.csv", "tensorboard", "training.json")
 """What a training writes beside its configuration, its scene and its checkpoint."""
 SCENE = "scene.yaml"
-MOST_SHOWN = 3  # most differences in a message
+MAX_SHOWN = 3  # most differences in a message
 
 
 def read_config(folder: Path, overrides: Sequence[str] = ()) -> Config:
@@ -128,7 +128,7 @@ def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         for name, most in NUMBERS.items()
     }
     checks |= {n: data.get(n) is None or _is_number(data[n], most) for n, most in UNSURE.items()}
-    for name, low, high in (("seed", 0, MOST_SEEDS), ("episodes", 1, MOST_EPISODES)):
+    for name, low, high in (("seed", 0, MAX_SEEDS), ("episodes", 1, MAX_EPISODES)):
         checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
     checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
     ends: Any = data.get("interval")
@@ -174,7 +174,7 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
     try:
-        lines = read_lines(path, "table", MOST_EPISODES * LONGEST_ROW)
+        lines = read_lines(path, "table", MAX_EPISODES * LONGEST_ROW)
         head = next(lines, "")
         if head != ",".join(columns):
             raise ValueError(f"its columns are {shown(head)} instead of {','.join(columns)}")
@@ -187,10 +187,10 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
 
 
 def _of_width(lines: Iterator[str], width: int) -> Iterator[str]:
-    """The lines of a table with so many columns, of which a run has at most ``MOST_EPISODES``."""
+    """The lines of a table with so many columns, of which a run has at most ``MAX_EPISODES``."""
     for number, line in enumerate(lines):
-        if number >= MOST_EPISODES:
-            raise ValueError(f"more than {MOST_EPISODES} rows")
+        if number >= MAX_EPISODES:
+            raise ValueError(f"more than {MAX_EPISODES} rows")
         if line and (found := line.count(",") + 1) != width:
             raise ValueError(f"{found} columns instead of {width}")
         yield line
@@ -227,7 +227,7 @@ def _is_number(value: Any, most: float = MOST, least: float = 0) -> bool:
 
 def _is_line(value: Any) -> bool:
     """Whether a value is a text that fits into a line of a table."""
-    return isinstance(value, str) and value.isprintable() and len(value) <= MOST_CHARACTERS
+    return isinstance(value, str) and value.isprintable() and len(value) <= MAX_CHARACTERS
 
 
 # ---- the scene of a run: its own scene.yaml, even if the file that its configuration names has changed
@@ -285,10 +285,10 @@ def difference(folder: Path) -> str:
     if not names:
         return ""
     words = []
-    for name in names[:MOST_SHOWN]:
+    for name in names[:MAX_SHOWN]:
         mine, theirs = ("absent" if (v := d.get(name)) is None else shown(v) for d in (own, other))
         words.append(f"{name} {mine}, not {theirs}")
-    more = f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else ""
+    more = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
     return f"{folder / SCENE} differs from {what} ({'; '.join(words)}{more})"
 
 

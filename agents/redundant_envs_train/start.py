@@ -3,7 +3,7 @@
 import hashlib
 from pathlib import Path
 
-from redundant_envs.support.bounded import MOST_PACKED, opened
+from redundant_envs.support.bounded import MAX_PACKED, opened
 from redundant_envs.support.values import shown
 
 from .config import Config
@@ -34,7 +34,7 @@ def with_start(config: Config) -> Config:
     if config.start_from is None:
         return config
     file = policy_file(config.start_from)
-    with opened(file, "start_from", MOST_PACKED) as data:
+    with opened(file, "start_from", MAX_PACKED) as data:
         digest = hashlib.file_digest(data, "sha256").hexdigest()
     if config.start_from_sha256 not in (None, digest):
         raise ValueError(

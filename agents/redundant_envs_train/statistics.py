@@ -16,13 +16,13 @@ Array = NDArray[np.float64]
 Statistic = Callable[..., Any]  # (samples, axis) -> the statistic over this axis
 NORMAL_95 = 1.959963984540054
 TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
-LEAST_RUNS = 5
+MIN_RUNS = 5
 """Least number of runs for an interval: with two or three it would reach from the lowest to the highest, and
 miss the true value in every second or fourth case."""
-LEAST_PAIRS = 20  # least number of pairs whose bootstrap says anything
+MIN_PAIRS = 20  # least number of pairs whose bootstrap says anything
 CHANCE = 0.05  # largest probability by chance of what is called a difference
 RESAMPLES, SEED = 2000, 0
-MOST_NUMBERS = 4_000_000  # count of numbers that are resampled at a time: 32 MB
+MAX_NUMBERS = 4_000_000  # count of numbers that are resampled at a time: 32 MB
 
 
 def wilson(successes: int, trials: int, z: float = NORMAL_95) -> tuple[float, float]:
@@ -49,13 +49,13 @@ def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
     """Whether a statistic of paired samples, in the same order, differs beyond chance at the level of 95 %.
 
     Samples of truth values are judged by the sign test of the pairs that differ, which is exact however few
-    these are; others by the interval of a bootstrap of pairs. Fewer than ``LEAST_PAIRS`` never differ.
+    these are; others by the interval of a bootstrap of pairs. Fewer than ``MIN_PAIRS`` never differ.
     """
     pairs = np.stack([np.asarray(a), np.asarray(b)], axis=1)
     if pairs.dtype == np.bool_:
         won, lost = (int((pairs[:, i] & ~pairs[:, 1 - i]).sum()) for i in (0, 1))
         return sign_test(won, lost) < CHANCE
-    if len(pairs) < LEAST_PAIRS:
+    if len(pairs) < MIN_PAIRS:
         return False
     found = bootstrap(pairs, RESAMPLES, SEED, statistic)
     low, high = middle_95(found[:, 0] - found[:, 1])
@@ -98,7 +98,7 @@ def bootstrap(samples: ArrayLike, resamples: int, seed: int, statistic: Statisti
     if n < 2 or resamples < 1:
         raise ValueError(f"bootstrap of {n} samples, {resamples} times; give at least 2, at least once")
     generator = np.random.default_rng(seed)
-    parts = min(resamples, -(-resamples * values.size // MOST_NUMBERS))
+    parts = min(resamples, -(-resamples * values.size // MAX_NUMBERS))
     counts = [len(part) for part in np.array_split(np.arange(resamples), parts)]
     return np.concatenate([statistic(values[generator.integers(0, n, (k, n))], axis=1) for k in counts])
 
@@ -110,8 +110,8 @@ def middle_95(values: Array) -> tuple[Any, Any]:
 
 
 def run_interval(runs: ArrayLike) -> tuple[Array, Array]:
-    """95 % bootstrap interval of the interquartile mean of (runs, ...); NaN for fewer than ``LEAST_RUNS``."""
+    """95 % bootstrap interval of the interquartile mean of (runs, ...); NaN for fewer than ``MIN_RUNS``."""
     values = np.asarray(runs, dtype=np.float64)
-    if len(values) < LEAST_RUNS:
+    if len(values) < MIN_RUNS:
         return np.full(values.shape[1:], np.nan), np.full(values.shape[1:], np.nan)
     return middle_95(bootstrap(values, RESAMPLES, SEED, interquartile_mean))

@@ -188,7 +188,7 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
     asked = json.dumps([run, seed, space])
     try:
         if Path(kept).exists():  # Optuna would append to any file
-            with bounded.opened(Path(kept), "journal", bounded.MOST_UNPACKED) as file:
+            with bounded.opened(Path(kept), "journal", bounded.MAX_UNPACKED) as file:
                 if (first := file.read(40)) and b'"op_code"' not in first:
                     raise ValueError("it is no journal of Optuna's")
         return optuna.create_study(

@@ -32,7 +32,7 @@ from redundant_envs.effects.hooks import (
     states_of,
 )
 from redundant_envs.language.algebra import ABSENT, arguments_of, numbered, total, where
-from redundant_envs.language.draws import DRAW, MOST_DRAWS, START_OF_EPISODES, Draw, stream_of
+from redundant_envs.language.draws import DRAW, MAX_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.language.limits import side_beyond
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inertias
@@ -253,9 +253,9 @@ class Attachments(tuple[Attached[Hook], ...]):
         made = {}
         for name, key, root, index, normal, number in taken:
             place = index * most[key, root, normal] + number - 1
-            if place >= MOST_DRAWS:
+            if place >= MAX_DRAWS:
                 raise ValueError(
-                    f"the states {root!r} of {key!r} take more than {MOST_DRAWS} draws of a kind; take "
+                    f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take "
                     "fewer, or give some of the states another name"
                 )
             made[name] = Draw(stream_of(key, root), normal, place)

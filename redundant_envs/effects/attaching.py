@@ -18,8 +18,8 @@ from redundant_envs.effects.captured import check_effect
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
     ELAPSED,
-    MOST_GUARDS,
-    MOST_KINKS,
+    MAX_GUARDS,
+    MAX_KINKS,
     PASSED,
     SIDE,
     SPEED,
@@ -76,15 +76,15 @@ RULES: dict[type, dict[str, Rule]] = {
                              "parameters and states of its effect: give a Force at each point for another")},
     Force: {
         "function": Rule(),
-        "kink": Rule(MOST_KINKS),
-        "guard": Rule(MOST_GUARDS),
+        "kink": Rule(MAX_KINKS),
+        "guard": Rule(MAX_GUARDS),
         "potential": Rule(1, May.POSITION),
         "conservative": Rule(1, May.POSITION),
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
     Impulse: {"function": Rule()},
-    Actuation: {"function": Rule(), "kink": Rule(MOST_KINKS), "guard": Rule(MOST_GUARDS), "by_side": Rule()},
+    Actuation: {"function": Rule(), "kink": Rule(MAX_KINKS), "guard": Rule(MAX_GUARDS), "by_side": Rule()},
     Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
                              "parameters and on speed, the size of the rate of its joint")},
     Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "

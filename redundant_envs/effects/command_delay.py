@@ -16,7 +16,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
 from redundant_envs.support.values import with_fields
 
-MOST_KEPT = 1024
+MAX_KEPT = 1024
 """Most commands of a motor that are kept: each is a number of every environment, and moves once in an
 interval."""
 
@@ -96,11 +96,11 @@ class CommandDelay(Effect):
     def at_interval(self, control_dt: float) -> CommandDelay:
         """The effect with the commands that a scene with this control interval keeps."""
         made = with_fields(self, control_dt=control_dt)
-        if made.kept > MOST_KEPT:
+        if made.kept > MAX_KEPT:
             raise ValueError(
                 f"CommandDelay.longest is {self.longest} s, which at a control_dt of {control_dt} s needs "
-                f"{made.kept} kept commands; at most {MOST_KEPT} are: give a longest below "
-                f"{MOST_KEPT * control_dt:g} s, or a longer control_dt"
+                f"{made.kept} kept commands; at most {MAX_KEPT} are: give a longest below "
+                f"{MAX_KEPT * control_dt:g} s, or a longer control_dt"
             )
         return made
 

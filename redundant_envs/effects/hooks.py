@@ -72,7 +72,7 @@ PASSED = "passed"
 """Argument of an effect's functions: 1 from its instant on, and 0 before."""
 CONTROL_DT = "control_dt"
 """Argument of all functions of effects: the control interval of the scene, s."""
-MOST_INSTANTS = 4
+MAX_INSTANTS = 4
 """Most instants in a scene: each adds a piece to every interval."""
 
 
@@ -123,9 +123,9 @@ def _rates_at(joint: int | Point) -> tuple[str, ...]:
 
 SIDE = "side"
 """Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
-MOST_GUARDS = 4
+MAX_GUARDS = 4
 """Most values of the guard of one hook: its functions have as many sides."""
-MOST_KINKS = 2
+MAX_KINKS = 2
 """Most values of its ``kink``."""
 
 

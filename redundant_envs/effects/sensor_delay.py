@@ -19,7 +19,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
 from redundant_envs.support.values import with_fields
 
-MOST_KEPT = 1024
+MAX_KEPT = 1024
 """Readings that a sensor keeps at most: each is a number of every lane, and moves on in every step."""
 
 
@@ -102,11 +102,11 @@ class SensorDelay(Effect):
     def at_interval(self, control_dt: float) -> Effect:
         steps = self.longest / control_dt  # may be infinite, which is no number of steps
         steps = float(steps_back(self.longest, control_dt)) if math.isfinite(steps) else steps
-        if not steps <= MOST_KEPT - 1:
-            most = (MOST_KEPT - 1) * control_dt
+        if not steps <= MAX_KEPT - 1:
+            most = (MAX_KEPT - 1) * control_dt
             raise ValueError(
                 f"SensorDelay.longest is {self.longest} s, {steps:.6g} control steps of {control_dt} s, and "
-                f"a sensor keeps at most {MOST_KEPT} readings; give at most {most:g} s, or a scene with a "
+                f"a sensor keeps at most {MAX_KEPT} readings; give at most {most:g} s, or a scene with a "
                 "longer control_dt"
             )
         return with_fields(self, control_dt=control_dt)

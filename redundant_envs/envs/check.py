@@ -46,7 +46,7 @@ SB3_RULES = {
     "truncated": "an ended environment has a bool TimeLimit.truncated",
     "attributes": "get_attr('render_mode') and env_is_wrapped give num_envs entries",
 }
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 
 
 class BrokenRule(AssertionError):
@@ -166,7 +166,7 @@ class _VectorCheck(_Check):
     def check_ends(self, mode: AutoresetMode) -> None:
         env = self.env
         env.reset(seed=self.seed)
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             obs, _, terminated, truncated, infos = self.step(env.action_space.sample())
             ended = terminated | truncated
             if ended.any():
@@ -201,7 +201,7 @@ class _SB3Check(_Check):
         self.keep(first)
         self.need("seed", same(self.returned[0][1], self.begin(space)), "different observations")
         env.action_space.seed(self.seed)
-        for step in range(MOST_STEPS):
+        for step in range(MAX_STEPS):
             result = env.step(np.stack([env.action_space.sample() for _ in range(n)]))
             self.need("step", isinstance(result, tuple) and len(result) == 4, type(result).__name__)
             obs, rewards, dones, infos = result

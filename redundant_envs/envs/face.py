@@ -52,7 +52,7 @@ LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
 SHARED = ("on_bad_action", "render_mode", "metadata")
 """Attributes of all environments together that ``set_attr`` sets."""
 ON_BAD_ACTION = ("raise", "terminate")
-PICTURE_SIZE, LEAST_SIZE, MOST_SIZE = 480, 32, 4096
+PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
@@ -171,8 +171,8 @@ class Face:
         _check_bad_action(on_bad_action)
         self._check_render_mode(render_mode)
         for name, given in (("render_width", render_width), ("render_height", render_height)):
-            if not LEAST_SIZE <= whole_number(name, given) <= MOST_SIZE:
-                raise ValueError(f"{name} is {shown(given)} pixels; give {LEAST_SIZE} to {MOST_SIZE}")
+            if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
+                raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
 

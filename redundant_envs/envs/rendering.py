@@ -58,7 +58,7 @@ TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
 FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
-LEAST_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
+MIN_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
 GAP = 1.5  # between two letters, in units of the grid
@@ -211,8 +211,8 @@ class Canvas:
     ) -> None:
         """A line of text with its upper left corner at (x, y), or its upper right one x from the right; px
         from the left, and from the top or, where y is negative, from the bottom. Letters of less than
-        :data:`LEAST_LETTERS` are left out."""
-        if self.unit * height < LEAST_LETTERS:
+        :data:`MIN_LETTERS` are left out."""
+        if self.unit * height < MIN_LETTERS:
             return
         weight = cover(text, self.unit * height)
         rows, columns = weight.shape

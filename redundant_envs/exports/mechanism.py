@@ -41,7 +41,7 @@ from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
-MOST_CHANGED = 1e-10
+MAX_CHANGED = 1e-10
 """Largest share by which the least inertias of bodies may change accelerations, in most poses."""
 SHARE_OF_POSES = 0.9
 POSES = 256
@@ -274,7 +274,7 @@ def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     if scene.actuation != "joint" and not form.generalized:
         notes.append(Note("actuation 'generalized'", f"{form.name} has motors at joints alone", "left out"))
     changed = _changed(scene, form.least)
-    if changed > MOST_CHANGED:
+    if changed > MAX_CHANGED:
         reason = f"a body has {form.least:g} kg m^2 there, which changes accelerations by {changed:.1g}"
         notes.append(Note(f"the small masses of {scene.robot.kind}", reason, "written with it"))
     return notes

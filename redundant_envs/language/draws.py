@@ -22,7 +22,7 @@ GROUPS = 256
 """Groups of a stream, every other one of uniform and of normal numbers."""
 STREAM_BYTES = 3
 """Bytes of the number of a stream: with its group it is a word of the counter."""
-MOST_DRAWS = GROUPS // 2 * WORDS
+MAX_DRAWS = GROUPS // 2 * WORDS
 """Uniform draws of a stream; and as many normal ones."""
 DRAW = re.compile(r"(uniform|normal)([1-9]\d*)")
 """Arguments of functions that are draws."""

@@ -8,7 +8,7 @@ from typing import Any
 from redundant_envs.compiler import dialect
 from redundant_envs.language.algebra import entries, gives_of, numbered
 from redundant_envs.language.quantities import Quantities, givers_of
-from redundant_envs.robots.joint_types import MOST_JOINTS
+from redundant_envs.robots.joint_types import MAX_JOINTS
 
 OWN_NAMES = re.compile(
     r"(m|l|t|Q|G|h|n|x|y|vx|vy|phi|phid|qdd|command|action|held|hold|low|high|u|draw)\d+|[JMCWXY]\d{2,4}|"
@@ -51,8 +51,8 @@ def check_joints(arm: Any) -> None:
         if not hasattr(arm, name):
             raise ValueError(f"{arm.__name__} lacks {name}; give it (see redundant_envs.Arm)")
     n = len(arm.coordinates)
-    if not 1 <= n <= MOST_JOINTS:
-        raise ValueError(f"{arm.__name__} has {n} coordinates; give 1 to {MOST_JOINTS}")
+    if not 1 <= n <= MAX_JOINTS:
+        raise ValueError(f"{arm.__name__} has {n} coordinates; give 1 to {MAX_JOINTS}")
     for name in ("rates", "joints", "prismatic"):
         count = len(getattr(arm, name))
         if count != n:

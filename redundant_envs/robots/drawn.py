@@ -20,14 +20,14 @@ WIDTH, HEIGHT, MARGIN = 380.0, 250.0, 34.0  # px
 PAPER, INK, SOFT, RAIL = "#fafaf8", "#1c2434", "#6b7384", "#c6ccd6"
 LINKS = (("#34496e", "#7c9dcd"), ("#b5541c", "#e5a06f"), ("#2e7d5b", "#86c3a6"), ("#7a4b94", "#bd9bd0"))
 """Colours of links and of sliders, of one arm after the other."""
-MOST_ARMS = len(LINKS)
+MAX_ARMS = len(LINKS)
 UP, DOWN = 0.9, 0.2
 """Directions of the links in a schematic, rad, in turn: a zigzag to the right shows every joint."""
 LONGEST_RAIL = 5.0  # in units of the arm; beyond it the arm would be a dot
 FRAMES_PER_SECOND = 25
 SHORTEST, LONGEST = 1.0, 30.0
 """Times in which a motion is shown, s; one that takes less or more is shown slower or faster."""
-MOST_CHARACTERS = 150_000  # of the frames of a motion: longer ones are shown with fewer frames a second
+MAX_CHARACTERS = 150_000  # of the frames of a motion: longer ones are shown with fewer frames a second
 OF_A_POINT = 38  # characters that a point takes in the paths of a frame, at most
 
 
@@ -76,8 +76,8 @@ def numbers(arm: Any) -> str:
 
 
 def moving(arm: Any, t: Points, q: Points) -> str:
-    """Motions (T, arms, joints) of an arm at times t [s], the first :data:`MOST_ARMS` of them."""
-    q = q[:, :MOST_ARMS]
+    """Motions (T, arms, joints) of an arm at times t [s], the first :data:`MAX_ARMS` of them."""
+    q = q[:, :MAX_ARMS]
     ends = np.stack([_ends(arm, q[:, k]) for k in range(q.shape[1])], axis=1)
     fine = np.isfinite(ends).all(axis=(1, 2, 3)) & np.isfinite(t)
     if not fine.any():
@@ -86,7 +86,7 @@ def moving(arm: Any, t: Points, q: Points) -> str:
     span = float(t[-1] - t[0])
     shown_in = min(max(span, SHORTEST), LONGEST)
     characters = OF_A_POINT * ends[0, ..., 0].size
-    count = int(min(FRAMES_PER_SECOND * shown_in, MOST_CHARACTERS / characters)) if span > 0.0 else 1
+    count = int(min(FRAMES_PER_SECOND * shown_in, MAX_CHARACTERS / characters)) if span > 0.0 else 1
     rows = np.searchsorted(t, np.linspace(t[0], t[-1], count) - 1e-9 * span).clip(max=len(t) - 1)
     at = _Placed([ends])(ends[rows])
     parts, still = [], []

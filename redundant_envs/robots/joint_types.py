@@ -15,15 +15,15 @@ from redundant_envs.language.algebra import arguments_of, gives_of, numbered, ph
 from redundant_envs.support.values import shown
 
 Function = Callable[..., Any]
-MOST_JOINTS = 10
+MAX_JOINTS = 10
 """With more joints, M111 could be two different entries."""
 
 
 def check_joint_types(where: str, types: Any) -> str:
     """ValueError unless these are types of joints."""
-    if not isinstance(types, str) or not re.fullmatch(f"[RP]{{1,{MOST_JOINTS}}}", types):
+    if not isinstance(types, str) or not re.fullmatch(f"[RP]{{1,{MAX_JOINTS}}}", types):
         raise ValueError(
-            f"{where} is {shown(types)}; give 1 to {MOST_JOINTS} letters from base to tip, R for a revolute "
+            f"{where} is {shown(types)}; give 1 to {MAX_JOINTS} letters from base to tip, R for a revolute "
             "joint and P for a prismatic one, such as 'RPR'"
         )
     return types

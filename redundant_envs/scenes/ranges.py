@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import cases, clamp, exp, log, numbered, ph
 from redundant_envs.robots.parameters import numbers, strength
 from redundant_envs.support.values import check_keys, shown
 
-MOST_CHOICES = 64
+MAX_CHOICES = 64
 """Values of a choice: each is a number in the memory of every environment, and a comparison at a reset."""
 SMALLEST_SHARE = 1e-6
 """Least probability of the part of a normal distribution that is drawn: less means a mistaken mean or end."""
@@ -254,8 +254,8 @@ def _ends(field: str, data: Any) -> tuple[float, float]:
 
 def _choices(field: str, data: Any) -> tuple[float, ...]:
     values = tuple(strength(f"{field}[{k}]", v) for k, v in enumerate(numbers(field, data)))
-    if not 1 <= len(values) <= MOST_CHOICES:
-        raise ValueError(f"{field} has {len(values)} values; give 1 to {MOST_CHOICES}")
+    if not 1 <= len(values) <= MAX_CHOICES:
+        raise ValueError(f"{field} has {len(values)} values; give 1 to {MAX_CHOICES}")
     twice = [v for v in values if values.count(v) > 1]
     if twice:
         raise ValueError(

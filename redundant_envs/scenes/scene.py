@@ -15,7 +15,7 @@ from redundant_envs.effects.attached import Attachments, identifier
 from redundant_envs.effects.attaching import check_attached
 from redundant_envs.effects.hooks import (
     COMMAND,
-    MOST_INSTANTS,
+    MAX_INSTANTS,
     Effect,
     Impact,
     State,
@@ -43,7 +43,7 @@ from redundant_envs.support.values import (
     warn,
 )
 
-MOST_SUBSTEPS = 1_000_000
+MAX_SUBSTEPS = 1_000_000
 """Steps per control interval: with more a single interval takes a second or longer."""
 SHORTEST_INTERVAL, LONGEST_INTERVAL = 1e-9, 1e3
 """Allowed control intervals, s."""
@@ -131,17 +131,17 @@ class Scene:
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        if len(instants := self.attached.instants) > MOST_INSTANTS:
+        if len(instants := self.attached.instants) > MAX_INSTANTS:
             owners = ", ".join(a.key for a in instants)
             raise ValueError(
-                f"effects has {len(instants)} instants, of {owners}; a scene may have {MOST_INSTANTS}: each "
+                f"effects has {len(instants)} instants, of {owners}; a scene may have {MAX_INSTANTS}: each "
                 "divides every interval once more; leave some out"
             )
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
         whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
-        if not whole or not 1 <= self.substeps <= MOST_SUBSTEPS:
-            fix = f"give a whole number from 1 to {MOST_SUBSTEPS}, or a tolerance instead"
+        if not whole or not 1 <= self.substeps <= MAX_SUBSTEPS:
+            fix = f"give a whole number from 1 to {MAX_SUBSTEPS}, or a tolerance instead"
             raise ValueError(f"substeps is {shown(self.substeps)}; {fix}")
         object.__setattr__(self, "substeps", int(self.substeps))
         if self.integrator == "dop853" and self.substeps != 1:

@@ -20,16 +20,16 @@ from redundant_envs.support.values import shown
 
 # Nothing large is imported here: scenes are read by every program.
 
-MOST_UNPACKED = 1 << 26
+MAX_UNPACKED = 1 << 26
 """Bytes of what is read of a policy: 16 million numbers, far more than an arm needs."""
-MOST_PACKED = 1 << 28
+MAX_PACKED = 1 << 28
 """Bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read."""
-MOST_JSON = 1 << 20
+MAX_JSON = 1 << 20
 """Bytes of JSON, which becomes twenty times as many in memory; evaluations have two thousand."""
-MOST_TABLE = 1 << 24
+MAX_TABLE = 1 << 24
 """Bytes of a table of runs: some thousand with their learning curves."""
 LONGEST_LINE = 1 << 20
-MOST_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
+MAX_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
 END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
 """Records at the end of a zip file, with length and place of its directory, the latter two for 64 bits."""
 ENTRY = b"PK\x01\x02"
@@ -90,7 +90,7 @@ def read_json(path: Path, what: str) -> Any:
     import json
 
     try:
-        return json.loads(read_text(path, what, MOST_JSON))
+        return json.loads(read_text(path, what, MAX_JSON))
     except RecursionError:
         raise ValueError(f"{path} is nested too deeply") from None
 
@@ -115,7 +115,7 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
     import csv
 
     head: list[str] | None = None
-    for number, line in enumerate(read_lines(path, what, MOST_TABLE), 1):
+    for number, line in enumerate(read_lines(path, what, MAX_TABLE), 1):
         if not line:
             continue
         try:
@@ -131,11 +131,11 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
 
 
 def read_members(
-    file: BinaryIO, where: str, names: Sequence[str] | None = None, most: int = MOST_UNPACKED
+    file: BinaryIO, where: str, names: Sequence[str] | None = None, most: int = MAX_UNPACKED
 ) -> dict[str, bytes]:
     """The members of a zip file by name, all or those with these names, of at most ``most`` bytes in all.
 
-    ValueError if it is damaged, lacks one of the names, has one twice, has more than ``MOST_MEMBERS``, or one
+    ValueError if it is damaged, lacks one of the names, has one twice, has more than ``MAX_MEMBERS``, or one
     is neither stored nor deflated: other methods may need gigabytes for a member of any size.
     """
     import zipfile
@@ -194,8 +194,8 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
     import zipfile
     import zlib
 
-    if _count(file, ENTRY) > MOST_MEMBERS:
-        raise ValueError(f"{where} has more than the {MOST_MEMBERS} members that are read")
+    if _count(file, ENTRY) > MAX_MEMBERS:
+        raise ValueError(f"{where} has more than the {MAX_MEMBERS} members that are read")
     errors: tuple[type[Exception], ...] = (
         zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
         OverflowError,
@@ -248,7 +248,7 @@ def _count(file: BinaryIO, mark: bytes) -> int:
 def read_arrays(path: Path, what: str) -> dict[str, Any]:
     """The arrays of numbers and texts of an .npz file; ValueError as for :func:`read_members`, or if one has
     objects or claims another size than it has."""
-    with opened(path, what, MOST_UNPACKED) as file:
+    with opened(path, what, MAX_UNPACKED) as file:
         members = read_members(file, str(path))
     return {
         name.removesuffix(".npy"): _array(data, f"{path}: {shown(name)}") for name, data in members.items()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}  # no space left, or the quota of the user is
-MOST_SHOWN = 5  # most names in a message
+MAX_SHOWN = 5  # most names in a message
 LEAST = 1 << 14  # bytes; a disk with less left is full for what a library failed to write
 
 
@@ -173,8 +173,8 @@ def check_plain(folder: Path) -> None:
                 elif not entry.is_file(follow_symlinks=False):
                     found.append(f"{path.relative_to(folder)} (a pipe or device)")
     if found:
-        shown = ", ".join(found[:MOST_SHOWN])
-        more = f" and {len(found) - MOST_SHOWN} more" if len(found) > MOST_SHOWN else ""
+        shown = ", ".join(found[:MAX_SHOWN])
+        more = f" and {len(found) - MAX_SHOWN} more" if len(found) > MAX_SHOWN else ""
         raise ValueError(
             f"{folder} holds {shown}{more}; files of these names would be read or written elsewhere: delete "
             "them, or put copies in their place"

@@ -9,11 +9,11 @@ import numpy as np
 
 from redundant_envs.support.values import printable
 
-MOST_BYTES = 200_000
+MAX_BYTES = 200_000
 """Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
 LONGEST_CELL, LONGEST_TEXT = 100, 2000
 """Most characters of a cell of a table, and of an object that is shown as text."""
-MOST_ROWS = 80
+MAX_ROWS = 80
 STYLE = (
     "<style>.redundant-envs table{border-collapse:collapse;margin:.4em 0;font-size:.9em}"
     ".redundant-envs th,.redundant-envs td{padding:.1em .7em;text-align:left;vertical-align:top;"
@@ -40,7 +40,7 @@ def as_html(thing: Any, *parts: Callable[[], str]) -> str:
             made.append("")
     text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"
     page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'
-    return page if len(page.encode(errors="replace")) <= MOST_BYTES else text
+    return page if len(page.encode(errors="replace")) <= MAX_BYTES else text
 
 
 def escaped(value: Any, longest: int = LONGEST_CELL) -> str:
@@ -54,9 +54,9 @@ def escaped(value: Any, longest: int = LONGEST_CELL) -> str:
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
     """A table; of many rows the first."""
     all_rows = [*rows]
-    few = all_rows[:MOST_ROWS]
-    if len(all_rows) > MOST_ROWS:
-        few.append((f"... and {len(all_rows) - MOST_ROWS} more",))
+    few = all_rows[:MAX_ROWS]
+    if len(all_rows) > MAX_ROWS:
+        few.append((f"... and {len(all_rows) - MAX_ROWS} more",))
     lines = [_line("th", head), *(_line("td", row) for row in few)]
     return f"<table>{''.join(lines)}</table>"
 

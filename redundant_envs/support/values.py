@@ -25,7 +25,7 @@ OWN = "redundant_envs", "dataclasses"
 """Modules whose lines a warning does not show: nobody wrote them for a scene."""
 DEEPEST = 20
 """Largest depth of plain data: what it describes needs four; Python's own limit is not reached."""
-MOST_VALUES = 3000
+MAX_VALUES = 3000
 """Most values in plain data: ten times what the longest description has, read in a tenth of a second."""
 LONGEST = 120
 """Most characters of a value in a message."""
@@ -78,8 +78,8 @@ def check_bounds(where: str, data: Any) -> None:
         count += len(value)
         if depth >= DEEPEST:
             raise ValueError(f"{where} is nested more than {DEEPEST} deep; give plain data")
-        if count > MOST_VALUES:
-            raise ValueError(f"{where} holds more than {MOST_VALUES} values; give fewer")
+        if count > MAX_VALUES:
+            raise ValueError(f"{where} holds more than {MAX_VALUES} values; give fewer")
         inner = value.values() if isinstance(value, Mapping) else value
         waiting += [(v, depth + 1) for v in inner]
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import yaml
 
-from redundant_envs.support.values import DEEPEST, LONGEST, MOST_VALUES, shown
+from redundant_envs.support.values import DEEPEST, LONGEST, MAX_VALUES, shown
 
-MOST_DIGITS = 100
+MAX_DIGITS = 100
 """Characters of the longest number: more digits do not change a float."""
 
 
@@ -34,8 +34,8 @@ class _Reader(yaml.SafeLoader):
         self.depth += 1
         if self.depth > DEEPEST:
             raise _Mistake(line, f"it is nested more than {DEEPEST} deep; write plain data")
-        if self.count > MOST_VALUES:
-            raise _Mistake(line, f"it holds more than {MOST_VALUES} values; write fewer")
+        if self.count > MAX_VALUES:
+            raise _Mistake(line, f"it holds more than {MAX_VALUES} values; write fewer")
         node = super().compose_node(parent, index)  # type: ignore[no-untyped-call]
         self.depth -= 1
         return node
@@ -58,7 +58,7 @@ class _Reader(yaml.SafeLoader):
     def number(self, node: yaml.ScalarNode) -> float:
         """A whole number, or a float, as the tag of the node says."""
         text = str(node.value).replace("_", "").lower()
-        if len(text) > MOST_DIGITS:
+        if len(text) > MAX_DIGITS:
             raise _Mistake(_line(node), f"a number has {len(text)} digits; write a shorter one")
         whole = node.tag.endswith("int")
         return int(text) if whole else float(text.replace(".inf", "inf").replace(".nan", "nan"))

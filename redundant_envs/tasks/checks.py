@@ -17,7 +17,7 @@ from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import check_declared
 from redundant_envs.tasks.base import Task
 
-MOST_DRAWS = 64
+MAX_DRAWS = 64
 BUILT_IN = (
     "numerics", "saturated_actions", "episode_steps", "evaluations", "events", "error_estimate",
     "beyond_limit", "parameters",
@@ -82,8 +82,8 @@ def check_task(task: Task, scene: Scene) -> None:
         if label in BUILT_IN or label.startswith("return_") or shown.count(label) > 1:
             field = "labels" if label in task.labels.values() else "metrics"
             raise ValueError(f"{kind}.{field} has {label!r}, which info has already; choose another name")
-    if not 0 <= task.draws <= MOST_DRAWS:
-        raise ValueError(f"{kind}.draws is {task.draws}; give 0 to {MOST_DRAWS}")
+    if not 0 <= task.draws <= MAX_DRAWS:
+        raise ValueError(f"{kind}.draws is {task.draws}; give 0 to {MAX_DRAWS}")
     if not task.observation(scene):
         raise ValueError(f"{kind}.observation is empty; give at least one quantity")
     _check_rewards(task, scene)

@@ -22,9 +22,9 @@ products, some 1e-15, which impacts amplify; another form of an equation differs
 NUDGE, STEADY = 1e-13, 1e-11
 """Relative change of the rates at the start; a lane whose end changes by the second is left out."""
 LANES, SINGLES = 16, 4
-MOST_STEPS = 4
+MAX_STEPS = 4
 """Number of equal steps that are compared: without a compiler each takes some milliseconds."""
-MOST_EVALUATIONS = 24 * 12
+MAX_EVALUATIONS = 24 * 12
 """Most evaluations of a compared lane that chooses its steps."""
 
 
@@ -40,7 +40,7 @@ class Ended(NamedTuple):
 def compiled(trial: Trial) -> Ended:
     """States at the end of an interval by compiled code, for those whose interval needs few evaluations."""
     own = trial.calm_scene
-    steps = min(own.substeps, MOST_STEPS)
+    steps = min(own.substeps, MAX_STEPS)
     seconds = max(own.control_dt / own.substeps * steps, SHORTEST_INTERVAL)
     scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
     q, qd, efforts = trial.states
@@ -57,11 +57,11 @@ def compiled(trial: Trial) -> Ended:
     # Steps too long for a stiff scene make any two evaluators differ.
     size = np.abs(own_end).reshape(len(q), 2, -1).max(axis=2).repeat(q.shape[1], axis=1)
     steady = (ratio(nudged - own_end, size) < STEADY).all(axis=1)
-    short = (status.evaluations <= MOST_EVALUATIONS) & (trial.calm >= scene.control_dt)
+    short = (status.evaluations <= MAX_EVALUATIONS) & (trial.calm >= scene.control_dt)
     lanes = np.flatnonzero(short & steady & (status.numerics == 0))[:LANES]
     if not len(lanes):
         raise NotApplicable(
-            f"every interval takes more than {MOST_EVALUATIONS} evaluations, or magnifies rounding"
+            f"every interval takes more than {MAX_EVALUATIONS} evaluations, or magnifies rounding"
         )
     return Ended(scene, lanes, own_end[lanes], dict(zip(names, table.T, strict=True)))
 

@@ -11,7 +11,7 @@ from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 from redundant_envs_train.config import (
-    MOST_EPISODES,
+    MAX_EPISODES,
     Config,
     Model,
     Real,
@@ -98,7 +98,7 @@ class Study(Model):
     physics: Mapping[str, Physics]
     arms: Mapping[str, StudyArm]
     reference: Text = value("exact", "name of the physics that the others are compared with")
-    episodes: Whole = number(1000, 2, MOST_EPISODES, "episode i starts from seed + i under every physics")
+    episodes: Whole = number(1000, 2, MAX_EPISODES, "episode i starts from seed + i under every physics")
     seed: Whole = value(STUDY_SEED, "first seed of the episodes, used for nothing else")
     train_seeds: Whole = number(5, 0, 100, "policies per physics in the second part; 0 leaves it out")
     train_overrides: tuple[Text, ...] = value((), "of the presets there, such as total_steps=4000000")

@@ -128,7 +128,7 @@ def test_a_policy_that_would_fill_the_memory(write, words, policy, lean):
 
 
 def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch):
-    monkeypatch.setattr(run_folder, "MOST_EPISODES", 10_000)
+    monkeypatch.setattr(run_folder, "MAX_EPISODES", 10_000)
     run = write_run(tmp_path / "run")
     kept = (run / "evaluation.json").read_bytes()
     for text in ("[" * 100_000, '{"seed": ' + "9" * 500_000 + "}", "[" + "[]," * MIB + "[]]"):

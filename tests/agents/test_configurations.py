@@ -12,7 +12,7 @@ from short_trainings import small_config
 
 from redundant_envs import __main__ as library
 from redundant_envs_train.commands import name_of
-from redundant_envs_train.config import ALGORITHMS, MOST_EPISODES, MOST_SEEDS, Config, load
+from redundant_envs_train.config import ALGORITHMS, MAX_EPISODES, MAX_SEEDS, Config, load
 from redundant_envs_train.config.fields import limits
 from redundant_envs_train.config.files import complete, keys
 from redundant_envs_train.config.run import KEPT_FOR_GOALS, SEEDS_PER_RUN, first_environment_seed
@@ -119,10 +119,10 @@ def test_one_weight_of_smooth_actions_counts_at_the_goal_too(overrides, weights)
 
 
 def test_no_two_runs_share_a_seed_of_an_environment_and_none_has_one_of_the_evaluations():
-    first = [first_environment_seed(seed) for seed in range(MOST_SEEDS + 1)]
+    first = [first_environment_seed(seed) for seed in range(MAX_SEEDS + 1)]
     assert (np.diff(first) >= SEEDS_PER_RUN).all()
-    taken = {(at, at + MOST_EPISODES) for at in (EVALUATION_SEED, SELECTION_SEED, STUDY_SEED)}
-    assert EVALUATION_SEED + MOST_EPISODES <= SELECTION_SEED <= STUDY_SEED - MOST_EPISODES
+    taken = {(at, at + MAX_EPISODES) for at in (EVALUATION_SEED, SELECTION_SEED, STUDY_SEED)}
+    assert EVALUATION_SEED + MAX_EPISODES <= SELECTION_SEED <= STUDY_SEED - MAX_EPISODES
     low, high = KEPT_FOR_GOALS
     assert all(low <= begin and end <= high for begin, end in taken)
     assert not any(low - SEEDS_PER_RUN < seed < high for seed in first)

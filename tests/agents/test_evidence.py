@@ -88,7 +88,7 @@ def test_run_interval_covers_the_truth_at_about_its_rate_however_many_points_are
     low, high = run_interval(samples)
     covered = np.mean((low <= 3.0) & (high >= 3.0))
     assert 0.87 <= covered <= 0.98  # percentile intervals of 20 runs are a little too narrow
-    monkeypatch.setattr("redundant_envs_train.statistics.MOST_NUMBERS", 100)
+    monkeypatch.setattr("redundant_envs_train.statistics.MAX_NUMBERS", 100)
     np.testing.assert_array_equal(run_interval(samples[:, :5]), (low[:5], high[:5]))
 
 
@@ -205,7 +205,7 @@ def test_a_table_that_is_written_is_read_or_refused_by_its_size(tmp_path, monkey
     size = path.stat().st_size
     for name, most, words in (
         ("LONGEST_LINE", size // 2 - 9999, "seed0"),
-        ("MOST_TABLE", size - 9999, "fewer"),
+        ("MAX_TABLE", size - 9999, "fewer"),
     ):
         with monkeypatch.context() as context:
             context.setattr(bounded, name, most)

@@ -43,7 +43,7 @@ def refusal(most, effects):
 
 
 def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(monkeypatch):
-    monkeypatch.setattr(graph, "MOST_OPERATIONS", 2_000)
+    monkeypatch.setattr(graph, "MAX_OPERATIONS", 2_000)
     for refuses in (rde.BatchSimulator, rde.listing, rde.bill):
         with pytest.raises(ValueError, match=refusal(2000, 4)):
             refuses(long_scene(3))
@@ -51,7 +51,7 @@ def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(mon
 
 @pytest.mark.long
 def test_commands_refuse_a_program_of_too_many_operations(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(graph, "MOST_OPERATIONS", 12_000)
+    monkeypatch.setattr(graph, "MAX_OPERATIONS", 12_000)
     path = tmp_path / "long.yaml"
     path.write_text(json.dumps(long_scene(20).to_dict()))
     for asked in ("--cost", "--bill"):

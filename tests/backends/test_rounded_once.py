@@ -13,7 +13,7 @@ from compiled import on_columns
 from llvmlite import ir
 
 from redundant_envs.compiler.backends import llvm as backend
-from redundant_envs.compiler.backends.llvm_fma import LARGEST_FACTOR, LEAST_PRODUCT, rounded_once
+from redundant_envs.compiler.backends.llvm_fma import LARGEST_FACTOR, MIN_PRODUCT, rounded_once
 from redundant_envs.compiler.backends.processors import Processor
 
 CASES = 1 << 18
@@ -124,7 +124,7 @@ def test_checked_it_does_so_for_all_numbers(lanes):
 def test_the_bounds_of_its_range_are_needed():
     """Beyond the largest factor and below the least product its last bits are wrong for some numbers."""
     run, rng = machine_code(2, checked=False), np.random.default_rng(43)
-    top, bottom = (round(float(np.log2(x))) for x in (LARGEST_FACTOR, LEAST_PRODUCT))
+    top, bottom = (round(float(np.log2(x))) for x in (LARGEST_FACTOR, MIN_PRODUCT))
     assert differing(run, (numbers(rng, top + 6, 1023), numbers(rng, -1000, -900), numbers(rng, -5, 5))).size
     low = bottom - 40
     tiny = numbers(rng, low, low + 1), numbers(rng, -1, 0)

@@ -13,7 +13,7 @@ from markdown import ROOT, text
 
 FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ["accuracy_and_chaos", "equations_to_environment", "learn_and_race", "redundancy"]
-LONGEST_LINE, MOST_LINES = 88, 40
+LONGEST_LINE, MAX_LINES = 88, 40
 BLOCKED = """
 import socket
 connected = socket.socket.connect
@@ -58,7 +58,7 @@ def test_a_source_is_a_notebook_of_short_cells(notebooks, name):
     assert rest.count("```") == 2 * len(found)
     for cell in found:
         lines = cell.splitlines()
-        assert len(lines) <= MOST_LINES
+        assert len(lines) <= MAX_LINES
         assert max(map(len, lines)) <= LONGEST_LINE
         last = ast.parse(cell).body[-1]  # every cell shows something
         assert isinstance(last, ast.Expr) or "print(" in ast.unparse(last)

@@ -101,7 +101,7 @@ def test_the_table_of_environments_is_what_they_are():
 
 def test_budgets_are_those_of_the_code():
     (fault,) = re.findall(r"^\| 16 \| `EVENT_BUDGET` \| (.*?) \|", page("trouble"), re.M)
-    budgets = contacts.MOST_IMPACTS, step_control.MOST_TRIALS
+    budgets = contacts.MAX_IMPACTS, step_control.MAX_TRIALS
     assert all(f"{budget:.0f}" in fault.replace(" ", "") for budget in budgets)
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 DOCS = Path(__file__).parents[2] / "docs"
-MOST_WORDS = 40_000
+MAX_WORDS = 40_000
 WRITTEN_BY_PROGRAMS = ("results/", "configuration.md")
 
 
@@ -21,4 +21,4 @@ def count_words() -> dict[str, int]:
 if __name__ == "__main__":
     for name, words in count_words().items():
         print(f"{words:>6} {name}")
-    print(f"{sum(count_words().values()):>6} of at most {MOST_WORDS}")
+    print(f"{sum(count_words().values()):>6} of at most {MAX_WORDS}")

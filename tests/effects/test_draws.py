@@ -13,7 +13,7 @@ from catalogue import FOUR_R, RPRP, assert_same_bits
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
-from redundant_envs.language.draws import MOST_DRAWS, Draw, drawn, normals, stream_of
+from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, normals, stream_of
 from redundant_envs.simulator.lane.direct import cross_interval, fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.interval import Interval
@@ -451,5 +451,5 @@ def test_a_draw_where_a_hook_takes_none_is_refused(what):
 def test_more_draws_than_a_stream_has_are_refused():
     last = physics(lambda uniform512: uniform512)
     rde.Scene(FOUR_R, (with_states("s", update=last),))
-    with pytest.raises(ValueError, match=f"'s' of 'odd' take more than {MOST_DRAWS} draws"):
+    with pytest.raises(ValueError, match=f"'s' of 'odd' take more than {MAX_DRAWS} draws"):
         rde.Scene(FOUR_R, (with_states("s[0]", "s[1]", update=last),))

@@ -9,7 +9,7 @@ from catalogue import ARMS, FOUR_R, RPRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.effects.sensor_delay import MOST_KEPT, steps_back
+from redundant_envs.effects.sensor_delay import MAX_KEPT, steps_back
 
 IDS = pytest.mark.parametrize("env_id", ["FourRReach-v0", "RPRPReach-v0"])
 STEPS = 30
@@ -355,7 +355,7 @@ def test_impossible_sensors_are_refused(what):
 
 @pytest.mark.long
 def test_a_sensor_keeps_at_most_1024_readings():
-    longest = (MOST_KEPT - 1) * 0.001
+    longest = (MAX_KEPT - 1) * 0.001
     assert rde.Scene(FOUR_R, (e.SensorDelay(0.0, longest),), control_dt=0.001).effects[0].kept == 1024
     for given, steps in ((1.024, "1024"), (1e308, "inf")):
         words = f"SensorDelay.longest is {given} s, {steps} control steps of 0.001 s, .* 1024 readings; give"

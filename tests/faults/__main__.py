@@ -49,7 +49,7 @@ def faults() -> list[Fault]:
 
 PAGE = ROOT / "docs" / "mutation.md"
 HEAD, TAIL = "<!-- faults that make test does not see -->\n", "<!-- end -->\n"
-MOST_UNSEEN = 0.2
+MAX_UNSEEN = 0.2
 """Share of the faults that only ``make test-long`` may see."""
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.mutation import __main__ as mutation
 
-from .__main__ import HEAD, MOST_UNSEEN, PAGE, ROOT, TAIL, body_of, faults, is_long, listed, main
+from .__main__ import HEAD, MAX_UNSEEN, PAGE, ROOT, TAIL, body_of, faults, is_long, listed, main
 
 FAULTS = faults()
 
@@ -37,7 +37,7 @@ def test_a_part_of_no_name_is_refused_and_no_test_runs(monkeypatch, capsys):
 
 def test_make_test_sees_most_faults_and_the_page_lists_the_others():
     unseen = [fault.name for fault in FAULTS if is_long(fault.test)]
-    assert len(unseen) <= MOST_UNSEEN * len(FAULTS)
+    assert len(unseen) <= MAX_UNSEEN * len(FAULTS)
     page = PAGE.read_text(encoding="utf-8")
     assert f"{HEAD}{listed()}{TAIL}" in page, "renew it: python -m tests.faults --list"
 

@@ -12,7 +12,7 @@ from redundant_envs.scenes.numbers import OF_ARM, names_of
 from redundant_envs.simulator.lane.direct import cross_interval, fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.interval import Interval
-from redundant_envs.verify.evaluators import MOST_EVALUATIONS
+from redundant_envs.verify.evaluators import MAX_EVALUATIONS
 
 from .drawing_calls import AUTORESETS
 from .motions import FINE, advanced, begun, can_be_judged, in_equal_steps, rows, stops_of, values_of
@@ -122,7 +122,7 @@ def evaluators_agree(played):
     it takes a scene."""
     scene, known = played.scene, played.tally["single_numbers"]
     for k, step in played.intervals():
-        lanes = np.flatnonzero(can_be_judged(scene, step) & (step.told["evaluations"] <= MOST_EVALUATIONS))
+        lanes = np.flatnonzero(can_be_judged(scene, step) & (step.told["evaluations"] <= MAX_EVALUATIONS))
         if step.call["call"] != "advance" or not len(lanes):
             continue
         yield from differences(played, scene, k, lanes[:LANES], (arrays, single_numbers, tensors))

@@ -21,13 +21,13 @@ from .composition import autoresets_begin_the_same_episodes, effects_commute, ev
 from .motions import stops_of, the_energy_book_closes, tolerance_is_kept_or_flagged, values_of
 from .playing import EnvironmentPlayer, differing, play, same
 
-MOST_TRIALS, MOST_MORE, MOST_ADAPTIVE = 65536, 18, 1_000_002
+MAX_TRIALS, MAX_MORE, MAX_ADAPTIVE = 65536, 18, 1_000_002
 """Most steps of an interval, more for each substep, and the most for dop853."""
 REPLACING = ("copy", "pickle", "anew")
 """Calls after which another simulator or environment goes on."""
 MANY = 4096
 """Lanes of a case that has as many as vectors of learners have."""
-MOST_EVALUATIONS = 1e7
+MAX_EVALUATIONS = 1e7
 """Most evaluations of so many lanes; where all intervals take equally many, none are counted."""
 NON_FINITE, GIVEN_UP = int(rde.Numerics.NON_FINITE), int(rde.Numerics.EVENT_BUDGET)
 ROUNDING, FLOAT32 = 1e-9, 1e-4
@@ -147,9 +147,9 @@ def thousands_have_the_same_bits(played):
 def costs(played):
     """How much the calls of a case cost, in units of what the lanes of a case may cost."""
     if played.case["face"] == "simulator":
-        return sum(step.told["evaluations"].sum() for _, step in played.intervals()) / MOST_EVALUATIONS
+        return sum(step.told["evaluations"].sum() for _, step in played.intervals()) / MAX_EVALUATIONS
     pairs = [(s.before.get("evaluations"), s.after.get("evaluations")) for s in played.steps]
-    return sum(np.maximum(b - a, 0.0).sum() for a, b in pairs if b is not None) / MOST_EVALUATIONS
+    return sum(np.maximum(b - a, 0.0).sum() for a, b in pairs if b is not None) / MAX_EVALUATIONS
 
 
 def in_another_order(played, order):
@@ -211,8 +211,8 @@ def the_work_of_an_interval_is_bounded(played):
     """No interval takes more evaluations than the documented budgets of its parts allow, for any input."""
     scene = played.scene
     parts = 1 + len(scene.attached.instants)
-    adaptive = MOST_ADAPTIVE if scene.integrator == "dop853" else MOST_MORE * scene.substeps
-    most = METHODS[scene.integrator].stages * (MOST_TRIALS + adaptive) * parts
+    adaptive = MAX_ADAPTIVE if scene.integrator == "dop853" else MAX_MORE * scene.substeps
+    most = METHODS[scene.integrator].stages * (MAX_TRIALS + adaptive) * parts
     for k, step in played.intervals():
         for lane in np.flatnonzero(step.told["evaluations"] > most):
             yield k, lane, f"{step.told['evaluations'][lane]} evaluations, more than {most}"

@@ -22,7 +22,7 @@ FINE = ((96, 160), (1536, 2560))
 FINE_ACROSS_KINKS = ((1536, 2560, 4297), (12288, 20483, 34381))
 """Where a force changes its law errors depend on where a step meets the change: of 96 and 160 steps both were
 off by three tolerances, and by the same."""
-MANY_STEPS, MOST_STEPS = 40_000, 400_000
+MANY_STEPS, MAX_STEPS = 40_000, 400_000
 """Steps of a control interval for lanes whose references may be wrong, or whose balance is not closed yet."""
 NO_TOLERANCE = 1e-9
 """The tolerance of scenes that have none, in units of the arm's length."""
@@ -82,7 +82,7 @@ def the_energy_book_closes(played):
         for k in np.flatnonzero(one.agreed & off):
             # The energy that fast friction takes may need far more steps than the position of the tip.
             here = rows(one.before, [k])
-            finest = (fine_interval(scene, one.step, one.lanes[[k]], n)[0] for n in (MANY_STEPS, MOST_STEPS))
+            finest = (fine_interval(scene, one.step, one.lanes[[k]], n)[0] for n in (MANY_STEPS, MAX_STEPS))
             if not any(drifts(scene, here, end)[0] <= CONVERGING * fine[k] for end in finest):
                 text = f"kinetic + potential - work drifts by {own[k]:.3g} of the energies exchanged"
                 yield one.call, one.lanes[k], f"{text}, in references by {coarse[k]:.3g} and {fine[k]:.3g}"

@@ -16,8 +16,8 @@ import redundant_envs as rde
 from redundant_envs.effects import Effect, Force
 from redundant_envs.language.algebra import physics
 from redundant_envs.model.listing import Bill, Operations
-from redundant_envs.robots.drawn import MOST_ARMS
-from redundant_envs.support.notebook import LONGEST_CELL, MOST_BYTES, MOST_ROWS
+from redundant_envs.robots.drawn import MAX_ARMS
+from redundant_envs.support.notebook import LONGEST_CELL, MAX_BYTES, MAX_ROWS
 
 e = rde.effects
 HOSTILE = "<script>alert('1')</script>&\"<b>"
@@ -56,7 +56,7 @@ class Page(html.parser.HTMLParser):
 def page(thing):
     """What a notebook shows: never an error, small, without scripts, files and names that may collide."""
     text = thing._repr_html_()
-    assert len(text.encode()) <= MOST_BYTES
+    assert len(text.encode()) <= MAX_BYTES
     found = Page(text)
     assert {"script", "img", "b"}.isdisjoint(found.tags)
     assert found.names == []
@@ -196,8 +196,8 @@ def test_a_scene_has_its_effects_with_units_and_how_it_is_stepped():
 
 def test_a_scene_with_many_effects_has_the_first_rows():
     found = page(rde.Scene(FOUR_R, tuple(Push(1.0, f"{'a' * 300}{k}") for k in range(100))))
-    assert f"... and {100 - MOST_ROWS} more" in found.cells
-    assert found.cells.count("size") == MOST_ROWS
+    assert f"... and {100 - MAX_ROWS} more" in found.cells
+    assert found.cells.count("size") == MAX_ROWS
     assert max(map(len, found.cells)) <= LONGEST_CELL
 
 
@@ -239,7 +239,7 @@ def test_the_longest_motions_of_the_longest_arms_are_small():
     arm = rde.Chain("RPRPRPRPRP", (1.0,) * 10, (0.3,) * 5)
     q = np.random.default_rng(0).uniform(-100.0, 100.0, (5000, 30, 10))
     found = page(motion(arm, q, np.linspace(0.0, 1000.0, 5000)))
-    assert found.tags.count("animate") == 3 * MOST_ARMS + 1
+    assert found.tags.count("animate") == 3 * MAX_ARMS + 1
 
 
 @pytest.mark.parametrize(

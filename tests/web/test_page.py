@@ -13,9 +13,9 @@ from redundant_envs.web import page
 
 pytestmark = pytest.mark.long
 
-MOST_BYTES = 250_000
-MOST_WORK = 4.0  # ms a picture, in the thread of the page
-LEAST_HELD = {"torque": 100, "learner": 98}
+MAX_BYTES = 250_000
+MAX_WORK = 4.0  # ms a picture, in the thread of the page
+MIN_HELD = {"torque": 100, "learner": 98}
 BLUE, RED, GREEN = "#0072b2", "#d55e00", "#009e73"
 READY = "app.seen && app.seen.steps > 2 && app.seen.costs"
 
@@ -88,7 +88,7 @@ def goal(tab):
 def test_the_page_is_four_small_files(site):
     files = sorted(path.name for path in site.iterdir())
     assert files == ["data.js", "index.html", "kernel.js", "page.js"]
-    assert sum(path.stat().st_size for path in site.iterdir()) <= MOST_BYTES
+    assert sum(path.stat().st_size for path in site.iterdir()) <= MAX_BYTES
 
 
 def test_only_its_own_files_run(opened):
@@ -139,8 +139,8 @@ def test_its_movers_hold_random_goals(arm, policy, opened):
     tab.wait_for_function("/holds.*holds/.test(tried.textContent)", timeout=60_000)
     text = tab.inner_text("#tried")
     held = {name: int(count) for name, count in re.findall(r"(\w[\w ]*) holds (\d+) of 100", text)}
-    assert held["computed torque"] >= LEAST_HELD["torque"]
-    assert held[policy] >= LEAST_HELD["learner"]
+    assert held["computed torque"] >= MIN_HELD["torque"]
+    assert held[policy] >= MIN_HELD["learner"]
     assert f"goals ({arm})" in text
     tab.select_option("#who", "nobody")
     assert tab.inner_text("#tried") == ""
@@ -242,7 +242,7 @@ def test_the_picture_shows_links_and_goal_and_takes_little_work(opened):
     tab.wait_for_timeout(2000)
     pictures, work = tab.evaluate("[app.pictures, app.work]")
     print(f"{pictures / 2:.0f} pictures a second, {work / pictures:.2f} ms of work each")
-    assert work / pictures <= MOST_WORK
+    assert work / pictures <= MAX_WORK
     seen = colours(opened("#arm=RPRP&who=nobody"))
     assert seen.get(BLUE, 0) + seen.get(RED, 0) == 0
 

@@ -3,10 +3,10 @@
 from .fields import Model, Real, Text, Whole, checked, number, value
 from .files import check_telemetry, complete, config_of, load, merged, page_of_keys, read
 from .learners import HERSettings, OffPolicySettings, PlainPPOSettings, TD3Settings, TQCSettings
-from .run import ALGORITHMS, CLIENTS, MOST_EPISODES, MOST_SEEDS, WITHOUT_EFFECT, Config
+from .run import ALGORITHMS, CLIENTS, MAX_EPISODES, MAX_SEEDS, WITHOUT_EFFECT, Config
 
 __all__ = [
-    "ALGORITHMS", "CLIENTS", "MOST_EPISODES", "MOST_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings",
+    "ALGORITHMS", "CLIENTS", "MAX_EPISODES", "MAX_SEEDS", "WITHOUT_EFFECT", "Config", "HERSettings",
     "Model", "OffPolicySettings", "PlainPPOSettings", "Real", "TD3Settings", "TQCSettings", "Text", "Whole",
     "check_telemetry", "checked", "complete", "config_of", "load", "merged", "number", "page_of_keys", "read",
     "value",

@@ -17,17 +17,17 @@ Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc",
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 SEEDS_PER_RUN = 10_000
 """Environment seeds of a run, one per environment, from :func:`first_environment_seed` on."""
-MOST_SEEDS = 9999  # largest seed of a run
+MAX_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""
-MOST_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
+MAX_EPISODES = 1_000_000  # with more, seeds would overlap with those of the evaluation or of the curve
 WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no result
 CLIENTS = ("wandb", "mlflow")
 """Kinds of logs that leave the run folder; each one's package is in the extra of its name."""
 ENV_KWARGS = tuple(name for name in ARGUMENTS if name != "info_keys")  # evaluations read all that info has
-MOST_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
-MOST_DRAWN = 10**7  # most samples that are drawn at once
-MOST_DIVISOR = 10**6  # largest batch that a message proposes
+MAX_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
+MAX_DRAWN = 10**7  # most samples that are drawn at once
+MAX_DIVISOR = 10**6  # largest batch that a message proposes
 VERSION = 2
 
 
@@ -48,7 +48,7 @@ class Config(Model):
     config_version: Literal[2] = value(..., "version of this format")
     env: Text = value(..., "id of the environment, such as RPRPReach-v0, with or without redundant_envs/")
     algo: Algorithm = value("ppo", "learner")
-    seed: Whole = number(0, 0, MOST_SEEDS, "of the learner, and of all draws of the environments")
+    seed: Whole = number(0, 0, MAX_SEEDS, "of the learner, and of all draws of the environments")
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
     total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
     start_from: Text | None = value(
@@ -61,8 +61,8 @@ class Config(Model):
     max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
     torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
     curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
-    curve_episodes: Whole = number(500, 1, MOST_EPISODES, "episodes of a point of the curve")
-    evaluation_episodes: Whole = number(1000, 1, MOST_EPISODES, "episodes on the frozen evaluation goals")
+    curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes of a point of the curve")
+    evaluation_episodes: Whole = number(1000, 1, MAX_EPISODES, "episodes on the frozen evaluation goals")
     checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
         ("tensorboard",),
@@ -126,11 +126,11 @@ class Config(Model):
         if isinstance(settings, learners.PlainPPOSettings):
             _check_rollout(self.algo, self.num_envs, settings)
         else:
-            if settings.batch_size * settings.gradient_steps > MOST_DRAWN:
+            if settings.batch_size * settings.gradient_steps > MAX_DRAWN:
                 steps = settings.gradient_steps
                 raise ValueError(
                     f"{self.algo}.batch_size is {settings.batch_size}; with {steps} gradient steps, whose "
-                    f"samples are drawn together, give at most {MOST_DRAWN // steps}"
+                    f"samples are drawn together, give at most {MAX_DRAWN // steps}"
                 )
             if self.total_steps <= settings.learning_starts:
                 raise ValueError(
@@ -172,9 +172,9 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
             raise ValueError(f"env_kwargs has the unknown key {shown(name)}; valid: {', '.join(ENV_KWARGS)}")
     steps = env_kwargs.get("max_episode_steps", 1)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
-    if not whole or not 1 <= steps <= MOST_EPISODES:  # without this limit an evaluation would never end
+    if not whole or not 1 <= steps <= MAX_EPISODES:  # without this limit an evaluation would never end
         raise ValueError(
-            f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MOST_EPISODES}"
+            f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MAX_EPISODES}"
         )
 
 
@@ -192,13 +192,13 @@ def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: lea
 
 def _check_rollout(algo: str, num_envs: int, ppo: learners.PlainPPOSettings) -> None:
     samples = num_envs * ppo.n_steps
-    if samples > MOST_SAMPLES:
+    if samples > MAX_SAMPLES:
         raise ValueError(
             f"{algo}.n_steps is {ppo.n_steps}; with {num_envs} environments give at most "
-            f"{MOST_SAMPLES // num_envs}"
+            f"{MAX_SAMPLES // num_envs}"
         )
     if samples % ppo.batch_size:
-        divisors = [d for d in range(2, min(samples, MOST_DIVISOR) + 1) if samples % d == 0]
+        divisors = [d for d in range(2, min(samples, MAX_DIVISOR) + 1) if samples % d == 0]
         near = min(divisors, key=lambda d: abs(d - ppo.batch_size), default=None)
         fix = "and be 2 or more" if near is None else f"such as {near}"
         raise ValueError(

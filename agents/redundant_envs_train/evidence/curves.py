@@ -12,7 +12,7 @@ from redundant_envs.support.figures import bare, literal, new_figure, save_figur
 from redundant_envs.support.tables import write_rows
 
 from ..run_folder import SELECTION
-from ..statistics import LEAST_RUNS, interquartile_mean, run_interval
+from ..statistics import MIN_RUNS, interquartile_mean, run_interval
 from .runs import Group, Run, read_groups
 
 AXES = {
@@ -142,7 +142,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
             Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
             Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
         ]
-    if any(len(same.runs) >= LEAST_RUNS for same in groups):
+    if any(len(same.runs) >= MIN_RUNS for same in groups):
         explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)

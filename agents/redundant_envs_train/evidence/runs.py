@@ -188,9 +188,9 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
                 f"{run.folder} would have {size} bytes in a table, more than the {bounded.LONGEST_LINE} that "
                 f"are read, for its {len(run.curve)} points of the curve; leave it out, and give its folder"
             )
-    if (size := sum(map(len, lines))) > bounded.MOST_TABLE:
+    if (size := sum(map(len, lines))) > bounded.MAX_TABLE:
         raise ValueError(
-            f"{path} would have {size} bytes, more than the {bounded.MOST_TABLE} that are read; write "
+            f"{path} would have {size} bytes, more than the {bounded.MAX_TABLE} that are read; write "
             "several tables of fewer runs"
         )
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -234,7 +234,7 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
     """The runs of a table whose names have a pattern; "." are all."""
     name, names, runs = "", [], []
     try:
-        for line in bounded.read_lines(path, "table of runs", bounded.MOST_TABLE):
+        for line in bounded.read_lines(path, "table of runs", bounded.MAX_TABLE):
             data = json.loads(line)
             names.append(name := data["run"])
             if pattern == "." or fnmatch.fnmatchcase(name, pattern):

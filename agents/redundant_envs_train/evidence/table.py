@@ -8,7 +8,7 @@ import numpy as np
 
 from redundant_envs.support.tables import escaped, markdown
 
-from ..statistics import CHANCE, LEAST_RUNS, interquartile_mean, run_interval, sign_test
+from ..statistics import CHANCE, MIN_RUNS, interquartile_mean, run_interval, sign_test
 from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
@@ -31,7 +31,7 @@ BRIEF = {
 EXPLANATION = (
     "Computed torque acts on the same goals as the learners. 'Hold compared' is a sign test of the goals "
     "that only one of them missed. IQM is the interquartile mean of the seeds, with a bootstrap interval "
-    f"over seeds (unknown with fewer than {LEAST_RUNS}). Other figures are medians over seeds. Time to hold "
+    f"over seeds (unknown with fewer than {MIN_RUNS}). Other figures are medians over seeds. Time to hold "
     "is the median over held episodes. Effort is the mean squared normalised action, smoothness the mean "
     "change of the action from step to step; less is better for all three. Steps per second are those of the "
     "whole training."

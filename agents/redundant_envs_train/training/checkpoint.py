@@ -125,7 +125,7 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             f"{train_again(folder)}"
         ) from error
     for name, size in sizes.items():  # written anew, since a copy of the folder may share the files
-        write_bytes(folder / name, bounded.read_bytes(folder / name, name, bounded.MOST_PACKED)[:size])
+        write_bytes(folder / name, bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[:size])
     return progress
 
 
@@ -148,7 +148,7 @@ def _room(model: Any, monitor: Any) -> int:
     buffer = getattr(model, "replay_buffer", None)
     arrays = [getattr(buffer, name, None) for name in BUFFER_ARRAYS]
     networks = [model.get_parameters(), model.learner_state(), monitor.venv.get_state()]
-    return bounded.MOST_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
+    return bounded.MAX_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
 
 
 def _bytes(value: Any) -> int:

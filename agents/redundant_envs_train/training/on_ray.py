@@ -55,7 +55,7 @@ and asks everybody for a token."""
 TOKEN = secrets.token_hex(32)
 """That of the clusters of this process, as Ray reads its token once."""
 INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
-MOST_CHARACTERS = 300  # most characters of a failure in a message
+MAX_CHARACTERS = 300  # most characters of a failure in a message
 
 
 def train_on_ray(
@@ -256,7 +256,7 @@ def _short(error: BaseException) -> str:
     """The last line of an error, which names the mistake; Ray puts the worker's traceback before it."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return (lines[-1] if lines else type(error).__name__)[:MOST_CHARACTERS]
+    return (lines[-1] if lines else type(error).__name__)[:MAX_CHARACTERS]
 
 
 def _cause(error: BaseException) -> str:

@@ -14,10 +14,10 @@ from redundant_envs.support.modules import IMPORTED, import_named
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.values import say
 
-from ..config import MOST_SEEDS
+from ..config import MAX_SEEDS
 
 POLL = 0.2  # s; longest time without a look whether the user asked to stop
-MOST_PROCESSES = 1024
+MAX_PROCESSES = 1024
 STOPPING = (
     "stopping: each run saves a checkpoint and ends. A second Ctrl-C ends at once, and what they learned "
     "since their last checkpoints is lost"
@@ -145,14 +145,14 @@ def seeds_of(text: str) -> list[int]:
         match = re.fullmatch(r"\s*(\d{1,4})(?:\.\.(\d{1,4}))?\s*", part)
         if not match:
             raise ValueError(
-                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MOST_SEEDS}"
+                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MAX_SEEDS}"
             )
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
             raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
         seeds += range(first, last + 1)
     if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MOST_SEEDS}")
+        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MAX_SEEDS}")
     return seeds
 
 
@@ -164,6 +164,6 @@ def cores() -> list[int]:
 def count_of(processes: int | None) -> int:
     """Runs at a time on this machine: ``processes``, or one for each core."""
     count = (len(cores()) or os.cpu_count() or 1) if processes is None else processes
-    if not 1 <= count <= MOST_PROCESSES:
-        raise ValueError(f"processes is {count}; give a whole number from 1 to {MOST_PROCESSES}")
+    if not 1 <= count <= MAX_PROCESSES:
+        raise ValueError(f"processes is {count}; give a whole number from 1 to {MAX_PROCESSES}")
     return count

@@ -41,7 +41,7 @@ longer. Usual scenes take a second, the largest a minute."""
 SUFFIX, FACTS = ".code", ".facts"
 OWN_FILE = re.compile(r"([0-9a-f]{40})\.(code|facts|lock)(\.[0-9a-f]{16})?")
 """Names of files that this module makes; it deletes no others. Unfinished ones have the third part."""
-MOST_LINKS = 40
+MAX_LINKS = 40
 """Links on the way to the folder, as many as Linux follows."""
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
@@ -198,7 +198,7 @@ def _check_links(path: Path) -> None:
             continue
         if status.st_uid not in (0, os.geteuid()):
             raise OSError(f"{place} is a link of user {status.st_uid}, who can have it lead anywhere")
-        if (links := links + 1) > MOST_LINKS:
+        if (links := links + 1) > MAX_LINKS:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
         target = at / os.readlink(place)  # from the root if it says so
         at, names = Path(target.anchor), [*names, *target.parts[:0:-1]]

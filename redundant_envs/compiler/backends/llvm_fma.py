@@ -12,7 +12,7 @@ SPLITTER = 2.0**27 + 1.0
 """Veltkamp's: a double times it, less the difference, is the upper half of the double."""
 LARGEST_FACTOR = 2.0**990
 """Above it :data:`SPLITTER` times a factor overflows."""
-LEAST_PRODUCT, LARGEST_PRODUCT = 2.0**-960, 2.0**1000
+MIN_PRODUCT, LARGEST_PRODUCT = 2.0**-960, 2.0**1000
 """Between them the rounding error of a product, and sums with it, are doubles."""
 
 
@@ -22,7 +22,7 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
     The product is split into two doubles (Dekker), their sum with c is exact in three, and the last addition
     rounds correctly because the smaller two are rounded to odd before it (Boldo and Melquiond, Emulation of
     FMA and correctly rounded sums, IEEE Transactions on Computers 57, 2008). That holds for factors up to
-    :data:`LARGEST_FACTOR` and products from :data:`LEAST_PRODUCT` to :data:`LARGEST_PRODUCT`, and if a factor
+    :data:`LARGEST_FACTOR` and products from :data:`MIN_PRODUCT` to :data:`LARGEST_PRODUCT`, and if a factor
     is 0; infinities and numbers that are not defined give what two roundings give. Outside, the last bits may
     differ, unless the function is ``checked``: then it calls the library's for a vector with such a lane.
     """
@@ -46,7 +46,7 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
         most = (LARGEST_FACTOR, LARGEST_FACTOR, LARGEST_PRODUCT, LARGEST_PRODUCT)
         inside = [b.fcmp_ordered("<", size, same(limit)) for size, limit in zip(sizes, most, strict=True)]
         zero = b.or_(*(b.fcmp_ordered("==", factor, same(0.0)) for factor in (x, y)))
-        inside.append(b.or_(zero, b.fcmp_ordered(">", sizes[2], same(LEAST_PRODUCT))))
+        inside.append(b.or_(zero, b.fcmp_ordered(">", sizes[2], same(MIN_PRODUCT))))
         served = b.bitcast(functools.reduce(b.and_, inside), ir.IntType(lanes))
         with b.if_then(b.icmp_signed("!=", served, ir.Constant(served.type, -1)), likely=False):
             library = f"llvm.fma.v{lanes}f64"

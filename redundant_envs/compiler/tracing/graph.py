@@ -65,7 +65,7 @@ owned = functools.partial(setting, _owner)
 """Operations recorded within this context are attributed to an owner, its argument."""
 
 
-MOST_OPERATIONS = 100_000
+MAX_OPERATIONS = 100_000
 """Operations that a program may record: those of the largest one take some 2 s to trace and half a minute to
 compile, and a compiler takes more than twice as long for twice as many."""
 
@@ -79,7 +79,7 @@ class TooManyOperations(Exception):
 
     def __init__(self, counts: Counter[str]) -> None:
         super().__init__(counts)
-        self.counts, self.most = counts, MOST_OPERATIONS
+        self.counts, self.most = counts, MAX_OPERATIONS
 
 
 _counts: ContextVar[Counter[str] | None] = ContextVar("counts", default=None)
@@ -170,7 +170,7 @@ class Graph:
             found = self._known[key] = Operation(name, list(arguments), extra, origin)
             if (counts := self._counts) is not None:
                 counts[_owner.get()] += 1
-                if len(self._known) % CHECKED == 0 and counts.total() > MOST_OPERATIONS:
+                if len(self._known) % CHECKED == 0 and counts.total() > MAX_OPERATIONS:
                     raise TooManyOperations(counts)
         return found
 

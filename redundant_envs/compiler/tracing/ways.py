@@ -16,7 +16,7 @@ from redundant_envs.compiler.tracing.graph import Graph, Operation, bits_of, set
 from redundant_envs.compiler.tracing.number import Condition, Number, Traced, deciding, outlives
 from redundant_envs.language.algebra import any_of, logical_not, where
 
-MOST_WAYS = 256
+MAX_WAYS = 256
 """With more ways a stretch takes too long to trace, and its code is too long."""
 
 MERGING = ("select", "and", "or", "not")
@@ -114,9 +114,9 @@ def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
     count = itertools.count(1)
 
     def way(ahead: list[bool]) -> Tree:
-        if next(count) > MOST_WAYS:
+        if next(count) > MAX_WAYS:
             raise ValueError(
-                f"{what} has more than {MOST_WAYS} ways; let a function marked with @branches decide a part "
+                f"{what} has more than {MAX_WAYS} ways; let a function marked with @branches decide a part "
                 "of it, whose ways are merged where it returns"
             )
         ways = Ways(graph, ahead)

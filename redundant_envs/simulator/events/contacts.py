@@ -35,7 +35,7 @@ from redundant_envs.simulator.events.complementarity import (
     pressed,
 )
 
-MOST_IMPACTS, MOST_WITH_LOW_BOUNCES = 256, 1024
+MAX_IMPACTS, MAX_WITH_LOW_BOUNCES = 256, 1024
 """Most impacts of an interval, and of one with bounces below 1e-9 m; with more it is given up."""
 CHANGES_OF_IMPACT = 2
 """Most contact resolutions of an interval for each of these."""

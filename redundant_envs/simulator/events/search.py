@@ -23,14 +23,14 @@ from redundant_envs.simulator.events.crossings import (
 )
 from redundant_envs.simulator.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
 
-MOST_BEND = 2e-3
+MAX_BEND = 2e-3
 """Largest change of the square of a speed in the last piece to a stop, as a fraction of it."""
 NEAR = 8.0
 """If another coordinate could come to a stop within so many times the longest last piece, this piece is short
 enough to be straight: their order must not depend on how it is guessed."""
-MOST_LONG_PIECES = 8.0
+MAX_LONG_PIECES = 8.0
 """After so many impacts pieces are straight, too: no comparison would show what they neglect (0022)."""
-MOST_GUESSES = 10
+MAX_GUESSES = 10
 """Number of trial steps towards an event before its bracket is halved, so that every search ends."""
 LATER = 0.1
 """Where laws are weighed, the part of a correction by which a guess is later, so that it is after the event:
@@ -38,7 +38,7 @@ a chord is off by less, and what may be late depends on how late it is."""
 TIMES_LATE = 10.0
 """Times by which a step must be longer than a guard may pass late: then its inner stages lie before a passage
 at its end, and a positive value there is an earlier one."""
-MOST_TURN_GUESSES = 60
+MAX_TURN_GUESSES = 60
 """Number of trial steps towards a turn; by then its bracket is smaller than rounding."""
 TOGETHER_SHARE = 1e-13
 """Fraction of the control interval: impacts of two coordinates that are no farther apart count as one impact
@@ -296,7 +296,7 @@ def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
         return high
     numerator, denominator = correction(sought, search)
     step = numerator / denominator  # one division for both formulas
-    if search.tries <= MOST_GUESSES:
+    if search.tries <= MAX_GUESSES:
         if not sought.free:
             guess = low + (high - low) * step
             if sought.steepness > 0.0:
@@ -327,8 +327,8 @@ def next_towards_turn(search: Search) -> Any:
 def last_piece(trial: Trial, sought: Sought) -> LastPiece:
     """The remaining way of the sought coordinate to its stop, or of another one that is at its own before."""
     time, bend = time_of_way(sought)
-    few = trial.impacts < MOST_LONG_PIECES
-    alone = few & (abs(bend) <= MOST_BEND) & logical_not(any_of(others_near(trial, sought)))
+    few = trial.impacts < MAX_LONG_PIECES
+    alone = few & (abs(bend) <= MAX_BEND) & logical_not(any_of(others_near(trial, sought)))
     share = where(alone, LAST_SHARE, STRAIGHT_SHARE)
     possible = (abs(time) <= share * trial.left) & (time <= trial.left - trial.h) & sought.bounces
     arrives = list(sought.chosen)

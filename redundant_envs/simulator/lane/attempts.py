@@ -20,7 +20,7 @@ from redundant_envs.simulator.lane.fields import SCRATCH, Variable
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.pieces import Pieces, Whole
 from redundant_envs.simulator.numerics import error_control
-from redundant_envs.simulator.numerics.error_control import MOST_DOUBLINGS, Crossed
+from redundant_envs.simulator.numerics.error_control import MAX_DOUBLINGS, Crossed
 
 BEFORE = "{}_before"
 SHORTER = 0.999
@@ -38,7 +38,7 @@ def pieces_of(features: Features) -> Whole:
 class RepeatedPieces(Pieces):
     """Pieces of an interval that is crossed again where an error may have grown over an instant."""
 
-    attempts = MOST_DOUBLINGS + 2
+    attempts = MAX_DOUBLINGS + 2
     crossings = 2.0  # each has twice the steps of the one before
 
     def fields(self) -> Iterator[Variable]:

@@ -42,7 +42,7 @@ class NoStops:
     def most_impacts(self, lane: Lane) -> Any:
         """Most impacts of an interval."""
         lowered = self.lowest(lane) < contacts.LOWEST_BOUNCE
-        return where(lowered, float(contacts.MOST_WITH_LOW_BOUNCES), float(contacts.MOST_IMPACTS))
+        return where(lowered, float(contacts.MAX_WITH_LOW_BOUNCES), float(contacts.MAX_IMPACTS))
 
     def plan(self, lane: Lane) -> None:
         """Before the first crossing of an interval."""

@@ -19,7 +19,7 @@ from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.methods import Numbers, Step, explicit_step
 
-MOST_INLINED = 4
+MAX_INLINED = 4
 """Stages of a step up to which each has its own copy of the right-hand side."""
 SMALLEST_STATE = 1e-300
 """Smallest number by which an error is divided."""
@@ -57,7 +57,7 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     kinks, sliders = levels_of(features.kinks), features.watched_sliders
     more = len(features.boundaries) + len(kinks) + len(sliders)
     right_hand_side: Any = derivatives
-    if dynamics.method.stages > MOST_INLINED:
+    if dynamics.method.stages > MAX_INLINED:
         asides = [k for k, name in enumerate(late) if name == "work"]
         right_hand_side = Subroutine(derivatives, len(early), len(late) + more, arguments, asides)
 

@@ -24,7 +24,7 @@ from redundant_envs.simulator.lane.fields import Variable
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.step_control import End, StepControl
 
-MOST_SEARCHED = 500
+MAX_SEARCHED = 500
 """Trial steps in search of one event; with more the interval is given up."""
 SEARCH = Search._fields
 
@@ -142,7 +142,7 @@ class LaneProgram:
             h = search.next_towards_turn(after)
             at_turn = abs(sought.speed * (h - trial.h)) <= sought.closeness
             lane.set(SEARCH, after)
-            if at_turn | (before.tries >= search.MOST_TURN_GUESSES):
+            if at_turn | (before.tries >= search.MAX_TURN_GUESSES):
                 for b, is_sought in zip(self.features.bounded, sought.chosen, strict=False):
                     lane[b.cleared] = lane[b.cleared] | is_sought
                 self.retry(lane, trial.left)
@@ -246,7 +246,7 @@ class LaneProgram:
         if not self.features.boundaries:
             return False
         rest = lane.left - lane.step
-        return logical_not((lane.searched < MOST_SEARCHED) & (rest == rest) & within)
+        return logical_not((lane.searched < MAX_SEARCHED) & (rest == rest) & within)
 
     # ---- events ------------------------------------------------------------------------------------------
 

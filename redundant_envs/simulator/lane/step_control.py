@@ -16,7 +16,7 @@ from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.error_control import Crossed, Verdict
 
-MOST_TRIALS = 65536
+MAX_TRIALS = 65536
 """Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
 events; of an interval in pieces as many for each. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP`
 more for each substep."""
@@ -41,7 +41,7 @@ class StepControl:
         self.step, self.features, self.pieces = step, step.features, step.pieces
         self.dynamics = step.dynamics
         self.stages = float(step.dynamics.method.stages)
-        self.most_trials = MOST_TRIALS * self.pieces.count
+        self.most_trials = MAX_TRIALS * self.pieces.count
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the plan, beside the length of the present step."""
@@ -98,7 +98,7 @@ class EqualSteps(StepControl):
         return inaccurate
 
     def accurate(self, lane: Lane) -> Any:
-        return (lane.error <= self.pieces.allowed_error(lane)) | (lane.divisions >= error_control.MOST_STEPS)
+        return (lane.error <= self.pieces.allowed_error(lane)) | (lane.divisions >= error_control.MAX_STEPS)
 
     def shorten(self, lane: Lane) -> None:
         steps = 2.0 * lane.divisions
@@ -124,7 +124,7 @@ class EqualSteps(StepControl):
             lane.left, lane.steps_left = self.pieces.span(lane) / lane.divisions, lane.steps_left - 1.0
             return End.NEXT
         accurate = lane.error <= self.pieces.allowed_error(lane)
-        passed = accurate & (lane.min_steps <= error_control.MOST_STEPS) & agrees
+        passed = accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees
         if not passed:
             self.note(lane, Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
@@ -185,7 +185,7 @@ class AdaptiveSteps(StepControl):
     def within_budget(self, lane: Lane) -> Any:
         taken = lane.steps_left
         lane.steps_left = taken + 1.0
-        return taken < error_control.MOST_ADAPTIVE_STEPS + MOST_TRIALS
+        return taken < error_control.MAX_ADAPTIVE_STEPS + MAX_TRIALS
 
 
 CLASSES = {Control.FIXED: StepControl, Control.EQUAL: EqualSteps, Control.ADAPTIVE: AdaptiveSteps}

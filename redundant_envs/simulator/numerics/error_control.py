@@ -60,15 +60,15 @@ def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
 # A sum of errors ignores their growth with many steps or impacts. Where that matters an interval must give
 # the same result, to the tolerance, with half as many steps: docs/design.md has the reasons.
 
-MOST_DOUBLINGS = 14
-MOST_STEPS = 2.0**MOST_DOUBLINGS
+MAX_DOUBLINGS = 14
+MAX_STEPS = 2.0**MAX_DOUBLINGS
 CHECKED_STEPS, CHECKED_ALWAYS = 128.0, 1024.0
 GROWTH = 1e5
 SOME_IMPACTS, GROWTH_BY_SOME = 4.0, 100.0
 CHECKED_IMPACTS = 8.0
-MANY_IMPACTS, MOST_STEPS_OF_MANY = 32.0, 256.0
+MANY_IMPACTS, MAX_STEPS_OF_MANY = 32.0, 256.0
 """With more steps, this many impacts multiply only rounding errors."""
-MANY_SHARE, MOST_MANY_SHARE, MANY_ROUNDING = 1e-3, 0.1, 1e-13
+MANY_SHARE, MAX_MANY_SHARE, MANY_ROUNDING = 1e-3, 0.1, 1e-13
 """The largest change to half as many steps after so many impacts, in tolerances: a tenth in
 place of a thousandth where rounding alone may be that much, 1e-13 m."""
 STEPS_PER_IMPACT = 8.0
@@ -108,7 +108,7 @@ def steps_for_error(failed: Any, error: Any, tip_tolerance: Any) -> Any:
 @branches
 def steps_allowed(min_steps: Any) -> Any:
     """The least power of two that is not below a number of steps."""
-    for k in range(MOST_DOUBLINGS - 1, -1, -1):
+    for k in range(MAX_DOUBLINGS - 1, -1, -1):
         if min_steps > 2.0**k:
             return 2.0 ** (k + 1)
     return 1.0
@@ -149,7 +149,7 @@ def confirmed(c: Crossed) -> Any:
     if not c.kinked:
         if c.impacts < MANY_IMPACTS:
             return c.change <= c.tip_tolerance
-        most = minimum(MOST_MANY_SHARE * c.tip_tolerance, MANY_ROUNDING)
+        most = minimum(MAX_MANY_SHARE * c.tip_tolerance, MANY_ROUNDING)
         return c.change <= maximum(MANY_SHARE * c.tip_tolerance, most)
     growth = KINKED_GROWTH if c.impacts < CHECKED_IMPACTS else GROWTH
     least = maximum(STEPS_PER_IMPACT * c.impacts, STEPS_OF_HIDDEN_KINK if c.hidden_kink else 1.0)
@@ -178,12 +178,12 @@ def growth_over_pieces(steps: Any, impacts: Any) -> Any:
 @branches
 def most_steps(impacts: Any) -> Any:
     """Largest number of steps into which an interval is divided."""
-    return MOST_STEPS if impacts < MANY_IMPACTS else MOST_STEPS_OF_MANY
+    return MAX_STEPS if impacts < MANY_IMPACTS else MAX_STEPS_OF_MANY
 
 
 # ---- dop853: each step as long as its error allows (Hairer, Norsett, Wanner I, II.4) ------------------
 
-MOST_ADAPTIVE_STEPS = 1e6
+MAX_ADAPTIVE_STEPS = 1e6
 SHORTEST_SHARE = 1e-13
 """Fraction of the interval below which no step is tried."""
 CROSSED_SHARE = 1e-14
@@ -219,7 +219,7 @@ def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval:
     if h < next_step:  # such a step lengthens none
         grown = maximum(grown, next_step)
     shorter = h * minimum(factor, 0.9)
-    hopeless = (taken > MOST_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
+    hopeless = (taken > MAX_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
     if hopeless:
         return Verdict(True, shorter, 0.0)
     return Verdict(passed, shorter, grown if passed else shorter)

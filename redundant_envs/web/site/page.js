@@ -269,8 +269,8 @@ const SIGNS = {
   additions: "+ −", products: "×", divisions: "÷", roots: "√", sine_pairs: "sin cos", comparisons: "<", selections: "?:",
   bytes: "bytes",
 };
-const MOST_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_EVERY = 200, WRITE_EVERY = 500;
-const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MOST_FAULTS = 3, FAULTS_WITHIN = 10_000;
+const MAX_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_EVERY = 200, WRITE_EVERY = 500;
+const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MAX_FAULTS = 3, FAULTS_WITHIN = 10_000;
 const MOVE = 0.02, KEY_PUSH = 50, PUSH_PER_METRE = 150, ARROW = 330, GRAB = 22, TRAIL = 60, MARGIN = 1.12;
 const DEFAULTS = { arm: "RPRP", who: "race", policy: "SAC", accuracy: "6" };
 const byId = (id) => document.getElementById(id);
@@ -618,7 +618,7 @@ const app = {
     const start = performance.now();
     if (this.seen) {
       const { dt } = this.seen, passed = this.last === null ? 0 : time - this.last;
-      this.due = this.running ? Math.min(this.due + passed / 1000, (this.slow ? 1 : MOST_STEPS) * dt) : 0;
+      this.due = this.running ? Math.min(this.due + passed / 1000, (this.slow ? 1 : MAX_STEPS) * dt) : 0;
       if (this.waiting === null && this.due >= dt) {
         const steps = Math.floor(this.due / dt + 1e-9), { fields } = this.pushed;
         this.due -= steps * dt;
@@ -674,10 +674,10 @@ const app = {
       const now = performance.now();
       this.faults = [...this.faults.filter((time) => now - time < FAULTS_WITHIN), now];
       this.begin(keep);
-      if (this.faults.length > MOST_FAULTS) {
+      if (this.faults.length > MAX_FAULTS) {
         this.run(false);
         this.faults = [];
-        this.trouble(`numerics: ${named.join("; ")}. Paused after ${MOST_FAULTS + 1} faults in a row.`);
+        this.trouble(`numerics: ${named.join("; ")}. Paused after ${MAX_FAULTS + 1} faults in a row.`);
       }
       return;
     }
