@@ -6,7 +6,7 @@ from catalogue import COPIES, IDS, SCENES, assert_same_bits, motion, names, on, 
 
 import redundant_envs as rde
 from redundant_envs.verify import Mode, Subject, Verdict
-from redundant_envs.verify.checks import Trial
+from redundant_envs.verify.checks import Sample
 from redundant_envs.verify.report import checks_in
 from redundant_envs.verify.subjects import subject_of
 
@@ -35,13 +35,13 @@ def missed(trial, checks):
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]
 )
 def test_a_scene_keeps_every_promise(name):
-    assert missed(Trial(Subject(name, SCENES[name]), STATES, Mode.STANDARD, SEED), CHECKS) == []
+    assert missed(Sample(Subject(name, SCENES[name]), STATES, Mode.STANDARD, SEED), CHECKS) == []
 
 
 @pytest.mark.quick("redundant_envs/RPRPReach-v0")
 @pytest.mark.parametrize("env_id", IDS)
 def test_an_environment_keeps_every_promise(env_id):
-    assert missed(Trial(subject_of(env_id), STATES, Mode.STANDARD, SEED), OF_ENVIRONMENTS) == []
+    assert missed(Sample(subject_of(env_id), STATES, Mode.STANDARD, SEED), OF_ENVIRONMENTS) == []
 
 
 @pytest.mark.quick("copy-{}-4R free 1e-12")

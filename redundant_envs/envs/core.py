@@ -25,7 +25,7 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.scenes.scene import Scene, scene_at
-from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, Operation
+from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, KernelCall
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
@@ -280,7 +280,7 @@ class Core(Copied):
         flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
-        tables = self._run(Operation.STEP, actions, autoreset)
+        tables = self._run(KernelCall.STEP, actions, autoreset)
         self.begun = None
         if autoreset != Autoreset.DISABLED and np.count_nonzero(self.mask):  # quicker than any()
             self.begun = self.mask == (BEGUN if autoreset == Autoreset.NEXT_STEP else DUE)
@@ -360,18 +360,18 @@ class Core(Copied):
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        (run or self._run)(Operation.RESET)
+        (run or self._run)(KernelCall.RESET)
         for names, some, table in starts:
             self.memory.write(names, table, some)
         if starts and self.simulator.dynamics.effect_states.computed:
-            (run or self._run)(Operation.BEGIN_STATES)
+            (run or self._run)(KernelCall.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
 
     @alone
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
-        obs, out, *_ = self._run(Operation.OBSERVE)
+        obs, out, *_ = self._run(KernelCall.OBSERVE)
         return obs, out
 
     def checked(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> options.Given:

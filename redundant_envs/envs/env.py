@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, Face
+from redundant_envs.envs.face import PICTURE_SIZE, EnvBase
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import IN_USE, alone, first
 from redundant_envs.model.programs import Team
-from redundant_envs.simulator.batch.environment import Autoreset, Operation
+from redundant_envs.simulator.batch.environment import Autoreset, KernelCall
 from redundant_envs.simulator.lane.episode import TABLES, TIP
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables for :mod:`struct` and NumPy; a row has one for each lane of a block."""
 
 
-class ArmEnv(Face, gym.Env[Any, Any]):
+class ArmEnv(EnvBase, gym.Env[Any, Any]):
     """A torque-controlled arm with a task; made by ``gymnasium.make``."""
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
@@ -56,7 +56,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         core = self._core_of(scene, 1, task, accuracy, variation, info_keys)
         self.observation_space, self.action_space = self._take(core)
         self._lane = SingleLane(self.core)
-        self._operation: Operation | None = None  # kind of step; None if the next call has to be a reset
+        self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "_lane": None}
@@ -89,7 +89,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             self.core.generators[0] = self.np_random
             self.core.waiting[0] = False
         self.core.begin(lanes, checked, self._lane.run)
-        obs = self._lane.run(Operation.OBSERVE)
+        obs = self._lane.run(KernelCall.OBSERVE)
         self._begin()
         if self._renderer is not None:
             self._renderer.clear()
@@ -98,7 +98,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
         return obs, self._lane.told(self._lane.read())[-1]
 
     def _begin(self) -> None:
-        self._operation = Operation.CHECKED_STEP if self.on_bad_action == "raise" else Operation.STEP
+        self._operation = KernelCall.CHECKED_STEP if self.on_bad_action == "raise" else KernelCall.STEP
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
@@ -106,7 +106,7 @@ class ArmEnv(Face, gym.Env[Any, Any]):
             when = "after the end of the episode" if self.core.begun_all else "before reset"
             raise ResetNeeded(f"step was called {when}; call reset() first")
         obs, (terminated, reward, info) = self._lane.step(action, self._operation)
-        if reward != reward and self._operation == Operation.CHECKED_STEP:
+        if reward != reward and self._operation == KernelCall.CHECKED_STEP:
             refuse_bad_action(np.asarray(action, np.float32))
         if terminated:
             self._operation = None

@@ -48,7 +48,7 @@ class Moment:
 
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
-"""Properties of :class:`Face` that lanes have each for itself."""
+"""Properties of :class:`EnvBase` that lanes have each for itself."""
 SHARED = ("on_bad_action", "render_mode", "metadata")
 """Attributes of all environments together that ``set_attr`` sets."""
 ON_BAD_ACTION = ("raise", "terminate")
@@ -150,7 +150,7 @@ def parameters_of(core: Core) -> Parameters:
     return Parameters(found)
 
 
-class Face:
+class EnvBase:
     """A core as users see it: its scene, and coordinates, velocities, tips, goals and numbers of its lanes.
 
     The values are copies. To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a
@@ -334,7 +334,7 @@ class Face:
             self._see(self.core.observe()[1])
 
 
-class VectorFace(Face):
+class VectorEnvBase(EnvBase):
     """The same for many lanes."""
 
     _ready = False

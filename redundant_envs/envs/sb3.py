@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import checked_seed, episode_limit
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, frames_per_second, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.envs.variation import Variation
@@ -35,7 +35,7 @@ with needs("train"):
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 
-class SB3VecEnv(VectorFace, VecEnv):
+class SB3VecEnv(VectorEnvBase, VecEnv):
     """Lanes of a core as a VecEnv; use :func:`make_sb3`.
 
     A done environment begins its next episode in the same step; the last observation is in

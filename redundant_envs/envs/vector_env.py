@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import STATE_KEYS
-from redundant_envs.envs.face import PICTURE_SIZE, VectorFace, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import first
@@ -24,7 +24,7 @@ from redundant_envs.support.values import shown, whole_number
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 
 
-class ArmVectorEnv(VectorFace, VectorEnv[Any, Any, Any]):
+class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
 
     Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, None or

@@ -12,7 +12,7 @@ import numpy as np
 
 from redundant_envs.compiler.tracing.graph import Graph, Operation, Value, reached
 from redundant_envs.compiler.tracing.number import Number, value_of
-from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Force, states_of
 from redundant_envs.exports.links import shares_of_joints
 from redundant_envs.language.quantities import Quantities

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects.attached import Attached, field_of
+from redundant_envs.effects.bound_hooks import Attached, field_of
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import (
     CONTROL_DT,

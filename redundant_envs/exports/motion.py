@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.compiler.tracing.graph import Graph, Value, located
 from redundant_envs.compiler.tracing.number import Number, value_of
-from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import (
     Actuation,
     Effect,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects.attached import Attached, field_of
+from redundant_envs.effects.bound_hooks import Attached, field_of
 from redundant_envs.effects.hooks import CONTROL_DT, Force, Point
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.scenes.scene import Scene

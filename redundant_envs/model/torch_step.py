@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.compiler.backends.torch import number, on_plain_numbers, torch
-from redundant_envs.effects.attached import DRAWN
+from redundant_envs.effects.bound_hooks import DRAWN
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.lane.common_step import lane_step

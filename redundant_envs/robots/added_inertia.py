@@ -53,7 +53,7 @@ def held_functions(arm: type[Arm]) -> tuple[Function, Function]:
     return derived.forward_dynamics(n, sliders), derived.slider_mobility(n, sliders)
 
 
-class Loaded:
+class WithAddedInertia:
     """Base of arms with inertias of effects, which cannot be the arm of a scene."""
 
 
@@ -81,7 +81,7 @@ def _loaded_class(kind: Any, added: Added, inertias: tuple[float, ...]) -> type[
         "functions": functions_with(kind, added), "kind": kind.kind, "parameter_values": parameter_values,
         "__reduce__": reduced, "__module__": kind.__module__, "__doc__": kind.__doc__,
     }  # fmt: skip
-    return type(kind.__name__, (kind, Loaded), more)
+    return type(kind.__name__, (kind, WithAddedInertia), more)
 
 
 def _of_point_masses(function: Function, bare: set[str]) -> Function:

@@ -153,27 +153,29 @@ class Arm:
         if types is not None:
             joint_types.check_joint_types(f"{cls.__name__}.joint_types", types)
             facts = joint_types.facts_of(types, cls.functions)
-            cls._say(facts)
+            cls._set_defaults(facts)
         checks.check_joints(cls)
         for name in checks.FUNCTIONS:
             if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
                 setattr(cls, name, staticmethod(cls.__dict__[name]))
-        cls._say({name: value for name, value in _defaults(cls).items() if name not in facts})
+        cls._set_defaults({name: value for name, value in _defaults(cls).items() if name not in facts})
         if types is not None:
             cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
-            cls._say({"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))})
+            cls._set_defaults(
+                {"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))}
+            )
         elif "phi1" not in cls._given():
             n = len(cls.coordinates)
             same = {"phi{}": cls.coordinates, "phid{}": cls.rates, "Q{}": numbered("t{}", n)}
             cls._follow(derived.identity(numbered(form, n), taken) for form, taken in same.items())
             back = derived.identity(cls.coordinates, numbered("phi{}", n))
-            cls._say({"coordinates_of_joints": staticmethod(back)})
+            cls._set_defaults({"coordinates_of_joints": staticmethod(back)})
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)
-        if not cls._has_said("mobility_bounds"):
+        if not cls._is_explicit("mobility_bounds"):
             bounds = mobility.mobility_bounds(cls)
-            cls._say({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
+            cls._set_defaults({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
 
     @classmethod
     def _given(cls) -> set[str]:
@@ -185,14 +187,14 @@ class Arm:
         cls.functions += tuple(derived.following(f) for f in functions)
 
     @classmethod
-    def _has_said(cls, name: str) -> bool:
+    def _is_explicit(cls, name: str) -> bool:
         return name not in cls._derived and any(name in vars(base) for base in cls.__mro__[:-2])
 
     @classmethod
-    def _say(cls, facts: Mapping[str, Any]) -> None:
+    def _set_defaults(cls, facts: Mapping[str, Any]) -> None:
         """Set attributes that neither the class nor a base has defined; each class has its own kind."""
         for name, value in facts.items():
-            if not cls._has_said(name) or (name == "kind" and name not in cls.__dict__):
+            if not cls._is_explicit(name) or (name == "kind" and name not in cls.__dict__):
                 cls._derived |= {name}
                 setattr(cls, name, value)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects import attaching
+from redundant_envs.effects import validate_hooks
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.support.values import replaced, shown
@@ -103,7 +103,7 @@ def _check_effect(scene: Any, effect: Any, values: Table) -> None:
         made = replaced(effect, **fields)
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
-        attaching.check_numbers(effect.key, made, scene.robot, hooks)
+        validate_hooks.check_numbers(effect.key, made, scene.robot, hooks)
 
 
 def _check_task(task: Any, values: Table) -> None:

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
-from redundant_envs.effects.attached import Attachments, identifier
-from redundant_envs.effects.attaching import check_attached
+from redundant_envs.effects.bound_hooks import Attachments, identifier
 from redundant_envs.effects.hooks import (
     COMMAND,
     MAX_INSTANTS,
@@ -21,9 +20,10 @@ from redundant_envs.effects.hooks import (
     State,
     states_of,
 )
+from redundant_envs.effects.validate_hooks import check_attached
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots import drawn
-from redundant_envs.robots.added_inertia import Loaded
+from redundant_envs.robots.added_inertia import WithAddedInertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
@@ -123,7 +123,7 @@ class Scene:
                     f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
                     f"({identifier(name)}); rename a field, or give one effect another 'key'"
                 )
-        if isinstance(self.robot, Loaded):
+        if isinstance(self.robot, WithAddedInertia):
             raise ValueError(
                 f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
                 "scene's own robot, and the effects"

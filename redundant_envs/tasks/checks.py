@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 from redundant_envs.compiler import dialect
-from redundant_envs.effects import captured
-from redundant_envs.effects.attached import identifier
-from redundant_envs.effects.captured import Described, Owner, Place
+from redundant_envs.effects import baked_numbers
+from redundant_envs.effects.baked_numbers import Described, Owner, Place
+from redundant_envs.effects.bound_hooks import identifier
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
 from redundant_envs.scenes.scene import Scene
@@ -109,9 +109,12 @@ def _check_captured(task: Task, scene: Scene) -> None:
     def of_effect(key: str) -> Callable[[Place], str]:
         return lambda place: f"take it as the argument {identifier(f'{key}.{place.name}')} of the function"
 
-    owners = [Owner(type(task).__name__, task, of_task), Owner("the arm", scene.robot, captured.of_the_arm)]
+    owners = [
+        Owner(type(task).__name__, task, of_task),
+        Owner("the arm", scene.robot, baked_numbers.of_the_arm),
+    ]
     owners += [Owner(f"the effect {e.key}", e, of_effect(e.key)) for e in scene.effects]
-    captured.check_captured(owners, described)
+    baked_numbers.check_captured(owners, described)
 
 
 def task_described(task: Task, scene: Scene) -> Described:
@@ -119,7 +122,7 @@ def task_described(task: Task, scene: Scene) -> Described:
     functions = (*task.functions(scene), *task.begin_functions)
     found: Described = {"the number of functions": (str(len(functions)), "")}
     for f in functions:
-        found[f"the function of {', '.join(gives_of(f))}"] = captured.function_described(f)
+        found[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
     names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
     told = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
     told |= {

@@ -9,7 +9,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS
-from redundant_envs.verify.checks import Array, Trial, check, enough
+from redundant_envs.verify.checks import Array, Sample, check, enough
 from redundant_envs.verify.conservation import energy_changes, exact_in_parts, exact_whole, own_interval
 from redundant_envs.verify.judging import judge
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
@@ -21,7 +21,7 @@ MISSED = 1e-3
 million (``study intervals``), those with a strong damper that is not declared some of ten or a hundred."""
 
 
-def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
+def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
     """Tips at the scene's own step, those of the two references, m, and whether these are valid."""
     whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
     own, first, second = (
@@ -31,7 +31,7 @@ def tips(trial: Trial) -> tuple[Array, list[Array], NDArray[np.bool_]]:
 
 
 @check("tip error of the own step", nothing("m, 99 % of the states"))
-def own_step(trial: Trial) -> Finding:
+def own_step(trial: Sample) -> Finding:
     """The tip error of a control interval at the scene's own step, against dop853 in parts."""
     own, (best, other), sure = tips(trial)
     if not sure.any():
@@ -45,7 +45,7 @@ def own_step(trial: Trial) -> Finding:
 
 
 @check("energy of the own step", nothing("J, 99 % of the states"))
-def own_energy(trial: Trial) -> Finding:
+def own_energy(trial: Sample) -> Finding:
     """Change of kinetic + potential - work over a control interval at the scene's own step."""
     q, qd, _ = trial.states
     own = trial.shared(own_interval)
@@ -55,7 +55,7 @@ def own_energy(trial: Trial) -> Finding:
 
 
 @check("intervals without a flag", at_most(0.05, "of the states"))
-def flagged(trial: Trial) -> Finding:
+def flagged(trial: Sample) -> Finding:
     """The share of the states whose control interval ends with a flag, at the scene's own step: extreme ones
     do, and none in scenes of the package."""
     numerics = trial.shared(own_interval).numerics
@@ -69,7 +69,7 @@ def flagged(trial: Trial) -> Finding:
 
 
 @check("tolerance kept", at_most(MISSED, "of the states"))
-def tolerance_kept(trial: Trial) -> Finding:
+def tolerance_kept(trial: Sample) -> Finding:
     """The share of the states that are off by more than twice the scene's tolerance, and not flagged."""
     tolerance = trial.scene.tolerance
     if tolerance is None:
@@ -102,12 +102,12 @@ SHORT_OF = 0.3
 """Tolerated difference from the method's order: at a finite step the next order contributes."""
 
 
-def declared(trial: Trial) -> Promise:
+def declared(trial: Sample) -> Promise:
     return at_least(METHODS[trial.scene.integrator].order - SHORT_OF)
 
 
 @check("order of convergence", declared, Mode.STANDARD)
-def order(trial: Trial) -> Finding:
+def order(trial: Sample) -> Finding:
     """Halving the step divides the error by 2^order, on the scene's arm in a vertical plane."""
     name = trial.scene.integrator
     if name == "dop853":

@@ -11,7 +11,7 @@ import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator, draws_of
 from redundant_envs.verify import recorded_bits
-from redundant_envs.verify.checks import Array, Trial, check
+from redundant_envs.verify.checks import Array, Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
 
 LANES = 67
@@ -19,7 +19,7 @@ LANES = 67
 INTERVALS = 3
 
 
-def batch_of(trial: Trial, lanes: Array, threads: int = 1) -> BatchSimulator:
+def batch_of(trial: Sample, lanes: Array, threads: int = 1) -> BatchSimulator:
     """A batch whose lanes have the states with these indices, in this order."""
     q, qd, _ = trial.states
     batch = BatchSimulator(trial.scene, len(lanes), threads, track_work=True)
@@ -36,7 +36,7 @@ def numbers(batch: Any) -> Array:
     return np.ascontiguousarray(table).view(np.int64)
 
 
-def run(trial: Trial, batch: Any, lanes: Array, steps: Any = range(INTERVALS), without: Any = ()) -> Array:
+def run(trial: Sample, batch: Any, lanes: Array, steps: Any = range(INTERVALS), without: Any = ()) -> Array:
     """Every number of some intervals, each lane under the efforts of its state, (lanes, ...); those
     ``without`` have efforts that are no numbers."""
     tables = []
@@ -48,13 +48,13 @@ def run(trial: Trial, batch: Any, lanes: Array, steps: Any = range(INTERVALS), w
     return np.concatenate(tables, axis=1)
 
 
-def alone(trial: Trial) -> Array:
+def alone(trial: Sample) -> Array:
     """The bits that all others are compared with."""
     lanes = np.arange(LANES)
     return run(trial, batch_of(trial, lanes), lanes)
 
 
-def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
+def differing(trial: Sample, found: Array, lanes: Array, what: str) -> Finding:
     """Number of lanes whose bits differ from those of the same states in :func:`alone`."""
     other = (found != trial.shared(alone)[lanes]).any(axis=1)
     count = int(other.sum())
@@ -63,7 +63,7 @@ def differing(trial: Trial, found: Array, lanes: Array, what: str) -> Finding:
 
 
 @check("bits: batch and place", EQUAL_BITS)
-def place(trial: Trial) -> Finding:
+def place(trial: Sample) -> Finding:
     """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
     orders = order, order[:1], order[1:9], order[9:18]
@@ -72,7 +72,7 @@ def place(trial: Trial) -> Finding:
 
 
 @check("bits: neighbours", EQUAL_BITS)
-def neighbours(trial: Trial) -> Finding:
+def neighbours(trial: Sample) -> Finding:
     """A lane has the same bits beside others, some of which are not finite."""
     lanes = np.arange(LANES)
     batch, own = batch_of(trial, lanes), lanes % 2 == 0
@@ -83,7 +83,7 @@ def neighbours(trial: Trial) -> Finding:
 
 
 @check("bits: threads", EQUAL_BITS)
-def threads(trial: Trial) -> Finding:
+def threads(trial: Sample) -> Finding:
     """Two and three threads give the bits of one."""
     lanes = np.arange(LANES)
     found = [run(trial, batch_of(trial, lanes, count), lanes) for count in (2, 3)]
@@ -91,7 +91,7 @@ def threads(trial: Trial) -> Finding:
 
 
 @check("bits: parameters of lanes", EQUAL_BITS, Mode.STANDARD)
-def parameters(trial: Trial) -> Finding:
+def parameters(trial: Sample) -> Finding:
     """Lanes whose own numbers are equal to those of the scene have the same bits."""
     lanes = np.arange(LANES)
     batch = batch_of(trial, lanes)
@@ -101,7 +101,7 @@ def parameters(trial: Trial) -> Finding:
     return differing(trial, run(trial, batch, lanes), lanes, "with parameters of their own")
 
 
-def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
+def _continued(trial: Sample, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
     lanes = np.arange(LANES)
     batch = batch_of(trial, lanes)
     begun = run(trial, batch, lanes, [0])
@@ -110,7 +110,7 @@ def _continued(trial: Trial, remade: Callable[[BatchSimulator], Any], what: str)
 
 
 @check("bits: copies", EQUAL_BITS)
-def copies(trial: Trial) -> Finding:
+def copies(trial: Sample) -> Finding:
     """A copy continues to the same bits, whatever happens to the original."""
 
     def copied(batch: BatchSimulator) -> BatchSimulator:
@@ -122,7 +122,7 @@ def copies(trial: Trial) -> Finding:
 
 
 @check("bits: pickles", EQUAL_BITS, Mode.STANDARD)
-def pickles(trial: Trial) -> Finding:
+def pickles(trial: Sample) -> Finding:
     """A pickle continues to the same bits."""
 
     def pickled(batch: BatchSimulator) -> Any:
@@ -136,7 +136,7 @@ def pickles(trial: Trial) -> Finding:
 
 
 @check("bits: snapshots", EQUAL_BITS)
-def snapshots(trial: Trial) -> Finding:
+def snapshots(trial: Sample) -> Finding:
     """A snapshot is restored by a batch that has advanced, and by a new one with other numbers."""
 
     def restored(batch: BatchSimulator) -> BatchSimulator:
@@ -164,7 +164,7 @@ RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mod
 
 
 @check("record of bits", Promise(0.0, "motions differ", "equal bits"))
-def record(trial: Trial) -> Finding:
+def record(trial: Sample) -> Finding:
     """Recorded motions have the same bits on this machine; no subject changes them."""
     names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)
     if not recorded_bits.RECORD.exists():

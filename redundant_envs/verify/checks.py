@@ -27,8 +27,8 @@ ENOUGH_SMOOTH = 0.5
 """Share of the states that must be smooth, and of the intervals that must be judged."""
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
 """Number of random states of each mode, unless the command gives one."""
-Promised = Promise | Callable[["Trial"], Promise]
-Measure = Callable[["Trial"], Finding]
+Promised = Promise | Callable[["Sample"], Promise]
+Measure = Callable[["Sample"], Finding]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Check:
     mode: Mode  # the smallest one in which it runs
     measure: Measure  # raises NotApplicable or NotRun with a reason
 
-    def run(self, trial: Trial) -> Outcome:
+    def run(self, trial: Sample) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
         promise = nothing("")
         try:
@@ -86,7 +86,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Sample:
     """A subject and its random states; checks share intermediate results."""
 
     subject: Subject
@@ -146,7 +146,7 @@ class Trial:
         seconds = min(self.scene.control_dt, float(np.median(self.calm)))
         return dataclasses.replace(self.scene, control_dt=seconds)
 
-    def shared(self, make: Callable[[Trial], Any]) -> Any:
+    def shared(self, make: Callable[[Sample], Any]) -> Any:
         """The result of a function for this trial, computed once."""
         if make not in self._kept:
             self._kept[make] = make(self)

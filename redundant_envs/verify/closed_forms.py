@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.attached import TIME, Attached, Functions
+from redundant_envs.effects.bound_hooks import TIME, Attached, Functions
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.hints import Motion, worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
@@ -28,7 +28,7 @@ SPREAD = 2.0
 
 
 @check("closed forms of states", AGREE)
-def closed_forms(trial: Trial) -> Finding:
+def closed_forms(trial: Sample) -> Finding:
     """A closed form keeps the value of its state at the time 0, and its derivative by the time is that of the
     state, at the values that it gives, with all other quantities constant."""
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
@@ -43,7 +43,7 @@ def closed_forms(trial: Trial) -> Finding:
     return worst_of(found, "no state has a closed form")
 
 
-def _closed_form(trial: Trial, x: Quantities, a: Attached[Any], field: str, own: Functions) -> Finding:
+def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, own: Functions) -> Finding:
     """The largest gap between a closed form and its derivative, in units of the largest derivative."""
     count, interval = len(trial.states[0]), trial.scene.control_dt
     rng = np.random.default_rng(trial.seed + 9)

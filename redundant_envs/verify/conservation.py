@@ -13,7 +13,7 @@ from redundant_envs.language.algebra import numbered
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, enough, ratio
+from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Sample, check, enough, ratio
 from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
@@ -58,16 +58,16 @@ def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> 
     return Crossing(batch.q, batch.qd, batch.work, batch.z, numerics)
 
 
-def own_interval(trial: Trial) -> Crossing:
+def own_interval(trial: Sample) -> Crossing:
     """The interval by the scene's own steps."""
     return moved(trial.scene, *trial.states)
 
 
-def exact_whole(trial: Trial) -> Crossing:
+def exact_whole(trial: Sample) -> Crossing:
     return crossed(trial.scene, *trial.states)
 
 
-def exact_in_parts(trial: Trial) -> Crossing:
+def exact_in_parts(trial: Sample) -> Crossing:
     """The same interval with other steps; equal ones if effects update their states at its end, or have an
     instant, since it cannot be divided then."""
     updated = any(state.update is not None for state in trial.scene.states().values())
@@ -89,7 +89,7 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Ar
 
 
 @check("energy book", at_most(OPEN))
-def energy_book(trial: Trial) -> Finding:
+def energy_book(trial: Sample) -> Finding:
     """Kinetic + potential - work is constant over a control interval, or over a shorter one that is calm for
     half of the states, in units of the energies involved."""
     q, qd, _ = trial.states
@@ -125,7 +125,7 @@ MOVE, RIGID = 0.5, 1e-9
 
 
 @check("momentum", at_most(ADRIFT))
-def momentum(trial: Trial) -> Finding:
+def momentum(trial: Sample) -> Finding:
     """Without a field, and with motors at all joints but the first, the momentum along that is kept: it turns
     the whole arm about the base, or slides it, which changes no inertia."""
     (q, qd, efforts), robot = trial.states, trial.scene.robot

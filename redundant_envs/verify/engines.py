@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from redundant_envs.support.extras import needs
-from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
@@ -76,7 +76,7 @@ def model_of(arm: Any, unit: float, slopes: Array, points: Array) -> Any:
     )
 
 
-def compared(trial: Trial) -> Compared:
+def compared(trial: Sample) -> Compared:
     """MuJoCo's mass matrix, with the inertias that effects add, and forces of the motion and of weights."""
     arm, e = trial.arm, trial.shared(from_points)
     q, qd, _ = trial.states
@@ -106,7 +106,7 @@ def compared(trial: Trial) -> Compared:
 
 
 @check("MuJoCo: mass matrix and tip", AGREE, Mode.STANDARD)
-def mass_matrix(trial: Trial) -> Finding:
+def mass_matrix(trial: Sample) -> Finding:
     """M and the tip in random poses, from a model made in one pose."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
     q, B = trial.states[0][: len(theirs.M)], arm.motor_map
@@ -121,7 +121,7 @@ def mass_matrix(trial: Trial) -> Finding:
 
 
 @check("MuJoCo: accelerations", AGREE, Mode.STANDARD)
-def accelerations(trial: Trial) -> Finding:
+def accelerations(trial: Sample) -> Finding:
     """The accelerations under random efforts fulfil MuJoCo's equations of motion, to a residual that does not
     grow with the condition of the mass matrix."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)

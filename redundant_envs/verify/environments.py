@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from redundant_envs.envs.check import BrokenRule, check_vec_env
-from redundant_envs.verify.checks import Trial, check
+from redundant_envs.verify.checks import Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, Promise
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
@@ -20,7 +20,7 @@ MANY, WHOLE = 64, 200
 RULES = Promise(0.0, "rules broken", "at most")
 
 
-def _made(trial: Trial, **arguments: Any) -> Any:
+def _made(trial: Sample, **arguments: Any) -> Any:
     """The subject as a vector environment if ``num_envs`` is given, or as a single one."""
     if trial.subject.env_id is None:
         raise NotApplicable("this is not an environment")
@@ -29,11 +29,11 @@ def _made(trial: Trial, **arguments: Any) -> Any:
     return make(trial.subject.env_id, **own, **arguments)
 
 
-def _vector(trial: Trial, lanes: int = LANES, **arguments: Any) -> Any:
+def _vector(trial: Sample, lanes: int = LANES, **arguments: Any) -> Any:
     return _made(trial, num_envs=lanes, max_episode_steps=SHORT_EPISODE, **arguments)
 
 
-def _actions(trial: Trial, env: Any) -> Any:
+def _actions(trial: Sample, env: Any) -> Any:
     rng = np.random.default_rng(trial.seed)
     return rng.uniform(-1.2, 1.2, (STEPS, env.num_envs, *env.single_action_space.shape)).astype(np.float32)
 
@@ -54,7 +54,7 @@ def _differing(one: list[list[bytes]], other: list[list[bytes]], what: str) -> F
 
 
 @check("environment: rules of vectors", RULES)
-def rules(trial: Trial) -> Finding:
+def rules(trial: Sample) -> Finding:
     """``rde.check_vec_env`` finds no broken rule, in each autoreset mode."""
     broken = []
     for mode in ("next_step", "same_step", "disabled"):
@@ -66,7 +66,7 @@ def rules(trial: Trial) -> Finding:
 
 
 @check("environment: ranges", Promise(0.0, "steps", "at most"))
-def ranges(trial: Trial) -> Finding:
+def ranges(trial: Sample) -> Finding:
     """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
     finite."""
     outside = without = 0
@@ -103,7 +103,7 @@ def _without_number(infos: Any) -> Iterator[str]:
 
 
 @check("environment: single and vector", EQUAL_BITS)
-def single(trial: Trial) -> Finding:
+def single(trial: Sample) -> Finding:
     """Environment i of a vector has the bits of the single environment with seed s + i."""
     lanes = 3
     many = _vector(trial, lanes)
@@ -133,7 +133,7 @@ def _wide(values: Iterable[Any]) -> list[Any]:
 
 
 @check("environment: states", EQUAL_BITS)
-def states(trial: Trial) -> Finding:
+def states(trial: Sample) -> Finding:
     """``get_state`` and ``set_state`` continue to the same bits, across the ends of episodes."""
     env, actions = _begun(trial, autoreset_mode="same_step")
     state = env.get_state()
@@ -143,14 +143,14 @@ def states(trial: Trial) -> Finding:
 
 
 @check("environment: copies", EQUAL_BITS, Mode.STANDARD)
-def copies(trial: Trial) -> Finding:
+def copies(trial: Sample) -> Finding:
     """A copy continues to the same bits, whatever happens to the original."""
     env, actions = _begun(trial)
     other = copy.deepcopy(env)
     return _differing(_steps(env, actions), _steps(other, actions), "in a copy")
 
 
-def _begun(trial: Trial, **arguments: Any) -> tuple[Any, Any]:
+def _begun(trial: Sample, **arguments: Any) -> tuple[Any, Any]:
     """A vector environment after some steps, and the actions of the next ones."""
     env = _vector(trial, **arguments)
     env.reset(seed=3)
@@ -160,7 +160,7 @@ def _begun(trial: Trial, **arguments: Any) -> tuple[Any, Any]:
 
 
 @check("environment: seeds, threads and neighbours", EQUAL_BITS, Mode.STANDARD)
-def seeds(trial: Trial) -> Finding:
+def seeds(trial: Sample) -> Finding:
     """Equal seeds and actions give equal bits, with two threads and in a larger vector, too."""
     tables = []
     for lanes, threads in ((LANES, 1), (LANES, 2), (3 * LANES, 1)):

@@ -19,7 +19,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_least, at_most
 
 AGREE = at_most(1e-10)
@@ -69,7 +69,7 @@ def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
 
 
-def added_inertia(trial: Trial) -> Array:
+def added_inertia(trial: Sample) -> Array:
     """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
     arm = trial.scene.robot
     total = np.zeros((len(arm.joints),) * 2)
@@ -79,11 +79,11 @@ def added_inertia(trial: Trial) -> Array:
     return total
 
 
-def from_points(trial: Trial) -> Equations:
+def from_points(trial: Sample) -> Equations:
     return equations_at(trial.arm, added_inertia(trial), trial.states[0])
 
 
-def at_poses(trial: Trial) -> Equations:
+def at_poses(trial: Sample) -> Equations:
     return equations_at(trial.arm, added_inertia(trial), trial.poses[0])
 
 
@@ -97,12 +97,12 @@ def equations_at(arm: Arm, added: Array, q: Array) -> Equations:
     return Equations(arm.points(q), slope, M, np.sqrt(np.einsum("nii->ni", M)), change)
 
 
-def found(trial: Trial, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
+def found(trial: Sample, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
     return trial.finding(gaps, f"{trial.arm.kind}: {what} by {{:.1e}} of its size", names)
 
 
 @check("mass matrix", AGREE)
-def mass_matrix(trial: Trial) -> Finding:
+def mass_matrix(trial: Sample) -> Finding:
     """M is the sum of m_k J_k^T J_k over the point masses."""
     own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
     gaps = ratio(own - e.M, e.scale[:, :, None] * e.scale[:, None, :])
@@ -110,7 +110,7 @@ def mass_matrix(trial: Trial) -> Finding:
 
 
 @check("mass matrix is positive", at_least(1e-14))
-def positive(trial: Trial) -> Finding:
+def positive(trial: Sample) -> Finding:
     """The smallest eigenvalue of M, with its diagonal scaled to ones; below 1e-14 rounding may make it
     negative."""
     own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
@@ -124,7 +124,7 @@ def positive(trial: Trial) -> Finding:
 
 
 @check("bias forces", AGREE)
-def bias_forces(trial: Trial) -> Finding:
+def bias_forces(trial: Sample) -> Finding:
     """h is the bias force of Lagrange's equations with the arm's own M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
 
@@ -140,7 +140,7 @@ def bias_forces(trial: Trial) -> Finding:
 
 
 @check("passivity", AGREE)
-def passivity(trial: Trial) -> Finding:
+def passivity(trial: Sample) -> Finding:
     """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
     rate = np.einsum("nijk,nk->nij", e.change, qd)
@@ -151,7 +151,7 @@ def passivity(trial: Trial) -> Finding:
 
 
 @check("Coriolis matrix", AGREE, Mode.STANDARD)
-def coriolis(trial: Trial) -> Finding:
+def coriolis(trial: Sample) -> Finding:
     """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     C = arm.coriolis_matrix(q, qd)
@@ -169,7 +169,7 @@ def coriolis(trial: Trial) -> Finding:
 
 
 @check("gravity forces", AGREE)
-def gravity_forces(trial: Trial) -> Finding:
+def gravity_forces(trial: Sample) -> Finding:
     """G is the moment of the weights, and the derivative of U, in a field of either direction."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     masses, joints = np.array(arm.masses), len(arm.joints)
@@ -184,7 +184,7 @@ def gravity_forces(trial: Trial) -> Finding:
 
 
 @check("kinetic energy", AGREE)
-def kinetic_energy(trial: Trial) -> Finding:
+def kinetic_energy(trial: Sample) -> Finding:
     """T is qd^T M qd / 2 of the point masses."""
     (q, qd), e = trial.poses, trial.shared(at_poses)
     expected = 0.5 * np.einsum("ni,nij,nj->n", qd, e.M, qd)
@@ -193,7 +193,7 @@ def kinetic_energy(trial: Trial) -> Finding:
 
 
 @check("forward dynamics", AGREE)
-def forward_dynamics(trial: Trial) -> Finding:
+def forward_dynamics(trial: Sample) -> Finding:
     """M qdd + h + G = Q holds for the accelerations under random forces, in a field that is not vertical: a
     stable elimination keeps the residual small, however badly conditioned M is."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -213,7 +213,7 @@ def residual(M: Array, qdd: Array, forces: tuple[Array, ...], scale: Array) -> t
 
 
 @check("mobility bounds", at_most(1.0 + 1e-9))
-def mobility_bounds(trial: Trial) -> Finding:
+def mobility_bounds(trial: Sample) -> Finding:
     """diag(B^T M^-1 B) is nowhere above the bounds from which error control computes how stiff a spring is; a
     straight arm, or one with right angles, may attain one to rounding."""
     arm, (q, _) = trial.scene.robot, trial.poses
@@ -227,7 +227,7 @@ def mobility_bounds(trial: Trial) -> Finding:
 
 
 @check("sliders held and struck", AGREE)
-def sliders(trial: Trial) -> Finding:
+def sliders(trial: Sample) -> Finding:
     """Held dynamics are those of the constrained system, with each slider held alone and with all held, and
     slider mobilities are columns of M^-1."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)

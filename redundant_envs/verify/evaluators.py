@@ -13,7 +13,7 @@ from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.simulator.lane.direct import cross_interval, fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.interval import Interval
-from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-10)
@@ -37,7 +37,7 @@ class Ended(NamedTuple):
     started: dict[str, Array]  # states of effects, and what their draws follow from, at the start
 
 
-def compiled(trial: Trial) -> Ended:
+def compiled(trial: Sample) -> Ended:
     """States at the end of an interval by compiled code, for those whose interval needs few evaluations."""
     own = trial.calm_scene
     steps = min(own.substeps, MAX_STEPS)
@@ -66,7 +66,7 @@ def compiled(trial: Trial) -> Ended:
     return Ended(scene, lanes, own_end[lanes], dict(zip(names, table.T, strict=True)))
 
 
-def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array:
+def direct(trial: Sample, lanes: Array, convert: Callable[[Array], Any]) -> Array:
     """The same by running the procedures, without compilation, on numbers of another kind."""
     dynamics = Dynamics(trial.shared(compiled).scene)
     q, qd, efforts = (x[lanes] for x in trial.states)
@@ -80,7 +80,7 @@ def direct(trial: Trial, lanes: Array, convert: Callable[[Array], Any]) -> Array
     return np.stack([np.broadcast_to(np.asarray(lane[s]), len(lanes)) for s in states], axis=1)
 
 
-def agreement(trial: Trial, found: Array, other: str) -> Finding:
+def agreement(trial: Sample, found: Array, other: str) -> Finding:
     """The largest difference of an evaluator from compiled code."""
     expected = trial.shared(compiled).states[: len(found)]
     joints = len(trial.arm.joints)
@@ -91,13 +91,13 @@ def agreement(trial: Trial, found: Array, other: str) -> Finding:
 
 
 @check("evaluators: NumPy", AGREE, Mode.STANDARD)
-def arrays(trial: Trial) -> Finding:
+def arrays(trial: Sample) -> Finding:
     """Compiled code and the same procedures on arrays end an interval in the same state."""
     return agreement(trial, direct(trial, trial.shared(compiled).lanes, np.ascontiguousarray), "NumPy")
 
 
 @check("evaluators: single numbers", AGREE, Mode.STANDARD)
-def singles(trial: Trial) -> Finding:
+def singles(trial: Sample) -> Finding:
     """Compiled code and the same procedures on single numbers end an interval in the same state."""
     lanes = trial.shared(compiled).lanes[:SINGLES]
     rows = [direct(trial, lanes[k : k + 1], lambda x: np.float64(x[0])) for k in range(len(lanes))]
@@ -105,7 +105,7 @@ def singles(trial: Trial) -> Finding:
 
 
 @check("evaluators: torch", AGREE, Mode.FULL)
-def tensors(trial: Trial) -> Finding:
+def tensors(trial: Sample) -> Finding:
     """Compiled code and the same procedures on torch tensors end an interval in the same state."""
     from redundant_envs.compiler.backends.torch import number
 

@@ -6,12 +6,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.checks import BEYOND, ENOUGH_SMOOTH, ROUNDING, Array, Trial, check, ratio
+from redundant_envs.verify.checks import BEYOND, ENOUGH_SMOOTH, ROUNDING, Array, Sample, check, ratio
 from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
@@ -33,7 +33,7 @@ SMALL_FORCE = 1e-6
 
 
 @check("potentials against forces", at_most(AGREEMENT))
-def potentials(trial: Trial) -> Finding:
+def potentials(trial: Sample) -> Finding:
     """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
     several turns."""
     booked = {
@@ -43,7 +43,7 @@ def potentials(trial: Trial) -> Finding:
     return worst_of(found, "no effect has a potential")
 
 
-def _potential(trial: Trial, effect: Effect, q: Array) -> Finding:
+def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     arm: Any = trial.scene.robot
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
@@ -108,7 +108,7 @@ CONTINUOUS = 1e-9
 
 
 @check("forces at their switches", at_most(CONTINUOUS))
-def forces_at_switches(trial: Trial) -> Finding:
+def forces_at_switches(trial: Sample) -> Finding:
     """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
     values of its states."""
     found = [
@@ -119,7 +119,7 @@ def forces_at_switches(trial: Trial) -> Finding:
     return worst_of(found, "no force changes its law at a position")
 
 
-def _jump(trial: Trial, a: Attached[Force], limit: str, side: float) -> Finding:
+def _jump(trial: Sample, a: Attached[Force], limit: str, side: float) -> Finding:
     arm, hook, joint = trial.scene.robot, a.hook, cast(int, a.hook.joint)
     q, qd, _ = trial.states
     joints = q @ arm.motor_map

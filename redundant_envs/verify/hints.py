@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.attached import TIME, Attached
+from redundant_envs.effects.bound_hooks import TIME, Attached
 from redundant_envs.effects.hooks import SPEED, Force, Point
 from redundant_envs.language.algebra import where
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify.checks import ROUNDING, Array, Trial, check, ratio
+from redundant_envs.verify.checks import ROUNDING, Array, Sample, check, ratio
 from redundant_envs.verify.equations import TILTED, columns
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
@@ -83,7 +83,7 @@ def point_names(dynamics: Dynamics, point: Point, of_rate: bool) -> list[list[st
     return [[f"{form}{axis}{number}", *([f"tip_{form}{axis}"] if last else [])] for axis in "xy"]
 
 
-def cases(trial: Trial) -> Iterator[tuple[Attached[Force], Motion]]:
+def cases(trial: Sample) -> Iterator[tuple[Attached[Force], Motion]]:
     """Forces of a scene that declare stiffness or damping, each with motions in all its regimes: between its
     switches and beyond both, at rates of all sizes."""
     dynamics, (q, qd) = Dynamics(trial.scene), trial.poses
@@ -110,7 +110,7 @@ def worst_of(findings: list[Finding], reason: str) -> Finding:
     return max(findings, key=lambda f: f.found if f.found == f.found else np.inf)
 
 
-def hinted(trial: Trial, which: str) -> Finding:
+def hinted(trial: Sample, which: str) -> Finding:
     """The largest ratio of the actual to the declared stiffness or damping of forces."""
     found = []
     for a, motion in cases(trial):
@@ -131,19 +131,19 @@ def hinted(trial: Trial, which: str) -> Finding:
 
 
 @check("declared stiffness", SHORT)
-def stiffness(trial: Trial) -> Finding:
+def stiffness(trial: Sample) -> Finding:
     """The derivative of a force by its position, at rest, in units of the stiffness that it declares."""
     return hinted(trial, "stiffness")
 
 
 @check("declared damping", SHORT)
-def damping(trial: Trial) -> Finding:
+def damping(trial: Sample) -> Finding:
     """The derivative of a force by its rate, in units of the damping that it declares."""
     return hinted(trial, "damping")
 
 
 @check("dampers brake", DRIVES)
-def dampers(trial: Trial) -> Finding:
+def dampers(trial: Sample) -> Finding:
     """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
     power. Rates of other joints are left out: a damper between two joints may drive one of them."""
     found = []
@@ -177,7 +177,7 @@ def dampers(trial: Trial) -> Finding:
 
 
 @check("declared rates of states", SHORT)
-def rates_of_states(trial: Trial) -> Finding:
+def rates_of_states(trial: Sample) -> Finding:
     """Derivatives of the rates of change of effects' states by these states, and the fastest motion of the
     states of a hook together, in units of the rates that they declare."""
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states

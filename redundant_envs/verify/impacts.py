@@ -8,7 +8,7 @@ import numpy as np
 
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Trial, check, ratio
+from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Sample, check, ratio
 from redundant_envs.verify.equations import from_points
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
@@ -36,7 +36,7 @@ class Struck(NamedTuple):
     good: Array  # whether the impact took place without a fault
 
 
-def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
+def stops(trial: Sample) -> list[tuple[int, float, float, float]]:
     """For every joint with stops: joint, lower and upper end, restitution."""
     found = [
         (a.hook.joint, *map(a.number, (a.hook.lower, a.hook.upper, a.hook.restitution)))
@@ -49,7 +49,7 @@ def stops(trial: Trial) -> list[tuple[int, float, float, float]]:
     return found  # type: ignore[return-value]
 
 
-def struck(trial: Trial) -> Struck:
+def struck(trial: Sample) -> Struck:
     """Each state with one joint at a stop of its travel, moving outwards; the others are between stops."""
     ends, b = stops(trial), trial.arm.motor_map
     inverse = np.linalg.inv(b)
@@ -91,7 +91,7 @@ def struck(trial: Trial) -> Struck:
 
 
 @check("impacts: velocities", AGREE)
-def velocities(trial: Trial) -> Finding:
+def velocities(trial: Sample) -> Finding:
     """The joint returns with ``restitution`` times its speed, and the arm moves as the impulse requires."""
     s, e = trial.shared(struck), trial.shared(from_points)
     size = (e.scale * np.abs(s.qd)).max(axis=1, keepdims=True)
@@ -100,7 +100,7 @@ def velocities(trial: Trial) -> Finding:
 
 
 @check("impacts: momentum", AGREE)
-def momentum(trial: Trial) -> Finding:
+def momentum(trial: Sample) -> Finding:
     """M dqd acts along the joint that strikes alone: the others get no part of it."""
     s, e = trial.shared(struck), trial.shared(from_points)
     change = np.einsum("nij,nj->ni", s.M, s.after - s.qd) @ s.inverse.T
@@ -111,7 +111,7 @@ def momentum(trial: Trial) -> Finding:
 
 
 @check("impacts: energy", AGREE)
-def energy(trial: Trial) -> Finding:
+def energy(trial: Sample) -> Finding:
     """An impact takes (1 - restitution^2) v^2 / (2 W_jj), with W = B^T M^-1 B."""
     s = trial.shared(struck)
     before, after = (0.5 * np.einsum("ni,nij,nj->n", v, s.M, v) for v in (s.qd, s.after))
@@ -126,7 +126,7 @@ INTERVALS = 20
 
 
 @check("impacts: no joint beyond its stop", EQUAL_BITS)
-def inside(trial: Trial) -> Finding:
+def inside(trial: Sample) -> Finding:
     """After each of some control intervals every slider is within its stops, to the last bit, and every angle
     but for 4 ulp of the coordinates that it is a difference of."""
     ends, b = stops(trial), trial.arm.motor_map

@@ -11,13 +11,13 @@ from redundant_envs.language.algebra import entries, numbered
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.tasks.base import full_reach
-from redundant_envs.verify.checks import Array, Trial, check, ratio
+from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.equations import AGREE, at_poses, columns, found, slopes, table, values_of
 from redundant_envs.verify.promises import Finding, at_least, at_most
 
 
 @check("Jacobian", AGREE)
-def jacobian(trial: Trial) -> Finding:
+def jacobian(trial: Sample) -> Finding:
     """J is the derivative of the tip, the tip is the last point mass, and its velocity is J qd."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     J, tip = arm.jacobian(q), e.slopes[:, -1]
@@ -35,7 +35,7 @@ def jacobian(trial: Trial) -> Finding:
 
 
 @check("rate of the Jacobian", AGREE)
-def jacobian_rate(trial: Trial) -> Finding:
+def jacobian_rate(trial: Sample) -> Finding:
     """Jdqd is J' qd."""
     arm, (q, qd) = trial.arm, trial.poses
     joints = len(arm.joints)
@@ -47,7 +47,7 @@ def jacobian_rate(trial: Trial) -> Finding:
 
 
 @check("joints", AGREE)
-def joints(trial: Trial) -> Finding:
+def joints(trial: Sample) -> Finding:
     """Rates of the joints are those of their positions, motors act along them, and the inverse map is
     right."""
     arm, (q, qd) = trial.arm, trial.poses
@@ -64,7 +64,7 @@ def joints(trial: Trial) -> Finding:
 
 
 @check("motions of points", AGREE)
-def motions(trial: Trial) -> Finding:
+def motions(trial: Sample) -> Finding:
     """Velocities, Jacobians and accelerations at constant rates of all point masses follow from their
     positions."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -94,7 +94,7 @@ def motions(trial: Trial) -> Finding:
 
 
 @check("angular momentum", AGREE)
-def angular_momentum(trial: Trial) -> Finding:
+def angular_momentum(trial: Sample) -> Finding:
     """Lz is the angular momentum of the point masses about the base, and of the inertias of effects that turn
     with the first revolute joint."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -111,7 +111,7 @@ def angular_momentum(trial: Trial) -> Finding:
 
 
 @check("manipulability", AGREE)
-def manipulability(trial: Trial) -> Finding:
+def manipulability(trial: Sample) -> Finding:
     """The square of manipulability is det J J^T, and it is not negative: near a singular pose a root has only
     half the digits."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -123,7 +123,7 @@ def manipulability(trial: Trial) -> Finding:
 
 
 @check("column norms", AGREE)
-def column_norms(trial: Trial) -> Finding:
+def column_norms(trial: Sample) -> Finding:
     """Column norms are the metres at the tip per unit of each coordinate, with which error control weights
     errors."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
@@ -134,7 +134,7 @@ def column_norms(trial: Trial) -> Finding:
 
 
 @check("reach", at_most(1.0 + 1e-9))
-def reach(trial: Trial) -> Finding:
+def reach(trial: Sample) -> Finding:
     """The tip is never farther from the base than the full reach, by which tasks scale their distances:
     neither in random poses nor in stretched and folded ones, with sliders between 0 and an upper end."""
     arm = trial.arm
@@ -154,7 +154,7 @@ def reach(trial: Trial) -> Finding:
 
 
 @check("posture", at_least(0.01))
-def posture(trial: Trial) -> Finding:
+def posture(trial: Sample) -> Finding:
     """The observed posture lies in -1 to 1 and changes with every revolute joint, also where a sine or a
     cosine alone does not: the smallest singular value of its derivatives, and those of the sliders."""
     arm: Any = trial.scene.robot
@@ -175,7 +175,7 @@ def posture(trial: Trial) -> Finding:
 
 
 @check("kinds of joints", at_least(1e-6))
-def kinds(trial: Trial) -> Finding:
+def kinds(trial: Sample) -> Finding:
     """A slider does not return the point masses after 2 pi of its coordinate, and a revolute joint does not
     move them along straight lines: the distance from that, in units of their distances or derivatives."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)

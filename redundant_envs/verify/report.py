@@ -34,7 +34,7 @@ from redundant_envs.verify import (
     rest,
     symmetries,
 )
-from redundant_envs.verify.checks import STATES, Check, Outcome, Trial, checks_of
+from redundant_envs.verify.checks import STATES, Check, Outcome, Sample, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
@@ -96,7 +96,7 @@ def verify(
         By default those of the mode.
     """
     subject = subject_from(kind_of(thing).__name__, thing)
-    trial = Trial(subject, STATES[mode] if states is None else states, mode)
+    trial = Sample(subject, STATES[mode] if states is None else states, mode)
     outcomes = []
     for one in checks_in(mode) if checks is None else checks:
         outcomes.append(one.run(trial))

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.attached import Functions
+from redundant_envs.effects.bound_hooks import Functions
 from redundant_envs.language.algebra import gives_of, numbered
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify.checks import Trial, check
+from redundant_envs.verify.checks import Sample, check
 from redundant_envs.verify.hints import Motion
 from redundant_envs.verify.promises import Finding, Promise
 
@@ -20,7 +20,7 @@ FINITE = Promise(0.0, "quantities", "at most")
 
 
 @check("numbers at rest", FINITE)
-def numbers_at_rest(trial: Trial) -> Finding:
+def numbers_at_rest(trial: Sample) -> Finding:
     """Quantities of the arm, forces, links, changes of states, readings and accelerations are finite without
     velocities and efforts: in random poses, at ends of travel, straight, folded and square."""
     dynamics = Dynamics(trial.scene, track_work=True)

@@ -11,7 +11,7 @@ from redundant_envs.effects import Gravity
 from redundant_envs.effects.hooks import Field, Force, Hook, Inertia, PointMass
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Scene
-from redundant_envs.verify.checks import Array, Trial, check, enough
+from redundant_envs.verify.checks import Array, Sample, check, enough
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 
 BACK = at_most(1e-9, "rad or reaches")
@@ -20,7 +20,7 @@ times the error of that."""
 
 
 @check("time reversal", BACK, Mode.STANDARD)
-def time_reversal(trial: Trial) -> Finding:
+def time_reversal(trial: Sample) -> Finding:
     """With reversed velocities an arm returns to its start, under the same efforts, and with those effects of
     the scene that conserve energy and depend on the position alone."""
     q, qd, efforts = trial.states
@@ -62,7 +62,7 @@ def _moved(arm: Any, seconds: float, q: Array, qd: Array, efforts: Array) -> Arr
     return np.concatenate([batch.q, batch.qd], axis=1)
 
 
-def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
+def _differ(trial: Sample, one: Array, other: Array, words: str) -> Finding:
     """The number of lanes that are finite and differ."""
     sound = np.isfinite(np.concatenate([one, other], axis=1)).all(axis=1)
     enough(sound, "too few motions stay finite at the scene's own step")
@@ -72,14 +72,14 @@ def _differ(trial: Trial, one: Array, other: Array, words: str) -> Finding:
     return Finding(lanes, trial.worst(by_joint)[1] if lanes else "", words)
 
 
-def _step(trial: Trial) -> float:
+def _step(trial: Sample) -> float:
     """The scene's own step, s, rounded to a power of two that scales to the last bit and allows twice it."""
     own = trial.scene.control_dt / trial.scene.substeps
     return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
 
 
 @check("scaling of masses", EQUAL_BITS, Mode.STANDARD)
-def scaling_of_masses(trial: Trial) -> Finding:
+def scaling_of_masses(trial: Sample) -> Finding:
     """Four times the masses and forces give the same motion: a power of two changes no digit."""
     arm = trial.scene.robot
     q, qd, efforts = trial.states
@@ -92,7 +92,7 @@ def scaling_of_masses(trial: Trial) -> Finding:
 
 
 @check("scaling of lengths and time", EQUAL_BITS, Mode.STANDARD)
-def scaling_of_lengths(trial: Trial) -> Finding:
+def scaling_of_lengths(trial: Sample) -> Finding:
     """Four times the lengths in twice the time are the same motion, under the same gravity."""
     arm = trial.scene.robot
     q, qd, efforts = trial.states

@@ -22,7 +22,7 @@ from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
 from redundant_envs.scenes.scene import Scene, check_scene
-from redundant_envs.simulator.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, Operation
+from redundant_envs.simulator.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, KernelCall
 from redundant_envs.simulator.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import TABLES, Episode
@@ -87,7 +87,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "parameters": [*dynamics.parameters.values, *task.parameters(), "limit"],
         "motors": _motors(dynamics),
         "kernels": {kernel.name: kernel.arguments for kernel in kernels},
-        "operations": {one.name.lower(): int(one) for one in Operation},
+        "operations": {one.name.lower(): int(one) for one in KernelCall},
         "autoreset": {one.name.lower(): int(one) for one in Autoreset},
         "episode_key": EPISODE_KEY,
         "memories": {

@@ -12,7 +12,7 @@ from catalogue import FOUR_R, GROUPS, RPRP, SCENES, SoftJoint, StiffeningSpring,
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
-from redundant_envs.effects.attaching import RULES, roots_of
+from redundant_envs.effects.validate_hooks import RULES, roots_of
 from redundant_envs.language.limits import side_beyond
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.simulator.lane.dynamics import Dynamics

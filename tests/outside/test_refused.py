@@ -20,7 +20,7 @@ import redundant_envs.robots
 from redundant_envs.algebra import physics
 from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.effects import Effect, Force, Point, State
-from redundant_envs.effects.captured import check_effect
+from redundant_envs.effects.baked_numbers import check_effect
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import IDS
 from redundant_envs.robots.arm import Arm

@@ -40,7 +40,7 @@ from redundant_envs.verify import (
     symmetries,
     verify,
 )  # fmt: skip
-from redundant_envs.verify.checks import Trial, checks_of
+from redundant_envs.verify.checks import Sample, checks_of
 from redundant_envs.verify.report import checks_in
 from studies.kinked_effects import KINKED
 
@@ -53,7 +53,7 @@ def misses(thing, checks=EQUATIONS, effects=GRAVITY, states=24, seed=0, **step):
     """The checks that an arm or a scene does not pass."""
     if isinstance(thing, rde.Arm):
         thing = rde.Scene(thing, effects, **(step or {"tolerance": 1e-6}))
-    trial = Trial(subject_from("it", thing), states, Mode.FULL, seed)
+    trial = Sample(subject_from("it", thing), states, Mode.FULL, seed)
     return {c.name for c in checks if c.run(trial).verdict is Verdict.MISSED}
 
 
@@ -280,7 +280,7 @@ def test_intervals_that_magnify_rounding_make_no_evaluator_red(seed):
     arm = ARMS["3R"]
     effects = (*GRAVITY, e.ViscousFriction(0.1), *effects_from_outside(arm)["a law that changes"])
     scene = rde.Scene(arm, effects, **STEPS["rk8"])
-    trial = Trial(Subject("amplified", scene), 64, Mode.STANDARD, seed)
+    trial = Sample(Subject("amplified", scene), 64, Mode.STANDARD, seed)
     assert evaluators.arrays.run(trial).verdict is not Verdict.MISSED
 
 

@@ -15,7 +15,7 @@ from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
 from redundant_envs.simulator.events import contacts
 from redundant_envs.verify import Subject, bits, environments, evaluators, impacts, recorded_bits, verify
-from redundant_envs.verify.checks import Trial, checks_of
+from redundant_envs.verify.checks import Sample, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import subject_of
 
@@ -89,7 +89,7 @@ def test_every_check_of_bits_and_environments_is_seen_red():
 
 
 def test_another_record_is_red(monkeypatch):
-    trial = Trial(Subject("this machine", SCENE), 1, Mode.QUICK)
+    trial = Sample(Subject("this machine", SCENE), 1, Mode.QUICK)
     assert bits.record.run(trial).verdict is Verdict.KEPT
     monkeypatch.setattr(recorded_bits, "recorded", lambda: dict.fromkeys(recorded_bits.RECORDED, "0"))
     outcome = bits.record.run(trial)

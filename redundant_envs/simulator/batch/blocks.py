@@ -98,10 +98,10 @@ class Blocks:
         fields."""
         if not self.interval.features.local:
             return self.width(SCRATCH)
-        return 2 * GROUP * self.width(SCRATCH) + 2 * self.seats_size
+        return 2 * GROUP * self.width(SCRATCH) + 2 * self.buffer_size
 
     @property
-    def seats_size(self) -> int:
+    def buffer_size(self) -> int:
         """Count of numbers of the memories of the entry, or of the slots."""
         return sum(map(self.width, (STATE, SCRATCH, PARAMETER)))
 

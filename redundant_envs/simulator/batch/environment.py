@@ -20,8 +20,8 @@ from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.tasks.base import Task
 
 
-class Operation(enum.IntEnum):
-    """Operation of a call of the kernel."""
+class KernelCall(enum.IntEnum):
+    """KernelCall of a call of the kernel."""
 
     STEP = 0
     RESET = 1
@@ -74,23 +74,23 @@ class EnvironmentKernel:
         if self.states_begin:
             self.begun = self.blocks.function("begin_states", episode.begin_states)
         operation = p["operation"]
-        checked, count = operation == Operation.CHECKED_STEP, p["count"] * len(episode.actions)
+        checked, count = operation == KernelCall.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
             action = p.load(p["actions"], k)
             bad = (action != action) | (action == math.inf) | (action == -math.inf)
             with p.when(bad):
                 p.store(p["values"], 0, math.nan)
                 p.leave()
-        steps = (operation == Operation.STEP) | checked
+        steps = (operation == KernelCall.STEP) | checked
         with p.when(steps):
             inputs = {"actions": ("f32", episode.actions)}
             advance(self.blocks, Ends(episode.command, inputs, self.end, self.outputs, self.autoreset))
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
-            with p.when(operation == Operation.RESET):
+            with p.when(operation == KernelCall.RESET):
                 self.begin_due(block)
             if self.states_begin:
-                with p.when(operation == Operation.BEGIN_STATES):
+                with p.when(operation == KernelCall.BEGIN_STATES):
                     self.begin_states(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
         self.blocks.prune()

@@ -12,7 +12,7 @@ from redundant_envs.simulator.lane.event_log import MAX_LOGGED
 from redundant_envs.simulator.lane.fields import LOG
 
 
-class Seats(NamedTuple):
+class LaneBuffer(NamedTuple):
     """A block of lanes that have left their own."""
 
     pointers: dict[str, Scalar]  # the addresses of its memories
@@ -25,7 +25,7 @@ class NoRecorder:
     def __init__(self, blocks: Blocks) -> None:
         self.blocks, self.p, self.features = blocks, blocks.p, blocks.interval.features
 
-    def log(self, seats: Seats, busy: Callable[[], Scalar]) -> None:
+    def log(self, seats: LaneBuffer, busy: Callable[[], Scalar]) -> None:
         """Log the events of the lanes in the ``busy`` seats: the bits of a whole number."""
 
     def log_released(self, block: Block) -> None:
@@ -44,7 +44,7 @@ class Recorder(NoRecorder):
                 p.store(log, at + k * self.blocks.lanes, value)
             self.blocks.store(counts, seat, "logged", count + 1.0)
 
-    def log(self, seats: Seats, busy: Callable[[], Scalar]) -> None:
+    def log(self, seats: LaneBuffer, busy: Callable[[], Scalar]) -> None:
         p, load, pointers = self.p, self.blocks.load, seats.pointers
         with p.each_set(busy()) as seat:
             lane = p.load(seats.homes, seat)

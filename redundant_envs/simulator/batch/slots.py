@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.compiler.tracing.flow import LaneFunction, Scalar
 from redundant_envs.simulator.batch.blocks import GROUP, Block, Blocks, Ends, Procedure
-from redundant_envs.simulator.batch.recorder import NoRecorder, Recorder, Seats
+from redundant_envs.simulator.batch.recorder import LaneBuffer, NoRecorder, Recorder
 from redundant_envs.simulator.lane.event_log import EventLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, SCRATCH, STATE
@@ -35,7 +35,10 @@ class Slots:
         p, lanes, homes = self.p, blocks.lanes, self.p["queue"] + GROUP * blocks.lanes
         self.shared = p["parameter_stride"] == 0
         self.waiting = p["queue"] + 0
-        self.slots, self.entry = Seats(self._pointers(0), homes), Seats(self._pointers(1), homes + lanes)
+        self.slots, self.entry = (
+            LaneBuffer(self._pointers(0), homes),
+            LaneBuffer(self._pointers(1), homes + lanes),
+        )
         self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, self.all))
         self.again = p.variable(0)  # whether lanes of a group have to cross their interval again
         self.next, self.last = p.variable(0), p.variable(0)  # lanes of the entry that wait for a slot
@@ -49,7 +52,7 @@ class Slots:
     def _pointers(self, number: int) -> dict[str, Scalar]:
         """The addresses of the memories of the slots, 0, or of the entry, 1."""
         p, blocks = self.p, self.blocks
-        start = p["scratch"] + (2 * GROUP * blocks.width(SCRATCH) + number * blocks.seats_size)
+        start = p["scratch"] + (2 * GROUP * blocks.width(SCRATCH) + number * blocks.buffer_size)
         own_parameters = start + (blocks.width(STATE) + blocks.width(SCRATCH))
         return {
             str(STATE): start,
@@ -255,7 +258,7 @@ class Slots:
         for name in names:
             self.blocks.store(goal, goal_lane, name, self.blocks.load(source, source_lane, name))
 
-    def begin(self, seats: Seats) -> None:
+    def begin(self, seats: LaneBuffer) -> None:
         """Begin the programs of the lanes that have just come to some seats."""
         p, pointers, mask = self.p, seats.pointers, self.blocks.mask
         with p.when(mask(pointers, "entered") != 0):
@@ -285,7 +288,7 @@ class Slots:
             self.next.value = self.next.value + 1
             self.free.value = self.free.value & ~p.record("<<", 1, slot)
 
-    def take(self, seats: Seats, seat: Scalar) -> None:
+    def take(self, seats: LaneBuffer, seat: Scalar) -> None:
         """Move a waiting lane to a free seat."""
         p = self.p
         lane = p.load(self.waiting, self.head.value)
@@ -296,7 +299,9 @@ class Slots:
         self._bring(self.brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
-    def _bring(self, names: Sequence[str], seats: Seats, seat: Scalar, source: Any, lane: Scalar) -> None:
+    def _bring(
+        self, names: Sequence[str], seats: LaneBuffer, seat: Scalar, source: Any, lane: Scalar
+    ) -> None:
         """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
         fields = self.layout.fields.items()
         numbers = [n for n, f in fields if f.lifetime is PARAMETER and not f.at_reset]

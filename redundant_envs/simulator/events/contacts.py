@@ -73,7 +73,7 @@ class Contact(NamedTuple):
     lowest: Any = LOWEST_BOUNCE  # if it would bounce less high it comes to rest, m
 
     @property
-    def gripped(self) -> bool:
+    def friction_with_stop(self) -> bool:
         """Whether friction decides which coordinates stay at rest."""
         return self.grip is not None
 
@@ -185,11 +185,11 @@ def would_rest(c: Contact, press: Any) -> Any:
         return False
     limit = where(c.side > 0.0, c.upper, c.lower)
     fades = c.restitution < 1.0
-    if c.gripped:
+    if c.friction_with_stop:
         fades = fades | (c.grip > 0.0)
     height = where(fades, c.lowest, ROUNDING * maximum(abs(limit), 1.0))
     low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
-    if c.gripped:  # then there is a bounce to remove: without a speed friction decides
+    if c.friction_with_stop:  # then there is a bounce to remove: without a speed friction decides
         low = low & (c.speed < 0.0)
     return (press > 0.0) & low & c.free & (c.side != 0.0) & logical_not(c.released)
 
@@ -218,7 +218,7 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     strikes = any_of(c.speed > 0.0 for c in contacts)
     now = [logical_not(strikes) | (c.speed >= -NEGLIGIBLE_SPEED) for c in contacts]
     rests = [calm & s & would_rest(c, a) for c, a, s in zip(contacts, pressing, now, strict=True)]
-    if len(contacts) == 1 or contacts[0].gripped:
+    if len(contacts) == 1 or contacts[0].friction_with_stop:
         return [rests, released]
     each = list(enumerate(contacts))
     may_rest = [c.resting | (now[k] & would_rest(c, maximum(unheld[k], pressing[k]))) for k, c in each]

@@ -45,11 +45,11 @@ TOGETHER_SHARE = 1e-13
 of both. So the result does not depend on the number of steps in an interval."""
 
 
-def picked(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
+def select_flagged(chosen: Sequence[Any], values: Sequence[Any]) -> Any:
     """The number, or record, of the chosen coordinate; that of the first one if none of the others is."""
     value = values[0]
     if isinstance(value, tuple):
-        return type(value)(*(picked(chosen, field) for field in zip(*values, strict=True)))
+        return type(value)(*(select_flagged(chosen, field) for field in zip(*values, strict=True)))
     for is_chosen, other in zip(chosen[1:], values[1:], strict=True):
         value = value if other is value else where(is_chosen, other, value)
     return value
@@ -69,7 +69,7 @@ class Trial(NamedTuple):
 
     def of(self, chosen: Sequence[Any]) -> tuple[Encounter, Event]:
         """The encounter and the event of a coordinate."""
-        return picked(chosen, self.encounters), picked(chosen, self.events)
+        return select_flagged(chosen, self.encounters), select_flagged(chosen, self.events)
 
 
 class Aim(NamedTuple):

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from redundant_envs.effects.attached import TIME, Attached
-from redundant_envs.effects.attaching import roots_of
+from redundant_envs.effects.bound_hooks import TIME, Attached
 from redundant_envs.effects.hooks import Force
+from redundant_envs.effects.validate_hooks import roots_of
 from redundant_envs.language.algebra import expm1, where
 from redundant_envs.language.quantities import Quantities
 
@@ -36,7 +36,7 @@ def share(decays: Any) -> Any:
     return where(many, exact, 0.5 + 0.08333333333333333 * decays)
 
 
-class StepStart:
+class ClosedFormStart:
     """The start of a step: it notes the quantities that closed forms take there."""
 
     def __init__(self, varying: Mapping[str, tuple[str, ...]]) -> None:
@@ -49,13 +49,13 @@ class StepStart:
             self.found |= {noted(field, name): x[name] for name in self.varying.get(field, ())}
 
 
-class InStep:
+class ClosedFormStage:
     """A time in a step: the closed forms of states are evaluated there."""
 
     def __init__(
         self, start: Mapping[str, Any], elapsed: Any, varying: Mapping[str, tuple[str, ...]]
     ) -> None:
-        """``start`` has the states at the start of the step, and what :class:`StepStart` noted."""
+        """``start`` has the states at the start of the step, and what :class:`ClosedFormStart` noted."""
         self.start, self.elapsed, self.varying = start, elapsed, varying
 
     def close(self, a: Attached[Any], x: Quantities) -> None:

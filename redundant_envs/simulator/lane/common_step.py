@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import any_of, cases, logical_not, maximum,
 from redundant_envs.simulator.events import crossings
 from redundant_envs.simulator.lane import coordinates, jumps, required_steps
 from redundant_envs.simulator.lane.boundaries import Boundaries
-from redundant_envs.simulator.lane.closed_forms import InStep, StepStart
+from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart
 from redundant_envs.simulator.lane.faults import Control, Reason
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.kinks import kink_values, levels_of
@@ -44,7 +44,7 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
         known = dict(zip(arguments, values, strict=True))
         x = features.quantities_in_step([known[name] for name in states], {n: known[n] for n in numbers})
         results = dynamics.accelerations(
-            x, InStep(known, known["elapsed"], dynamics.varying) if start else None
+            x, ClosedFormStage(known, known["elapsed"], dynamics.varying) if start else None
         )
         others = zip(states[count:], results, strict=False)
         results = [change for name, change in others if name not in alone] + results[width - count :]
@@ -75,7 +75,7 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     )
     if start:
         x = features.quantities_in_step([*step.positions, *step.velocities, *step.others], numbers)
-        dynamics.close(x, InStep(start, h, dynamics.varying))
+        dynamics.close(x, ClosedFormStage(start, h, dynamics.varying))
         step.others.extend(x.each(dynamics.closed))
     return step
 
@@ -84,7 +84,7 @@ def _start_of_closed_forms(features: Features, lane: Lane, numbers: dict[str, An
     """States in closed form, and what else their forms take, at the start of a step."""
     dynamics = features.dynamics
     found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
-    at_start = StepStart(dynamics.varying)
+    at_start = ClosedFormStart(dynamics.varying)
     dynamics.close(features.quantities_in_step(lane.get(dynamics.states), numbers), at_start)
     return found | at_start.found
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from redundant_envs.compiler.tracing.graph import owned
-from redundant_envs.effects.attached import Attached, EffectStates, field_of
+from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
 from redundant_envs.effects.hooks import SPEED, Actuation, Field, Force, Friction, Impact, Point, Sensing
 from redundant_envs.language.algebra import gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
@@ -20,7 +20,7 @@ from redundant_envs.robots.held_joints import held_joint_dynamics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
 from redundant_envs.simulator.lane import sensing
-from redundant_envs.simulator.lane.closed_forms import InStep, StepStart, varying_arguments
+from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart, varying_arguments
 from redundant_envs.simulator.lane.parameters import Parameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
@@ -191,7 +191,7 @@ class Dynamics:
     # ---- actuation, and states of effects ----------------------------------------------------------
 
     def efforts(
-        self, x: Quantities, change: str, time: InStep | StepStart | None = None
+        self, x: Quantities, change: str, time: ClosedFormStage | ClosedFormStart | None = None
     ) -> tuple[list[Any], dict[str, Any]]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; at a
         ``time`` in a step states are in closed form."""
@@ -211,7 +211,7 @@ class Dynamics:
 
     def changes(self, x: Quantities, what: str, lane: Any) -> dict[str, Any]:
         """New values of effects' states, by their fields: the "update" at the end of an interval, or
-        :data:`RENEWAL`."""
+        :data:`INSTANT_UPDATE`."""
         x.update(self._drawn(what, lane))
         _, changes = self.efforts(x, what)
         for a in self.scene.attached:
@@ -280,12 +280,12 @@ class Dynamics:
             held = held_joint_dynamics(arm.__class__, self.slipping), *mobility
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
-    def close(self, x: Quantities, time: InStep | StepStart) -> None:
+    def close(self, x: Quantities, time: ClosedFormStage | ClosedFormStart) -> None:
         """Give quantities at a ``time`` in a step the states that are in closed form."""
         self.efforts(x, "none", time)
         self._close_forces(x, time)
 
-    def _close_forces(self, x: Quantities, time: InStep | StepStart) -> None:
+    def _close_forces(self, x: Quantities, time: ClosedFormStage | ClosedFormStart) -> None:
         for a in self.scene.attached.of(Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
@@ -301,7 +301,7 @@ class Dynamics:
         moving = field_of(attached.moving_fields, x)
         x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
 
-    def accelerations(self, x: Quantities, time: InStep | None = None) -> list[Any]:
+    def accelerations(self, x: Quantities, time: ClosedFormStage | None = None) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
 
         At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from redundant_envs.effects.attached import field_of
+from redundant_envs.effects.bound_hooks import field_of
 from redundant_envs.effects.hooks import Impulse, Point, PointMass
 from redundant_envs.language.algebra import any_of, logical_not, maximum, total, where
 from redundant_envs.language.quantities import Quantities

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from redundant_envs.compiler.tracing.graph import Operation, Value, bits_of
 from redundant_envs.compiler.tracing.number import Loads, value_of
-from redundant_envs.effects.attached import Attached, Attachments, Bound
-from redundant_envs.effects.attaching import roots_of
+from redundant_envs.effects.bound_hooks import Attached, Attachments, Bound
 from redundant_envs.effects.hooks import Actuation
+from redundant_envs.effects.validate_hooks import roots_of
 from redundant_envs.language.moving import Moving, kinks_in, moving
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm

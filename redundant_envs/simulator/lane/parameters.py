@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.effects.attached import field_of
+from redundant_envs.effects.bound_hooks import field_of
 from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.language.algebra import gives_of, maximum, total
 from redundant_envs.language.quantities import Quantities

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from redundant_envs.effects.attached import RENEWAL, Attachments
+from redundant_envs.effects.bound_hooks import INSTANT_UPDATE, Attachments
 from redundant_envs.language.algebra import maximum, where
 from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.engine_fields import engine
@@ -25,7 +25,7 @@ Procedure = Callable[[Lane], Any]
 def renewed(attached: Attachments) -> dict[str, str]:
     """States of effects that are updated at an instant, and the fields that say whether it has passed."""
     every = ((field, own, a.passed) for a in attached for field, own in a.states.items())
-    return {field: passed for field, own, passed in every if RENEWAL in own}
+    return {field: passed for field, own, passed in every if INSTANT_UPDATE in own}
 
 
 class Whole:
@@ -143,7 +143,7 @@ class Pieces(Whole):
         x = self.features.quantities(lane)
         dynamics.guard_values(x, begins=True)  # the laws of the piece before need not hold any more
         instants = renewed(dynamics.scene.attached)
-        for name, value in dynamics.changes(x, RENEWAL, lane).items():
+        for name, value in dynamics.changes(x, INSTANT_UPDATE, lane).items():
             lane[name] = where(happens[instants[name]], value, lane[name])
         jumps.strike(self.features, lane, happens)
         for passed, now in happens.items():

@@ -17,7 +17,7 @@ from redundant_envs.simulator.events import contacts, search
 from redundant_envs.simulator.events.boundary import starts_at_stop
 from redundant_envs.simulator.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.simulator.lane.boundaries import Boundaries
-from redundant_envs.simulator.lane.closed_forms import InStep
+from redundant_envs.simulator.lane.closed_forms import ClosedFormStage
 from redundant_envs.simulator.lane.engine_fields import engine
 from redundant_envs.simulator.lane.faults import Fault
 from redundant_envs.simulator.lane.fields import Variable
@@ -272,7 +272,9 @@ class LaneProgram:
         moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
         if closed:
             x = self.boundaries.quantities_of_motion(lane)
-            self.dynamics.close(x, InStep(dict(zip(closed, lane.get(closed), strict=True)), time, {}))
+            self.dynamics.close(
+                x, ClosedFormStage(dict(zip(closed, lane.get(closed), strict=True)), time, {})
+            )
             lane.set(closed, x.each(closed))
         before = self.features.stiction.before_move(lane)
         for q, v in zip(arm.coordinates, arm.rates, strict=True):

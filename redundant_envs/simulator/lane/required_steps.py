@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from redundant_envs.effects.attached import Attached
+from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Force, Point
 from redundant_envs.language.algebra import maximum, sqrt
 from redundant_envs.language.quantities import Quantities

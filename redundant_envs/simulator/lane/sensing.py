@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.attached import Attached, Attachments, Bound
+from redundant_envs.effects.bound_hooks import Attached, Attachments, Bound
 from redundant_envs.effects.hooks import Reading, Sensing
 from redundant_envs.language.algebra import any_of, arguments_of, gives_of, logical_not
 from redundant_envs.language.quantities import Quantities

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any, ClassVar
 
-from redundant_envs.effects.attached import Bound
+from redundant_envs.effects.bound_hooks import Bound
 from redundant_envs.language.algebra import logical_not, maximum, total, where
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities

@@ -19,7 +19,6 @@ import numpy as np
 from redundant_envs.compiler import dialect
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import OWN, hooks
-from redundant_envs.effects.attaching import roots_of
 from redundant_envs.effects.hooks import (
     Actuation,
     Effect,
@@ -31,6 +30,7 @@ from redundant_envs.effects.hooks import (
     State,
     states_of,
 )
+from redundant_envs.effects.validate_hooks import roots_of
 from redundant_envs.language.algebra import ABSENT, arguments_of, numbered, total, where
 from redundant_envs.language.draws import DRAW, MAX_DRAWS, START_OF_EPISODES, Draw, stream_of
 from redundant_envs.language.limits import side_beyond
@@ -75,7 +75,7 @@ class Bound:
 
 Functions = Mapping[str, Bound]
 """The functions that a hook or a state has, by their fields, such as "damping"."""
-RENEWAL = "renewal"
+INSTANT_UPDATE = "renewal"
 """Key of the update of a state at an instant, among the functions of the state."""
 
 
@@ -138,7 +138,7 @@ class Attached(Generic[Kind]):
 
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
         """Results of the functions of its states that are the "derivative", the "update" at the end of an
-        interval, or :data:`RENEWAL`, by field."""
+        interval, or :data:`INSTANT_UPDATE`, by field."""
         return {field: own[what](x) for field, own in self.states.items() if what in own}
 
 
@@ -242,7 +242,7 @@ class Attachments(tuple[Attached[Hook], ...]):
             (name, a.key, *_root_and_index(state.name), *_kind_and_number(name))
             for a in self
             for state, functions in zip(states_of(a.hook), a.states.values(), strict=True)
-            for name in dict.fromkeys(n for own in ("update", RENEWAL, "initial") if own in functions
+            for name in dict.fromkeys(n for own in ("update", INSTANT_UPDATE, "initial") if own in functions
                                       for n in functions[own].names if DRAWN in n)
         ]  # fmt: skip
         most: dict[tuple[str, str, bool], int] = {}
@@ -484,7 +484,7 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
 def _called(field: str, part: Any) -> str:
     """The key of a function among those of a hook or a state."""
     at_instant = isinstance(part, State) and part.when == "instant"
-    return RENEWAL if at_instant and field == "update" else field
+    return INSTANT_UPDATE if at_instant and field == "update" else field
 
 
 def passed_field(key: str) -> str:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, get_args
 
 from redundant_envs.compiler import dialect
 from redundant_envs.compiler.tracing.number import Loads
-from redundant_envs.effects.captured import check_effect
+from redundant_envs.effects.baked_numbers import check_effect
 from redundant_envs.effects.hooks import (
     CONTROL_DT,
     ELAPSED,
