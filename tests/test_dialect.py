@@ -20,7 +20,8 @@ from redundant_envs.robots import derived
 from redundant_envs.tasks.reach import ReachTask
 
 PLACES = (
-    *(f"redundant_envs.{name}" for name in ("algebra", "draws", "ranges", "robots", "effects", "tasks")),
+    *(f"redundant_envs.{name}" for name in ("language.algebra", "language.draws", "scenes.ranges")),
+    *(f"redundant_envs.{name}" for name in ("robots", "effects", "tasks")),
     "redundant_envs.verify.aimed",
     "studies.kinked_effects",
 )

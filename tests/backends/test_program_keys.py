@@ -73,9 +73,9 @@ def test_programs_that_differ_in_one_thing_have_keys_of_their_own():
 
 def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
     """All our passes and emitters are: an edit of one compiles everything again."""
-    package = ROOT / "redundant_envs"
-    backends = package / "backends"
-    own = [*package.glob("tracing/**/*.py"), *backends.glob("llvm*.py"), backends / "processors.py"]
+    compiler = ROOT / "redundant_envs" / "compiler"
+    backends = compiler / "backends"
+    own = [*compiler.glob("tracing/**/*.py"), *backends.glob("llvm*.py"), backends / "processors.py"]
     assert sorted(p.read_text(encoding="utf-8") for p in own) == sorted(cache._sources())
     before = small_key()
     for owner, name in ((llvm, "facts"), (cache, "_sources")):

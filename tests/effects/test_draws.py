@@ -17,6 +17,7 @@ from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, normals, strea
 from redundant_envs.simulator.lane.direct import cross_interval, fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.interval import Interval
+from redundant_envs.simulator.lane.memory import Lane
 
 
 @physics
@@ -339,7 +340,7 @@ def at_start(batch):
 def test_arrays_and_single_numbers_draw_what_compiled_code_draws(scene):
     batch = begun(scene, 3)
     interval, fields = Interval(batch.simulator.dynamics), at_start(batch)
-    initial = interval.initial_states(rde.lane.memory.Lane(interval.layout(), lambda n: fields.get(n, 0.0)))
+    initial = interval.initial_states(Lane(interval.layout(), lambda n: fields.get(n, 0.0)))
     np.testing.assert_allclose(np.stack([*initial.values()], axis=1), batch.z, rtol=1e-14)
     for _ in range(2):
         fields = cross_interval(interval, fields)

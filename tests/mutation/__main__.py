@@ -22,16 +22,17 @@ from tests.faults.__main__ import ROOT, in_copies, outcome
 
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
-NUMERICS = ("methods", "tableaus", "error_control")
+NUMERICS = ("methods", "error_control")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
-LANE = ("dynamics", "kinks", "required_steps", "common_step", "step_control", "boundaries", "features",
-        "program", "interval")  # fmt: skip
+LANE = ("dynamics", "parameters", "kinks", "required_steps", "common_step", "step_control", "boundaries",
+        "boundary", "joint", "laws", "stiction", "stops", "guards", "bounces", "features", "program",
+        "interval")  # fmt: skip
 MODULES = (
-    *EQUATIONS,
-    *(f"numerics/{m}" for m in NUMERICS),
-    *(f"events/{m}" for m in EVENTS),
-    *(f"lane/{m}" for m in LANE),
-)
+    *EQUATIONS, "scenes/tableaus", "language/limits",
+    *(f"simulator/numerics/{m}" for m in NUMERICS),
+    *(f"simulator/events/{m}" for m in EVENTS),
+    *(f"simulator/lane/{m}" for m in LANE),
+)  # fmt: skip
 TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/numerics", "tests/events",
          "tests/effects", "tests/lane", "tests/batch", "tests/oracles", "tests/hard_cases", "tests/outside",
          "tests/model", "tests/control", "tests/test_dialect.py")  # fmt: skip

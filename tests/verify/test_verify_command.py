@@ -11,6 +11,7 @@ from catalogue import IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
+from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.verify import Mode, Subject, Verdict, engines, promises, report, subject_from, verify
 from redundant_envs.verify.checks import Check
@@ -57,7 +58,7 @@ def effects_of(subject):
 
 def test_words_name_scenes_arms_environments_tasks_and_effects():
     subjects = subjects_of([])
-    assert [s.name for s in subjects] == rde.scene.scene_names()
+    assert [s.name for s in subjects] == scene_names()
     assert all(s.env_id is None for s in subjects)
     assert subject_of("FourR").scene.robot == rde.FourR(MASSES, LENGTHS)  # all numbers differ
     assert subject_of("RPRP").scene.robot == rde.RPRP(MASSES, LENGTHS[:2])
