@@ -25,13 +25,20 @@ FIRST = {
         "x = np.array([-0.5, 0.0, 0.5]); f = limit_spring.force(x, 0.0, -0.2, 0.3, 100.0, 0.0, np.sign(x)); "
         "assert np.allclose(f, [30.0, 0.0, -20.0])"
     ),
+    "the public name of the dialect": (
+        "import redundant_envs.algebra as public; from redundant_envs.language import algebra; "
+        "from redundant_envs.algebra import physics; assert public is algebra"
+    ),
     "symbols, also if one was tried before": (
         "import contextlib, sympy; from redundant_envs.algebra import sqrt\n"
         f"with contextlib.suppress(TypeError): sqrt({SYMPY})\n"
         f"import redundant_envs.compiler.backends.sympy; assert str(sqrt({SYMPY})) == 'sqrt(x)'"
     ),
 }
-MODULES = "__main__ algebra effects robots.arm tasks.reach quantities tracing.number model.batch envs.check"
+MODULES = (
+    "__main__ algebra effects robots.arm tasks.reach language.quantities compiler.tracing.number model.batch "
+    "envs.check"
+)
 FIRST |= {name: f"import redundant_envs.{name}; {LOAD}" for name in MODULES.split()}
 EACH = """
 import sys, traceback
