@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Self
 
 from redundant_envs.effects import OWN
 from redundant_envs.effects.hooks import Effect, snake_case
+from redundant_envs.effects.numbers import example_of
 from redundant_envs.envs import cost
 from redundant_envs.scenes.files import config_folder, read_text
 from redundant_envs.scenes.scene import Scene, load_scene, scene_names
@@ -74,7 +75,8 @@ class Study(Model):
         arm, with_sliders = (cost.bare(load_scene(name)) for name in (ARM, ARM_WITH_SLIDERS))
         found = {}
         for name, kind in OWN.items():
-            numbers, zero, variants = kind.example.numbers, kind.example.zero, kind.example.variants
+            example = example_of(kind)
+            numbers, zero, variants = example.numbers, example.zero, example.variants
             every = {name: numbers, **{f"{name} {k}": {**numbers, **own} for k, own in variants.items()}}
             for (of, own), ceilings in zip(every.items(), ceilings_of(kind), strict=True):
                 effect = kind(**own)
@@ -92,7 +94,7 @@ def ceilings_of(kind: type[Effect]) -> list[Ceilings]:
     """The ceilings of the examples of an effect, from the table of costs on its page."""
     page = PAGES / f"{snake_case(kind.__name__)}.md"
     rows = re.findall(rf"^\| `{kind.__name__}\(.*\)` \| (\S+) \| (\S+) \|$", read_text(page, "page"), re.M)
-    needed = 1 + len(kind.example.variants)
+    needed = 1 + len(example_of(kind).variants)
     if len(rows) != needed:
         raise ValueError(
             f"{page} has ceilings of {len(rows)} examples of {needed}; give each a row in the table of costs"

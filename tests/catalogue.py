@@ -18,6 +18,7 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.effects.hooks import Effect, Force
+from redundant_envs.effects.numbers import example_of
 from redundant_envs.language.algebra import physics
 from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
@@ -226,7 +227,7 @@ GROUPS = {
 
 def with_example(kind, arm):
     """The example of an effect, if it fits an arm."""
-    effect = kind(**kind.example.numbers)
+    effect = kind(**example_of(kind).numbers)
     try:
         rde.Scene(arm, (effect,))
     except ValueError:

@@ -19,6 +19,9 @@ def _run(words: list[str]) -> int:
         say(f"redundant-envs {__version__}")
         return 0
     words = take_imports(words)
+    if words[:1] == ["study"]:
+        told = " ".join(("python -m studies", *words[1:]))
+        raise ValueError(f"studies are in the source tree alone; write there: {told}")
     if words[:1] in (["train"], ["tune"]) and len(words) > 1:
         first = words[1]  # a wrong name is refused before even the large parser is imported
         if not first.startswith("-") and not is_override(first):

@@ -46,6 +46,7 @@ OFF_POLICY = {
     "n_sampled_goal": "2..8", "action_noise": "0.03..0.3",
 }  # fmt: skip
 """Default searches, of those settings that a learner has, with the presets' values inside."""
+MARK = "study.json"  # what the study of a folder is of
 JOURNAL, POINT = "study.journal", ("hold_success", "return", "env_steps")  # last point; None: it is not told
 STARTUP, WARMUP = 5, 0.2  # complete trials, and share of a training, before one may be pruned
 FEW = 10  # trials in the table of the page, and complete ones from which on importance is told
@@ -67,10 +68,12 @@ def tune(
     if config.max_seconds is not None:
         raise ValueError(f"max_seconds is {config.max_seconds:g}; trials take equal steps: give null")
     space, count = space_of(config, searches, overrides), count_of(processes)
-    run_folder.check_study(folder, [JOURNAL, "trial[0-9]*"])
+    asked = asked_of(config, space, seed)
+    run_folder.check_study(folder, [MARK])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"), progress_bars() as bars:
-        study = opened(storage or str(folder / JOURNAL), config, space, seed)
+        begin_study(folder / MARK, {**asked, "storage": storage or JOURNAL})
+        study = opened(storage or str(folder / JOURNAL), config, asked)
         job = study, config, space, folder, trials, seed
         begun = ended(study)
         left = max(0, trials - begun)
@@ -180,12 +183,45 @@ def ended(study: optuna.Study) -> int:
     return len(study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED)))
 
 
-def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
-    """The study of these settings in a journal or a database, which may hold others."""
+def asked_of(config: Config, space: Space, seed: int) -> dict[str, Any]:
+    """What a study is of, as plain data."""
     from .training.train import identity, make_sb3
 
     run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
-    asked = json.dumps([run, seed, space])
+    asked: dict[str, Any] = json.loads(json.dumps({**run, "search": space, "seed": seed}))
+    return asked
+
+
+def begin_study(path: Path, asked: dict[str, Any]) -> None:
+    """Write what the study of a folder is of, or refuse a folder whose study is of something else."""
+    digest = hashlib.sha256(asked["storage"].encode()).hexdigest()  # its URL may have a password
+    now = {**asked, "storage": digest}
+    if not path.exists():
+        return write_text(path, json.dumps(now, indent=1) + "\n")
+    try:
+        before = _flat(json.loads(bounded.read_text(path, "study", 1 << 20)))
+    except (ValueError, RecursionError):
+        raise ValueError(f"{path} is damaged, or no study's; choose another --out") from None
+    told = _flat(now)
+    key = next((k for k in (*told, *before) if told.get(k) != before.get(k)), None)
+    if key is None:
+        return None
+    raise ValueError(
+        f"{path.parent} holds a study with {key.removeprefix('settings.')}: {shown(before.get(key))}, and "
+        f"this one has {shown(told.get(key))}; choose another --out"
+    )
+
+
+def _flat(data: Any, name: str = "") -> dict[str, Any]:
+    """Entries of nested mappings, by dotted names."""
+    if not isinstance(data, dict):
+        return {name: data}
+    return {k: v for key, one in data.items() for k, v in _flat(one, f"{name}.{key}".strip(".")).items()}
+
+
+def opened(kept: str, config: Config, asked: dict[str, Any]) -> optuna.Study:
+    """The study of these settings in a journal or a database, which may hold others."""
+    name = hashlib.sha256(json.dumps(asked).encode()).hexdigest()
     try:
         if Path(kept).exists():  # Optuna would append to any file
             with bounded.opened(Path(kept), "journal", bounded.MAX_UNPACKED) as file:
@@ -193,7 +229,7 @@ def opened(kept: str, config: Config, space: Space, seed: int) -> optuna.Study:
                     raise ValueError("it is no journal of Optuna's")
         return optuna.create_study(
             storage=kept if "://" in kept else JournalStorage(JournalFileBackend(kept)),
-            study_name=hashlib.sha256(asked.encode()).hexdigest(), load_if_exists=True, direction="maximize",
+            study_name=name, load_if_exists=True, direction="maximize",
             pruner=optuna.pruners.MedianPruner(STARTUP, int(WARMUP * config.total_steps)),
         )  # fmt: skip
     except Exception as error:  # a damaged file may raise any error
@@ -246,7 +282,10 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
     """Write trials.csv, best.yaml and tune.md, which is returned; ValueError if no trial is complete."""
     frame = study.trials_dataframe(("number", "state", "value", "user_attrs", "params", "duration"))
     frame.columns = [name.removeprefix("user_attrs_").removeprefix("params_") for name in frame.columns]
-    write_text(folder / "trials.csv", frame.to_csv(index=False))
+    frame = frame.rename(columns={"number": "trial"}).assign(seconds=frame["duration"].dt.total_seconds())
+    written_columns = [c for c in ("trial", "state", *POINT, "seconds", *space, "message") if c in frame]
+    told = frame[written_columns].assign(state=frame["state"].str.lower())
+    write_text(folder / "trials.csv", told.to_csv(index=False))
     best = frame[frame["state"] == "COMPLETE"].sort_values("value", ascending=False)
     if best.empty:
         why = frame.get("message", frame["state"]).dropna()
@@ -257,7 +296,7 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
     if len(best) >= FEW and best["value"].nunique() > 1:
         shares = optuna.importance.get_param_importances(study, evaluator=PedAnovaImportanceEvaluator())
     percent = [(key, f"{100 * share:.0f} %") for key, share in shares.items()]
-    rows = best[[*(columns := ("number", *POINT, *space))]].head(FEW).values.tolist()
+    rows = best[[*(columns := ("trial", *POINT, *space))]].head(FEW).values.tolist()
     cells = [[f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows]
     page = pages.page(
         "tune", config=config, complete=len(best), trials=len(study.trials), searched=", ".join(space),

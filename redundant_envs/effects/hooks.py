@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, Example
+from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, declared_in
 from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm
 
@@ -410,8 +410,6 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
-    example : Example
-        Numbers with which an effect of the package is shown, tested and measured.
 
     Examples
     --------
@@ -420,7 +418,7 @@ class Effect:
         from dataclasses import dataclass
 
         import redundant_envs as rde
-        from redundant_envs.language.algebra import physics
+        from redundant_envs.algebra import physics
 
         @physics
         def drag(rate, coefficient):
@@ -442,7 +440,6 @@ class Effect:
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
-    example: ClassVar[Example] = Example({})
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""
@@ -455,15 +452,19 @@ class Effect:
             if declared and declared.of_joints:
                 cls.of_joints = (*cls.of_joints, name)
 
-    def __post_init__(self) -> None:
-        for name, declared in self._declared().items():
+    def __post_init__(self, *given: Any) -> None:
+        for name, declared in self.__declared().items():
             value = declared.checked(f"{type(self).__name__}.{name}", getattr(self, name))
             object.__setattr__(self, name, value)
+        following = getattr(super(), "__post_init__", None)  # of another base class
+        if following is not None:
+            following(*given)
 
-    def _declared(self) -> dict[str, Declared]:
+    def __declared(self) -> dict[str, Declared]:
         """What is declared of its fields, but for those that are absent."""
-        declared = (f for f in dataclasses.fields(self) if DECLARED in f.metadata)
-        return {f.name: f.metadata[DECLARED] for f in declared if not _is_absent(f, getattr(self, f.name))}
+        present = (f.name for f in dataclasses.fields(self) if not _is_absent(f, getattr(self, f.name)))
+        declared = {name: declared_in(type(self), name) for name in present}
+        return {name: found for name, found in declared.items() if found is not None}
 
     @property
     def key(self) -> str:
@@ -531,7 +532,7 @@ class Effect:
         """Known units of its numbers, "field" or "field[k]" -> unit: those that are declared; of masses,
         inertias and ends of travel they follow from the hooks. An effect gives its others."""
         found: dict[str, str] = {}
-        for name, declared in self._declared().items():
+        for name, declared in self.__declared().items():
             if len(declared.units) == 1:
                 found[name] = declared.units[0]
             elif declared.of_joints and declared.units:

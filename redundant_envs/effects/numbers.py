@@ -18,7 +18,7 @@ Check = Callable[[str, Any], Any]
 """From the name of a field and its value to the value as it is kept; ValueError that names the field."""
 COORDINATE = "coordinate"
 """Field with the name of the joint to which the single numbers of an effect belong."""
-DECLARED = "declared"
+DECLARED = "redundant_envs.declared"
 """Key of a :class:`Declared` in the metadata of a field."""
 
 
@@ -66,6 +66,23 @@ class Example:
     numbers: Mapping[str, Any]
     zero: Mapping[str, Any] | None = None
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+def example_of(kind: type) -> Example:
+    """The example of an effect of the package; without numbers if it needs none."""
+    found = vars(kind).get("example")
+    return found if isinstance(found, Example) else Example({})
+
+
+def declared_in(kind: type, name: str) -> Declared | None:
+    """What a field of an effect holds: as the class declares it, or one from which it is derived, which may
+    have given the field another default."""
+    for base in kind.__mro__:
+        found = vars(base).get("__dataclass_fields__", {}).get(name)
+        if found is not None and DECLARED in found.metadata:
+            declared: Declared = found.metadata[DECLARED]
+            return declared
+    return None
 
 
 Metadata = Mapping[str, Declared]

@@ -93,7 +93,7 @@ class Task:
 
         import gymnasium as gym
         import redundant_envs as rde
-        from redundant_envs.language.algebra import maximum, physics
+        from redundant_envs.algebra import maximum, physics
 
         @physics(gives="height_term")
         def height_term(tip_y, reach):

@@ -80,7 +80,7 @@ def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
         words_of = [*words, "--out", tmp_path, *more]
         refused(words_of, f"out is {tmp_path}, which holds other files and no study")
     assert len([*tmp_path.iterdir()]) == 4
-    marks = {"policy": "study.yaml", "strength": "strength.csv", "tune": "study.journal"}
+    marks = {"policy": "study.yaml", "strength": "strength.csv", "tune": "study.json"}
     mark = tmp_path / next(name for word, name in marks.items() if word in words)
     mark.write_text("precious")  # a file of the user that has the name of one of a study
     refused([*words, "--out", tmp_path], mark.name)

@@ -31,7 +31,7 @@ GAMMA = ["ppo.gamma=0.5..0.9"]
 
 def rows(folder):
     """trials.csv without the durations, which differ from run to run."""
-    return [{k: v for k, v in row.items() if k != "duration"} for row in csv_rows(folder / "trials.csv")]
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in csv_rows(folder / "trials.csv")]
 
 
 # ---- search spaces -------------------------------------------------------------------------------
@@ -123,10 +123,10 @@ def test_processes_search_a_study_together_and_leave_the_evaluation_goals_alone(
     monkeypatch.setattr(watch, "run_episodes", recorded)
     search = ["--search", "ppo.learning_rate=1e-3..1e-2", "--search", "ppo.n_epochs=1|2", "--out", tmp_path]
     page, _ = call("tune", "rprp_reach_ppo", *TINY, "--trials", 2, *search)
-    assert "| number | hold_success | return | env_steps | ppo" in page
+    assert "| trial | hold_success | return | env_steps | ppo" in page
     call("tune", "rprp_reach_ppo", *TINY, "--trials", 5, *search, "--processes", 2)
     found = rows(tmp_path)
-    assert [row["state"] for row in found] == ["COMPLETE"] * 5
+    assert [row["state"] for row in found] == ["complete"] * 5
     assert len({row["ppo.learning_rate"] for row in found}) == 5
     for row in found:
         steps, _, hold, *_ = (
@@ -144,8 +144,8 @@ def test_a_trial_below_the_median_is_pruned_but_not_while_policies_hold_nothing_
     page = tune(config, tmp_path, 24, GAMMA).read_text()
     found, best = rows(tmp_path), load(tmp_path / "best.yaml")
     assert found[0]["ppo.gamma"] == "0.7"
-    assert all(row["state"] == "COMPLETE" for row in found[:STARTUP])
-    assert {(row["state"], row["env_steps"]) for row in found} == {("COMPLETE", "8192"), ("PRUNED", "2048")}
+    assert all(row["state"] == "complete" for row in found[:STARTUP])
+    assert {(row["state"], row["env_steps"]) for row in found} == {("complete", "8192"), ("pruned", "2048")}
     assert best.ppo.gamma == max(float(row["ppo.gamma"]) for row in found)
     assert best.model_copy(update={"ppo": config.ppo}) == config
     assert "| ppo.gamma | 100 % |" in page
@@ -158,7 +158,7 @@ def test_a_training_without_end_and_refused_settings_are_named_and_the_study_goe
     monkeypatch.setattr(train, "train", fake_train(lambda ppo: (0.5, 7.0), breaks))
     tune(CONFIG, tmp_path / "a", 4, ["ppo.gamma=0.5..0.99"])
     found = rows(tmp_path / "a")
-    assert [row["state"] for row in found] == ["COMPLETE", "PRUNED", "PRUNED", "COMPLETE"]
+    assert [row["state"] for row in found] == ["complete", "pruned", "pruned", "complete"]
     assert [row["message"] for row in found[1:3]] == ["no number", "no end"]
     with says("no trial of", "completed: ppo.batch_size is 30", "it must divide"):
         tune(CONFIG, tmp_path / "none", 2, ["ppo.batch_size=300|301"])
@@ -184,7 +184,7 @@ def test_a_stopped_or_killed_study_goes_on_where_it_stood(monkeypatch, tmp_path)
     for trials in (6, 7):  # first the rest, and then more of them
         tune(CONFIG, tmp_path, trials, GAMMA)
         states = [row["state"] for row in rows(tmp_path)]
-        assert (states[2], states[4]) == ("RUNNING", "FAIL")
+        assert (states[2], states[4]) == ("running", "fail")
         assert len(states) == trials + 2
     assert len({row["ppo.gamma"] for row in rows(tmp_path)}) == 9  # none is drawn again
 
@@ -196,7 +196,7 @@ def test_another_study_does_not_go_on_in_the_folder(tmp_path):
         (CONFIG, ["ppo.gamma=0.5..0.8"], 0), (CONFIG, GAMMA, 1),
         (load("rprp_reach_ppo", [*SMALL, "ppo.ent_coef=0"]), GAMMA, 0),
     ):  # fmt: skip
-        with says("trial0 is not empty; choose another --out"):
+        with says("holds a study with "):
             tune(config, tmp_path, 2, searches, seed=seed)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").touch()

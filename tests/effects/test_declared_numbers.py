@@ -15,7 +15,7 @@ from refusals import short
 import redundant_envs as rde
 from redundant_envs.effects import OWN
 from redundant_envs.effects.hooks import snake_case
-from redundant_envs.effects.numbers import DECLARED, of_axes, two
+from redundant_envs.effects.numbers import DECLARED, example_of, of_axes, two
 from redundant_envs.robots.parameters import number
 
 PAGES = Path(__file__).parents[2] / "docs" / "effects"
@@ -33,13 +33,13 @@ NUMBER = r"-?\d[\d.]*(?:e-?\d+)?"
 def usual(field):
     """A value that is allowed: that of the example, or the default."""
     kind, f = FIELDS[field]
-    return kind.example.numbers.get(f.name, f.default)
+    return example_of(kind).numbers.get(f.name, f.default)
 
 
 def made(field, value):
     """The example of an effect with another value."""
     kind, f = FIELDS[field]
-    return kind(**{**kind.example.numbers, f.name: value})
+    return kind(**{**example_of(kind).numbers, f.name: value})
 
 
 def refused(field, value):
@@ -111,3 +111,38 @@ def test_bounds_of_pages_are_read():
     assert beyond("positive, at most 1e100") == [0.0, -0.1, 1.01e100]
     assert beyond("any, up to 2 in size") == [-2.02, 2.02]
     assert beyond("any") == []
+
+
+@dataclasses.dataclass(frozen=True)
+class SlowLag(rde.effects.Lag):
+    time_constant: float = 0.03
+
+
+@dataclasses.dataclass(frozen=True)
+class Started(rde.effects.Effect):
+    """An effect as users write them: a number that the start alone takes, names and notes of their own."""
+
+    k: dataclasses.InitVar[int] = 3
+    example: float = dataclasses.field(default=2.0, metadata={"declared": "by me"})
+
+
+class Doubled:
+    def __post_init__(self):
+        object.__setattr__(self, "c", 2.0 * self.c)
+
+
+@dataclasses.dataclass(frozen=True)
+class Mixed(rde.effects.Effect, Doubled):
+    c: float = 0.5
+
+
+def test_a_class_that_gives_a_number_another_default_keeps_its_check_and_unit():
+    with pytest.raises(ValueError, match=r"SlowLag\.time_constant is 0"):
+        SlowLag(0.0)
+    assert SlowLag(1).time_constant == 1.0
+    assert SlowLag().units(FOUR_R) == rde.effects.Lag(0.03).units(FOUR_R)
+
+
+def test_effects_of_users_may_be_started_their_own_way():
+    assert Started(5).example == 2.0
+    assert Mixed().c == 1.0

@@ -72,6 +72,8 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
     file in it is damaged or belongs to another run.
     """
     folder = Path(folder)
+    if folder.is_file():
+        raise ValueError(f"{folder} is a file; give a run folder, or a table of runs, which ends in {TABLE}")
     config, scene = run_folder.read_config(folder), run_folder.read_scene(folder).to_dict()
     evaluation = run_folder.read_evaluation(folder) if evaluation is None else evaluation
     facts = run_folder.read_facts(folder)
