@@ -11,7 +11,7 @@ from redundant_envs.envs.core import first_memory, start_ranges
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Call
 from redundant_envs.simulator.batch.advance import COLUMNS, advance_kernel
-from redundant_envs.simulator.batch.environment import EPISODE_KEY, EnvironmentKernel, Operation
+from redundant_envs.simulator.batch.environment import EPISODE_KEY, EnvironmentKernel, KernelCall
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import TABLES, Episode
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
@@ -126,7 +126,7 @@ def played(scene, width, steps=25):
         keys[:] = rng.integers(0, 2**32, keys.shape, np.uint32)
         keys[:, -1] = 1
         actions[:] = rng.uniform(-1.2, 1.2, actions.shape)
-        how = Operation.STEP if step else Operation.RESET
+        how = KernelCall.STEP if step else KernelCall.RESET
         lanes.run(operation=int(how), autoreset=2, any_due=0, stride=stride, substeps=scene.substeps)
         tables = (array[:, :COUNT].copy() for name, array in outputs.items() if name != "obs")
         found += [lanes.rows(STATE), outputs["obs"][:COUNT].copy(), *tables]
