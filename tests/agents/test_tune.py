@@ -30,7 +30,7 @@ GAMMA = ["ppo.gamma=0.5..0.9"]
 
 
 def rows(folder):
-    """trials.csv without the durations, which differ from run to run."""
+    """trials.csv without the seconds, which differ from run to run."""
     return [{k: v for k, v in row.items() if k != "seconds"} for row in csv_rows(folder / "trials.csv")]
 
 
@@ -130,7 +130,7 @@ def test_processes_search_a_study_together_and_leave_the_evaluation_goals_alone(
     assert len({row["ppo.learning_rate"] for row in found}) == 5
     for row in found:
         steps, _, hold, *_ = (
-            (tmp_path / f"trial{row['number']}" / "selection.csv").read_text().split()[-1].split(",")
+            (tmp_path / f"trial{row['trial']}" / "selection.csv").read_text().split()[-1].split(",")
         )
         assert (float(row["hold_success"]), row["env_steps"]) == (float(hold), steps)
     assert set(goals) == {SELECTION_SEED}
