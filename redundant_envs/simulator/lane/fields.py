@@ -109,18 +109,21 @@ class Owner:
         return (getattr(type(self), name).field(self) for name in names)
 
 
-class Own:
-    """A field that each object of a class has: with ``force = Own("N", "that holds the slider")`` in the
-    class, ``lane[stop.force]`` is the force of one stop."""
+class Declared:
+    """A field, as a class declares it; for the arguments see :class:`Variable`."""
 
     def __init__(
         self, unit: str, doc: str, lifetime: Lifetime = SCRATCH, truth: bool = False, book: bool = False
     ) -> None:
-        """``{}`` in ``doc`` stands for the name of the owner; for the others see :class:`Variable`."""
         self.unit, self.doc, self.lifetime, self.truth, self.book = unit, doc, lifetime, truth, book
 
     def __set_name__(self, kind: type, name: str) -> None:
         self.name = name
+
+
+class Own(Declared):
+    """A field that each object of a class has: with ``force = Own("N", "that holds the slider")`` in the
+    class, ``lane[stop.force]`` is the force of one stop. ``{}`` in its sentence stands for the owner's name."""
 
     @overload
     def __get__(self, owner: None, kind: type) -> Own: ...
@@ -141,16 +144,8 @@ def copies(names: tuple[str, ...], form: str, doc: str) -> Iterator[Variable]:
         yield Variable(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")
 
 
-class EngineField:
+class EngineField(Declared):
     """A field that a lane has once: a descriptor of :class:`~redundant_envs.simulator.lane.memory.Lane`."""
-
-    def __init__(
-        self, unit: str, doc: str, lifetime: Lifetime = SCRATCH, truth: bool = False, book: bool = False
-    ) -> None:
-        self.unit, self.doc, self.lifetime, self.truth, self.book = unit, doc, lifetime, truth, book
-
-    def __set_name__(self, kind: type, name: str) -> None:
-        self.name = name
 
     @overload
     def __get__(self, lane: None, kind: type) -> EngineField: ...
