@@ -123,7 +123,7 @@ class Declared:
 
 class Own(Declared):
     """A field that each object of a class has: with ``force = Own("N", "that holds the slider")`` in the
-    class, ``lane[stop.force]`` is the force of one stop. ``{}`` in its sentence stands for the owner's name."""
+    class, ``lane[stop.force]`` is the force of one stop. ``{}`` in its sentence is the name of the owner."""
 
     @overload
     def __get__(self, owner: None, kind: type) -> Own: ...
