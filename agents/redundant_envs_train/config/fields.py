@@ -72,33 +72,36 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     """The first mistake of a validation as one sentence."""
     # A key that is unknown is often the reason why another one is missing.
     mistake = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    place = tuple(mistake["loc"])
-    name = where + dotted(place)
-    got = shown(mistake["input"])
+    place, about = tuple(mistake["loc"]), mistake.get("ctx", {})
+    name, got = where + dotted(place), shown(mistake["input"])
+    owner = model_at(kind, place[:-1])
+    field = owner.model_fields.get(next((str(p) for p in reversed(place) if isinstance(p, str)), ""))
     match mistake["type"]:
         case "extra_forbidden":
-            owner = model_at(kind, place[:-1])
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
             return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
-            field = model_at(kind, place[:-1]).model_fields.get(str(place[-1]))
             more = f"; give the {field.description}" if field and field.description else ""
             return f"{name} is missing{more}"
         case "value_error":  # a message written by the model itself, which names its fields
-            message = str(mistake["ctx"]["error"])
+            message = str(about["error"])
             return message if not name or message.startswith(name) else f"{name}: {message}"
         case "literal_error":
-            return f"{name} is {got}; choose {mistake['ctx']['expected']}"
+            return f"{name} is {got}; choose {about['expected']}"
         case "model_type" | "model_attributes_type" | "mapping_type" | "dict_type":
             return f"{name} is {got}; give a mapping"
         case "tuple_type" | "list_type":
-            return f"{name} is {got}; give a list{example(kind, place)}"
+            default = field.default if field else None
+            example = ", ".join(map(str, default)) if isinstance(default, tuple) else ""
+            return f"{name} is {got}; give a list" + (f", such as [{example}]" if example else "")
         case "too_long" | "too_short":
-            count = mistake["ctx"]
-            limit = f"most {count['max_length']}" if "max_length" in count else f"least {count['min_length']}"
-            return f"{name} has {count['actual_length']} entries; give at {limit}"
-        case "greater_than_equal" | "less_than_equal" | "kind":
-            return f"{name} is {got}; {allowed(kind, place, mistake['msg'])}"
+            limit = f"most {about['max_length']}" if "max_length" in about else f"least {about['min_length']}"
+            return f"{name} has {about['actual_length']} entries; give at {limit}"
+        case "greater_than_equal" | "less_than_equal" | "kind" if field:
+            low, high = limits(field)
+            if low is not None and high is not None:
+                whole = "whole " if "int" in str(field.annotation) else ""
+                return f"{name} is {got}; give a {whole}number from {short(low)} to {short(high)}"
     return f"{name} is {got}; {mistake['msg']}"
 
 
@@ -117,25 +120,6 @@ def model_at(kind: type[Any], place: tuple[int | str, ...]) -> type[Any]:
         inner = (field.annotation, *get_args(field.annotation)) if field else ()
         kind = next((c for c in inner if hasattr(c, "model_fields")), kind)
     return kind
-
-
-def allowed(kind: type[Any], place: tuple[int | str, ...], message: str) -> str:
-    """Numbers that are allowed for an entry."""
-    names = [str(part) for part in place if not isinstance(part, int)]
-    owner = model_at(kind, tuple(names[:-1]))
-    field = owner.model_fields.get(names[-1])
-    low, high = limits(field) if field else (None, None)
-    if field is None or low is None or high is None:
-        return message
-    whole = "whole " if "int" in str(field.annotation) else ""
-    return f"give a {whole}number from {short(low)} to {short(high)}"
-
-
-def example(kind: type[Any], place: tuple[int | str, ...]) -> str:
-    """The default of a list, as an example of one."""
-    field = model_at(kind, place[:-1]).model_fields.get(str(place[-1])) if place else None
-    default = field.default if field is not None else None
-    return f", such as [{', '.join(map(str, default))}]" if isinstance(default, tuple) and default else ""
 
 
 def short(bound: float) -> str:
