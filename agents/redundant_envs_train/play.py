@@ -16,7 +16,7 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
-from .rollout import Act, expert_act, policy_act, random_act
+from .rollout import Act, each, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
 
 
@@ -145,6 +145,4 @@ def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **k
 
 def batched(obs: Any) -> Any:
     """One observation as a batch of one."""
-    if isinstance(obs, dict):
-        return {k: v[None] for k, v in obs.items()}
-    return obs[None]
+    return each(lambda part: part[None], obs)

@@ -1,6 +1,6 @@
 """Episodes on given goals, with any source of actions, all in parallel."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +37,20 @@ class Outcome(NamedTuple):
     effort: NDArray[np.float64]  # mean square of the normalized efforts, 0 to 1
     smoothness: NDArray[np.float64]  # mean change of an effort from step to step, 0 to 2: less is smoother
     metrics: Mapping[str, NDArray[np.float64]] = {}  # the task's own, beside those above
+
+
+def each(function: Callable[[Any], Any], observations: Any) -> Any:
+    """Apply a function to an array of observations, or to each array of a goal environment's observations."""
+    if isinstance(observations, dict):
+        return {name: function(part) for name, part in observations.items()}
+    return function(observations)
+
+
+def stacked(rows: Sequence[Any]) -> Any:
+    """Arrays, or dictionaries of arrays, one above the other."""
+    if isinstance(rows[0], dict):
+        return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+    return np.stack(rows)
 
 
 def told(core: Core) -> list[str]:

@@ -3,10 +3,13 @@
 For a missing or damaged file the error names the command that writes it. Nothing large is imported.
 """
 
+import contextlib
 import itertools
 import json
 import shlex
+import shutil
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,15 +29,7 @@ from redundant_envs.support.figures import check_clip
 from redundant_envs.support.values import say, shown
 
 from . import COMMAND, command, train_again
-from .config import (
-    ALGORITHMS,
-    MAX_EPISODES,
-    MAX_SEEDS,
-    WITHOUT_EFFECT,
-    Config,
-    check_telemetry,
-    load,
-)  # fmt: skip
+from .config import ALGORITHMS, MAX_EPISODES, MAX_SEEDS, WITHOUT_EFFECT, Config, check_telemetry, load
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
@@ -312,6 +307,20 @@ def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:
 def check_out(folder: Path) -> None:
     """Refuse an impossible folder for results; see :func:`check_folder`."""
     check_folder("out", folder, "choose another --out")
+
+
+@contextlib.contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A place to fill, which gets the name of this folder at the end: it is complete or does not exist."""
+    there = next(place for place in folder.absolute().parents if place.exists())
+    place = Path(tempfile.mkdtemp(prefix=f".{folder.name[:100]}.", dir=there))
+    try:
+        (part := place / "whole").mkdir()  # not readable by its owner alone, as ``place`` is
+        yield part
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part.rename(folder)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def check_study(folder: Path, marks: Sequence[str]) -> None:

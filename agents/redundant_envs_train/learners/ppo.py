@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from redundant_envs.support.extras import needs
 
+from ..rollout import each, stacked
 from .networks import Adam, Averaging, Networks, goal_mixing, linear_layers
-from .sampling import each
 
 with needs("train"):
     import torch
@@ -108,10 +108,7 @@ class AveragedPPO(Averaging, PPO):
         buffer.values[:] = self._values(flat).view(buffer.values.shape).numpy()
         if ends:
             steps, lanes, last = zip(*ends, strict=True)
-            goals = isinstance(last[0], dict)
-            after = {k: np.stack([o[k] for o in last]) for k in last[0]} if goals else np.stack(last)
-            values = self._values(after)
-            buffer.rewards[list(steps), list(lanes)] += self.gamma * values.numpy()
+            buffer.rewards[list(steps), list(lanes)] += self.gamma * self._values(stacked(last)).numpy()
         buffer.pos, buffer.full = len(buffer.values), True
         buffer.compute_returns_and_advantage(
             self._values(self._last_obs), np.asarray(self._last_episode_starts)

@@ -4,13 +4,14 @@ What is stored and drawn is the same. A transition is one row of each array, whi
 NumPy takes rows several times as fast as elements at pairs of indices.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.support.extras import needs
+
+from ..rollout import each
 
 with needs("train"):
     import torch
@@ -48,10 +49,7 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
 def store(
     buffer: ReplayBuffer, seen: Any, after: Any, actions: Any, rewards: Any, dones: Any, infos: Any
 ) -> None:
-    """What ``buffer.add`` does for a plain ReplayBuffer.
-
-    ``after`` has the first observations of the next episodes where episodes ended; the buffer gets the last.
-    """
+    """What ``buffer.add`` does ; ``after`` begins the next episodes where some have ended."""
     at = buffer.pos
     numbers = {
         "observations": seen, "next_observations": after, "actions": actions, "rewards": rewards,
@@ -86,10 +84,3 @@ def _hindsight_goals(buffer: HerReplayBuffer, index: NDArray[np.int64]) -> NDArr
 def _rows(arrays: Any, index: NDArray[np.int64]) -> Any:
     """Rows of (steps, environments, ...), or of each array of a goal environment, at flat indices."""
     return each(lambda array: array.reshape(-1, *array.shape[2:]).take(index, 0), arrays)
-
-
-def each(function: Callable[[Any], Any], observations: Any) -> Any:
-    """Apply a function to an array of observations, or to each array of a goal environment's observations."""
-    if isinstance(observations, dict):
-        return {name: function(part) for name, part in observations.items()}
-    return function(observations)

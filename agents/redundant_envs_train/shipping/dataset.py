@@ -1,11 +1,11 @@
 """Episodes as a Minari dataset: from its seed and its actions each one is replayed to the last bit."""
 
 import dataclasses
+import operator
 import os
 import re
 import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,8 @@ from redundant_envs.support.progress import counted
 from redundant_envs.support.tables import table
 from redundant_envs.support.values import shown
 
-from ..rollout import Act, expert_act, policy_act, random_act
-from ..run_folder import check_out, own_config, tell_differences
+from ..rollout import Act, each, expert_act, policy_act, random_act, stacked
+from ..run_folder import check_out, new_folder, own_config, tell_differences
 
 ACTORS = {"expert": "computed torque", "random": "random actions"}
 ABOUT = (
@@ -74,22 +74,15 @@ def write_dataset(
         make = lambda first: act  # noqa: E731
     spec, ends = spec_of(env_id, dict(config.env_kwargs) if config else {}), list[tuple[int, float, float]]()
     actor, name = config.label if config else ACTORS[word], re.sub(r"[^-\w]", "_", whole.name)
-    part = Path(tempfile.mkdtemp(prefix=f".{whole.name[:100]}.", dir=there))
-    try:
+    with new_folder(whole) as part:
         single = gym.make(spec)
-        data = part / "whole" / "data"
-        data.parent.mkdir()
-        storage = MinariStorage.new(data, single.observation_space, single.action_space, spec)
+        storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)
         storage.update_metadata({
             "dataset_id": name if re.fullmatch(r".+-v\d+", name) else f"{name}-v0", "algorithm_name": actor,
             "description": ABOUT.format(env_id, actor, seed, seed + episodes - 1),
             "requirements": [f"redundant-envs=={__version__}"], "minari_version": minari.__version__,
         })  # fmt: skip
         storage.update_episodes(_played(spec, make, episodes, seed, ends))
-        whole.parent.mkdir(parents=True, exist_ok=True)
-        data.parent.rename(whole)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     steps, (held, returns) = sum(n for n, *_ in ends), np.mean([end[1:] for end in ends], axis=0)
     success = "unknown" if np.isnan(held) else f"{100 * held:.1f} %"
     head, row = ("episodes", "steps", "success", "mean return"), (episodes, steps, success, f"{returns:.2f}")
@@ -135,12 +128,13 @@ def _played(
                 lengths += open_lanes
                 open_lanes &= ~(step[1] | step[2])
             env.close()
-            columns, observations, told = _stacked(steps), _stacked(seen), _stacked(infos)
+            columns, observations, told = stacked(steps), stacked(seen), stacked(infos)
             for lane, n in enumerate(lengths.tolist()):
-                infos_of, step_of = _lane(told, lane, n + 1), [_lane(c, lane, n) for c in columns.values()]
-                obs_of = _lane(observations, lane, n + 1)
-                yield EpisodeBuffer(None, seed + first + lane, None, obs_of, *step_of, infos_of)
-                ends.append((n, infos_of.get("is_success", [np.nan])[-1], step_of[1].sum()))
+                states = operator.itemgetter((slice(n + 1), lane))
+                seen_of, told_of = each(states, observations), each(states, told)
+                step_of = [part[:n, lane] for part in columns.values()]
+                yield EpisodeBuffer(None, seed + first + lane, None, seen_of, *step_of, told_of)
+                ends.append((n, told_of.get("is_success", [np.nan])[-1], step_of[1].sum()))
             done(f"{first + count} of {episodes} episodes")
 
 
@@ -148,15 +142,3 @@ def _told(env: Any, info: Any, actions: Any) -> dict[str, Any]:
     """The numbers about each step that a dataset has beside those of an episode."""
     effort = np.square(np.clip(actions.astype(np.float64), -1.0, 1.0)).mean(axis=1)
     return {name: info[name] for name in ("is_success",) if name in info} | {"effort": effort, "tip": env.tip}
-
-
-def _stacked(rows: Sequence[Any]) -> Any:
-    """Arrays, or dictionaries of arrays, one above the other."""
-    if isinstance(rows[0], dict):
-        return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-    return np.stack(rows)
-
-
-def _lane(rows: Any, lane: int, count: int) -> Any:
-    """The first rows of a lane."""
-    return {k: v[:count, lane] for k, v in rows.items()} if isinstance(rows, dict) else rows[:count, lane]

@@ -1,8 +1,6 @@
 """A run folder's policy as files for others: policy.zip, policy.onnx, policy.npz and a card."""
 
 import os
-import shutil
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,7 +26,7 @@ from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..pages import MEASURES, page, results_table
 from ..policies import load_policy, saved
 from ..report import PACKAGES
-from ..run_folder import FACTS, SCENE, check_out, difference, own_config, read_config
+from ..run_folder import FACTS, SCENE, check_out, difference, new_folder, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of
 
 with needs("onnx"):
@@ -94,20 +92,12 @@ def export(run: Path, out: Path) -> Path:
         raise ValueError(f"{folder} exists; delete it or choose another --out")
     policy = load_policy(run, own)
     env = make_sb3(own.env, LANES, **own.env_kwargs)
-    with told(folder):
-        out.mkdir(parents=True, exist_ok=True)
-        place = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
-    try:
-        with told(folder):
-            (part := place / "whole").mkdir()  # not readable by its owner alone, as ``place`` is
-            layers = layers_of(policy, env.observation_space)
-            worst = _write(config, evaluation, policy, layers, env, part)
-            scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
-            text = card(config, evaluation, layers, worst, env.core, scene)
-            (part / "README.md").write_text(text, encoding="utf-8")
-            part.rename(folder)
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
+    with told(folder), new_folder(folder) as part:
+        layers = layers_of(policy, env.observation_space)
+        worst = _write(config, evaluation, policy, layers, env, part)
+        scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
+        text = card(config, evaluation, layers, worst, env.core, scene)
+        (part / "README.md").write_text(text, encoding="utf-8")
     return folder
 
 

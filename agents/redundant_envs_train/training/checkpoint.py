@@ -20,9 +20,9 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
 from .. import train_again
-from ..learners.sampling import each
 from ..policies import TENSOR_NAMES as WEIGHTS
 from ..policies import check_table
+from ..rollout import each
 from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat
 
 with needs("train"):
