@@ -16,8 +16,8 @@ COMMAND = "python -m agents" if IN_CHECKOUT else "redundant-envs-train"
 
 
 def command(*words: object) -> str:
-    """A command of this application to paste into a shell: paths are quoted if necessary, and modules that
-    this command imports are named again."""
+    """A command to paste into a shell: paths are quoted, and modules that this command imports are named
+    again."""
     imports = (word for module in modules.IMPORTED for word in (modules.OPTION, module))
     return f"{COMMAND} {shlex.join(map(str, (*imports, *words)))}"
 

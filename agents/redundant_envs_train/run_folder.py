@@ -1,7 +1,4 @@
-"""Run folders: their files, the scene that a run was trained in, and checks before one is written.
-
-For a missing or damaged file the error names the command that writes it. Nothing large is imported.
-"""
+"""Run folders: their files, their scenes, and checks before one is written. Nothing large is imported."""
 
 import contextlib
 import itertools
@@ -79,8 +76,7 @@ def read_config(folder: Path, overrides: Sequence[str] = ()) -> Config:
 
 
 def config_to_resume(folder: Path, overrides: Sequence[str] = ()) -> Config:
-    """The configuration with which a run goes on; ValueError for overrides that would change its results,
-    and as for :func:`check_telemetry`."""
+    """The configuration with which a run goes on; ValueError for overrides that would change its results."""
     for override in overrides:
         if override.partition("=")[0] not in WITHOUT_EFFECT:
             raise ValueError(
@@ -262,10 +258,8 @@ def named_scene(config: Config) -> Any:
 
 
 def difference(folder: Path) -> str:
-    """How a run's scene differs from the one that its configuration names, in a sentence; else nothing.
-
-    A file that no longer exists, or cannot be found from the current folder, counts as equal.
-    """
+    """How a run's scene differs from the one that its configuration names, in a sentence; nothing if it does
+    not, or the file of that one cannot be found."""
     config = read_config(folder)
     named = named_scene(config)
     if isinstance(named, str | Path) and not exists(scene_path(named)):
@@ -324,8 +318,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def check_study(folder: Path, marks: Sequence[str]) -> None:
-    """Refuse a folder for a study that holds links, or files but none of ``marks``: patterns of names that
-    show that they are of an earlier call."""
+    """Refuse a folder for a study that holds links, or files but none of an earlier call: ``marks`` are
+    patterns."""
     check_out(folder)
     check_plain(folder)
     if folder.is_dir() and any(folder.iterdir()) and not any(any(folder.glob(m)) for m in marks):
@@ -374,8 +368,8 @@ def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
 
 
 def check_resumable(folder: Path) -> Path | None:
-    """The checkpoint of a run folder, or None if the run begins again; ValueError if it cannot go on, with
-    what can be done instead."""
+    """The checkpoint of a run folder, None if the run begins again; ValueError with the remedy if it cannot
+    go on."""
     if (place := find_checkpoint(folder)) is not None:
         return place
     if was_stopped(folder) and read_config(folder).checkpoint_seconds > 0.0:

@@ -26,11 +26,8 @@ def policy_file(start: str) -> Path:
 
 
 def with_start(config: Config) -> Config:
-    """A configuration with the hash of the policy that it starts from.
-
-    ValueError if there is no such file, it is another one than the configuration says, or the configuration
-    beside it is of another algorithm or of other networks.
-    """
+    """A configuration with the hash of the policy that it starts from; ValueError if that policy cannot be
+    found, or is of another hash, algorithm or networks."""
     if config.start_from is None:
         return config
     file = policy_file(config.start_from)

@@ -1,8 +1,5 @@
-"""Pure functions of samples: intervals, tests, and robust means of a few runs.
-
-The interquartile mean and its interval are those of rliable (Agarwal et al. 2021, "Deep reinforcement
-learning at the edge of the statistical precipice").
-"""
+"""Intervals, tests, and robust means of a few runs: those of rliable (Agarwal et al. 2021, "Deep
+reinforcement learning at the edge of the statistical precipice")."""
 
 import itertools
 import math
@@ -17,8 +14,7 @@ Statistic = Callable[..., Any]  # (samples, axis) -> the statistic over this axi
 NORMAL_95 = 1.959963984540054
 TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
 MIN_RUNS = 5
-"""Least number of runs for an interval: with two or three it would reach from the lowest to the highest, and
-miss the true value in every second or fourth case."""
+"""With two or three runs it would miss the true value in every second or fourth case."""
 MIN_PAIRS = 20  # least number of pairs whose bootstrap says anything
 CHANCE = 0.05  # largest probability by chance of what is called a difference
 RESAMPLES, SEED = 2000, 0
@@ -46,11 +42,9 @@ def sign_test(a: int, b: int) -> float:
 
 
 def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
-    """Whether a statistic of paired samples, in the same order, differs beyond chance at the level of 95 %.
-
-    Samples of truth values are judged by the sign test of the pairs that differ, which is exact however few
-    these are; others by the interval of a bootstrap of pairs. Fewer than ``MIN_PAIRS`` never differ.
-    """
+    """Whether a statistic of paired samples, in the same order, differs beyond chance at the level of 95 %:
+    for truth values by the exact sign test of the pairs that differ, otherwise by the interval of a bootstrap
+    of pairs."""
     pairs = np.stack([np.asarray(a), np.asarray(b)], axis=1)
     if pairs.dtype == np.bool_:
         won, lost = (int((pairs[:, i] & ~pairs[:, 1 - i]).sum()) for i in (0, 1))
@@ -76,11 +70,8 @@ def permutation_test(a: Array, b: Array, most: int = 200_000) -> float:
 
 
 def interquartile_mean(values: ArrayLike, axis: int = 0) -> Array:
-    """Mean of the values between the quartiles, without the axis, in the unit of the values.
-
-    The definition is rliable's, ``scipy.stats.trim_mean(values, 0.25)``: of n values the n // 4 lowest
-    and the n // 4 highest are left out entirely. So it is the plain mean of up to three values.
-    """
+    """Mean of the values between the quartiles: rliable's, ``scipy.stats.trim_mean(values, 0.25)``, which
+    leaves out the n // 4 lowest and highest entirely. So it is the plain mean of up to three values."""
     array = np.sort(np.asarray(values, dtype=np.float64), axis=axis)
     n = array.shape[axis]
     middle: Array = array.take(np.arange(n // 4, n - n // 4), axis=axis).mean(axis=axis)
@@ -88,11 +79,8 @@ def interquartile_mean(values: ArrayLike, axis: int = 0) -> Array:
 
 
 def bootstrap(samples: ArrayLike, resamples: int, seed: int, statistic: Statistic = np.mean) -> Array:
-    """A statistic of (n, ...) samples drawn again with replacement, (resamples, ...).
-
-    All of an entry is drawn together: columns of differences stay paired, and points of a curve together.
-    Equal n means the same draws.
-    """
+    """A statistic of (n, ...) samples drawn again with replacement, (resamples, ...); entries are drawn as a
+    whole, so pairs and curves stay together, and equal n means the same draws."""
     values = np.asarray(samples, dtype=np.float64)
     n = len(values)
     if n < 2 or resamples < 1:

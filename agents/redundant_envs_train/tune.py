@@ -57,12 +57,9 @@ def tune(
     config: Config, folder: Path, trials: int, searches: Sequence[str] = (), overrides: Sequence[str] = (),
     seed: int = 0, processes: int = 1, storage: str | None = None,
 ) -> Path:  # fmt: skip
-    """Search the settings that hold most goals at the end of a training; returns the page tune.md.
-
-    A trial is a training in ``folder``/trial<k>, judged by the last point of its curve, on the selection
-    goals. The same call goes on until the study, in ``folder`` or in a ``storage`` that others share, has
-    ``trials``. Stopped if the user asked for it; ValueError for impossible arguments.
-    """
+    """Search the settings that hold most goals; returns the page tune.md. A trial is a training in
+    ``folder``/trial<k>, judged by the last point of its curve. The same call goes on until the study, in
+    ``folder`` or in a ``storage`` that others share, has ``trials``. Stopped if the user asked for it."""
     check_between("trials", trials, 1, 10_000)
     check_between("seed", seed, 0, 2**32 - 1)
     if config.max_seconds is not None:
@@ -126,7 +123,7 @@ def _work(job: Any, numbers: range, stopping: Any, core: int | None, modules: Se
 
 def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
     """The space of ``searches``, ``key=low..high`` or ``key=a|b|c``; by default that of the learner, without
-    the settings that ``overrides`` name. ValueError for what no setting of the learner can be."""
+    the settings that ``overrides`` name."""
     fields = {f"{config.algo}.{name}": field for name, field in type(config.settings).model_fields.items()}
     fixed, space = {override.partition("=")[0].strip() for override in overrides}, Space()
     own = {f"{config.algo}.{k}": v for k, v in (PPO if "ppo" in config.algo else OFF_POLICY).items()}

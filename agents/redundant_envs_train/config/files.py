@@ -25,10 +25,8 @@ of a learner are allowed if `algo` names it. `python -m agents schema` prints a 
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
-    """A configuration: a YAML file or a preset's name, and overrides such as ``seed=3 ppo.gamma=0.98``.
-
-    An override in place of the file begins with the defaults. Errors are those of :func:`merged`.
-    """
+    """A YAML file or a preset, with overrides such as ``seed=3``; an override in its place begins with
+    defaults."""
     if is_override(str(path)):
         return merged(None, {"config_version": VERSION}, [str(path), *overrides], config_of)
     file = preset_path(path)
@@ -36,8 +34,8 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
 
 
 def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
-    """ValueError if a file asks for a log that leaves the run folder, and the overrides of the command do
-    not: the file may be another's, and the run goes where the account of this user lets it."""
+    """ValueError if a file, which may be a stranger's, asks for a log that leaves the run folder: only the
+    command of a user may, as the run goes where the user's account lets it."""
     found = [name for name in config.telemetry if name in CLIENTS]
     if found and not any(override.startswith("telemetry=") for override in overrides):
         raise ValueError(
@@ -50,8 +48,8 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
 def merged(
     file: str | Path | None, data: dict[str, Any], overrides: Sequence[str], make: Callable[[Any], Any]
 ) -> Any:
-    """What ``make`` gives for the data of a file with overrides; its ValueError names what is to blame, the
-    file and the line, or the command line."""
+    """What ``make`` gives for a file with overrides; its ValueError blames the line of the file or the
+    command."""
     try:
         given = copy.deepcopy(data)
         for override in overrides:

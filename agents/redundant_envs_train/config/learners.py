@@ -61,10 +61,8 @@ class PlainPPOSettings(Model):
 
 
 class PPOSettings(PlainPPOSettings):
-    """PPO with averaged weights.
-
-    The term for smooth actions, because exploration noise hides in training that a policy trembles.
-    """
+    """PPO with averaged weights, and smooth actions: exploration noise hides in training that a policy
+    trembles."""
 
     schedule: Schedule = value(
         "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
@@ -98,10 +96,8 @@ ENTROPY = "weight of the entropy, from 0 to 100, or auto"
 
 
 class PlainSACSettings(OffPolicySettings):
-    """SAC as in stable-baselines3.
-
-    A small fixed ent_coef, because holding still needs a nearly deterministic policy.
-    """
+    """SAC as in stable-baselines3; its ent_coef is small, as holding still needs a nearly deterministic
+    policy."""
 
     tau: Real = number(0.04, *TAU)
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
@@ -119,11 +115,8 @@ class SACSettings(PlainSACSettings):
 
 
 class HERSettings(SACSettings):
-    """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments.
-
-    The reward says nothing about how the tip stays at the goal, so actions have to be smooth there; elsewhere
-    a large weight slows learning.
-    """
+    """SAC with hindsight goals (stable-baselines3's HerReplayBuffer), for the goal environments: actions have
+    to be smooth at the goal, of which the reward says nothing; elsewhere a large weight slows learning."""
 
     buffer_size: Whole = number(500_000, 1, 1e7, "transitions kept")
     gamma: Real = number(0.95, 0, 1, "discount per control step")

@@ -59,13 +59,11 @@ class Curve(NamedTuple):
 
 
 def curves(places: Iterable[str | Path], path: str | Path) -> Path:
-    """Draw learning curves of runs and write their numbers beside them, as CSV.
+    """Draw learning curves of runs, and write their numbers beside them, as CSV, whose path is returned.
 
-    For each environment and scene there are panels of hold success, touch success and mean return, as far as
-    the task tells them, on the selection goals, over steps and over seconds. Pale lines are seeds, a thick
-    line is their interquartile mean, and a band its 95 % interval by bootstrap. Dashed is computed torque on
-    the evaluation goals. ``places`` and errors are those of :func:`read_groups`; ``path`` ends in .png or
-    .svg, and the CSV file beside it is returned.
+    Panels show what the task tells on the selection goals, over steps and over seconds: pale lines are seeds,
+    a thick line is their interquartile mean, a band its 95 % interval by bootstrap, and dashed is computed
+    torque on the evaluation goals.
     """
     path = Path(path)
     if path.suffix.lower() not in ENDINGS:
@@ -93,11 +91,9 @@ def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
 
 
 def summarize(same: Group, axis: str) -> Curve:
-    """The curve of a group over an axis of AXES; ValueError if the runs have no stretch of it in common.
-
-    Runs whose points differ are interpolated linearly to a common grid, from the latest first point to
-    the earliest last one, with as many points as the longest run has.
-    """
+    """The curve of a group; runs whose points differ are interpolated linearly, from the latest first point
+    to the earliest last one, with as many points as the longest run has. ValueError if they have no stretch
+    in common."""
     lines = [points(run, axis) for run in same.runs]
     grid = lines[0][0]
     if any(not np.array_equal(x, grid) for x, _ in lines):
@@ -224,10 +220,8 @@ def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
 
 
 def _rate_scale(panel: Any, goal: float) -> None:
-    """A scale of rates that is logarithmic in the misses: 90, 99 and 99.9 % are equally far apart.
-
-    One goal is added to the misses, so that 100 % lies on the axis.
-    """
+    """A scale of rates that is logarithmic in the misses, to which one goal is added, so that 100 % is on
+    it."""
 
     def height(rate: Any) -> Any:
         return -np.log10(np.maximum(1.0 + goal - np.asarray(rate, dtype=np.float64), 1e-12))

@@ -1,7 +1,5 @@
-"""Runs read from their folders and from tables, and groups of runs that differ only in their seed.
-
-A table of runs has a line of JSON for each, with its settings, scene, evaluation and learning curve.
-"""
+"""Runs from their folders and from tables, with a line of JSON for each, and groups that differ in seeds
+alone."""
 
 import fnmatch
 import json
@@ -66,11 +64,8 @@ class Group:
 
 
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
-    """Read a run folder; that of a training that was stopped only if ``stopped``.
-
-    ``evaluation`` replaces that of the folder. ValueError if the folder is not that of an evaluated run, or a
-    file in it is damaged or belongs to another run.
-    """
+    """Read a run folder, that of a stopped training only if ``stopped``; ``evaluation`` replaces its own.
+    ValueError if it is not that of an evaluated run, or a file in it is damaged or of another run."""
     folder = Path(folder)
     if folder.is_file():
         raise ValueError(f"{folder} is a file; give a run folder, or a table of runs, which ends in {TABLE}")
@@ -113,10 +108,8 @@ def run_of(
 
 
 def group(runs: Iterable[Run]) -> list[Group]:
-    """Join runs of the same environment, learner, settings and number of evaluation episodes.
-
-    A seed counts once: the first of several folders of one seed is taken, if their results are the same.
-    """
+    """Join runs of the same environment, learner, settings and number of evaluation episodes; of several
+    folders of a seed the first one is taken, if their results are the same."""
     found: dict[str, dict[int, Run]] = {}
     for run in runs:
         key = json.dumps([run.settings, run.scene, run.evaluation["episodes"]], sort_keys=True, default=str)
@@ -173,8 +166,7 @@ def _differences(runs: list[Run]) -> list[list[str]]:
 
 
 def write_runs(runs: Sequence[Run], path: Path) -> None:
-    """Write runs, a line of JSON for each, that :func:`read_runs` reads; their names are the ends of their
-    folders. ValueError if the file would be longer than what is read."""
+    """Write runs as a table that :func:`read_runs` reads; their names are the ends of their folders."""
     folders = [run.folder.absolute() for run in runs]
     above = os.path.commonpath([folder.parent for folder in folders])
     lines = []
@@ -200,11 +192,8 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
 
 
 def read_runs(places: Iterable[str | Path]) -> list[Run]:
-    """Runs from run folders, tables of :func:`write_runs`, and runs of a table.
-
-    These are written ``TABLE.jsonl/NAME``, where the name may be a pattern such as ``*_sac/*``. ValueError if
-    a folder is not an evaluated run, a table is damaged or has no such run, or there are no places.
-    """
+    """Runs from run folders, tables of :func:`write_runs`, and runs of a table, ``TABLE.jsonl/NAME``, where
+    the name may be a pattern such as ``*_sac/*``."""
     runs: list[Run] = []
     for place in map(Path, places):
         table = _table_of(place)

@@ -40,12 +40,8 @@ UNKNOWN = "-"
 
 
 def table(places: Iterable[str | Path]) -> str:
-    """Results of runs as two Markdown tables and the notes that a reader needs to judge them.
-
-    A row has the runs of one group, which differ in their seed only. The second table compares time to
-    hold, effort and smoothness with computed torque. ``places`` and errors are those of
-    :func:`read_groups`.
-    """
+    """Results of runs as two Markdown tables, with a row for each group, and the notes needed to judge
+    them."""
     groups = read_groups(places)
     results, comparison = map(_results, groups), map(_comparison, groups)
     tables = (markdown(RESULTS, results), markdown(COMPARISON, comparison))
@@ -99,9 +95,7 @@ def _untold(same: Group) -> str:
 
 def _holds_more(same: Group) -> str:
     """Which holds more goals of all seeds beyond chance; if it is the learner, in how many seeds it does not.
-
-    The goals that only one of the two missed are unknown, and at most those that it missed.
-    """
+    The goals that only one of the two missed are unknown, and at most those that it missed."""
     hold, expert = (np.asarray(same.numbers(name)) for name in ("hold_success", "expert_hold_success"))
     if not (len(hold) and len(expert)):
         return UNKNOWN

@@ -20,10 +20,8 @@ with needs("train"):
 
 
 class NormalNoise(VectorizedActionNoise):
-    """Independent normal noise on the actions of all environments, drawn at once.
-
-    stable-baselines3 draws it environment by environment, which takes longer than stepping them.
-    """
+    """Normal noise on the actions of all environments, drawn at once: stable-baselines3 draws it one by one,
+    which takes longer than stepping them."""
 
     def __init__(self, shape: tuple[int, int], deviation: float) -> None:
         self.shape, self.deviation = shape, deviation

@@ -1,9 +1,8 @@
 """Equal multilayer perceptrons in one vector of numbers, with their gradients written out, and averages.
 
-A gradient step of these learners is a hundred small operations; most of its time is the bookkeeping of
-modules, optimisers and the graph of derivatives. Here all parameters of the networks lie in one vector,
-so that Adam, a target's and an average's step are one operation each, equal networks are evaluated
-together, and the derivatives are written out. Tests compare them with those of torch.
+A gradient step of these learners is a hundred small operations, and most of its time the bookkeeping of
+modules, optimisers and the graph of derivatives. In one vector a step of Adam, a target or an average is one
+operation, and equal networks are evaluated together.
 """
 
 import contextlib
@@ -26,11 +25,9 @@ ONE = torch.ones(())
 
 
 class Activation(NamedTuple):
-    """An activation as torch's module, and as functions, each of which may overwrite its first argument.
-
-    ``forward`` gives its values and what ``backward`` needs beside them. ``backward`` turns derivatives with
-    respect to the values into those with respect to the inputs.
-    """
+    """An activation as torch's module, and as functions, which may overwrite their first arguments:
+    ``forward`` gives its values and what ``backward`` needs beside them to turn derivatives by values into
+    those by inputs."""
 
     module: type[nn.Module]
     in_place: Callable[[Tensor], Tensor]
@@ -66,12 +63,9 @@ Tape = list[tuple[Tensor, Tensor]]
 
 
 class Networks:
-    """K networks of one shape; all layers except the last end in the activation, one of ``ACTIVATIONS``.
-
-    The numbers of modules are copied; the modules change only in :meth:`write`. ``extra`` are numbers beside
-    the networks, last in the vector. With ``mixing``, (inputs, inputs), the input of the first layer is
-    ``mixing @ inputs of the modules``; ``write`` multiplies it into the modules' first layers.
-    """
+    """K networks of one shape, whose modules change only in :meth:`write`; ``extra`` are numbers beside the
+    networks, last in the vector. With ``mixing``, (inputs, inputs), the input of the first layer is ``mixing
+    @ inputs of the modules``; ``write`` multiplies it into the modules' first layers."""
 
     def __init__(
         self, networks: Sequence[Layers], activation: str, mixing: Tensor | None = None,
@@ -173,8 +167,7 @@ class Networks:
             torch.sum(d, 1, keepdim=True, out=self._dbiases[layer])
 
     def to_inputs(self, tape: Tape, doutputs: Tensor, columns: slice) -> Tensor:
-        """Derivatives with respect to some columns of the inputs, (rows, columns), summed over all
-        networks."""
+        """Derivatives by some columns of the inputs, (rows, columns), summed over all networks."""
         d = doutputs
         for layer in range(len(tape) - 1, 0, -1):
             d = self._before(layer, d, tape)
@@ -188,8 +181,7 @@ class Networks:
 
 
 class Adam:
-    """Adam on a vector (Kingma and Ba 2015): torch's fused one, without its checks of a parameter at every
-    step."""
+    """Adam on a vector (Kingma and Ba 2015): torch's fused one, without its checks at every step."""
 
     FIRST, SECOND = 0.9, 0.999
 
@@ -227,9 +219,8 @@ def linear_layers(*modules: nn.Module) -> list[tuple[nn.Linear]]:
 def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> Tensor | None:
     """The matrix that maps observations to inputs of the first layers of a goal environment's networks.
 
-    The achieved goal becomes the error, desired minus achieved, in units of ``error_scale`` reaches; the
-    desired goal is given in reaches. Without the matrix a network first has to learn the small difference of
-    two large numbers. The matrix is multiplied into the first layers, so the saved policy has none.
+    The achieved goal becomes the error in units of ``error_scale`` reaches: otherwise a network first has to
+    learn the small difference of two large numbers. It is multiplied into the first layers that are saved.
     """
     if not isinstance(space, spaces.Dict):
         return None
@@ -244,11 +235,9 @@ def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> T
 
 
 class Averaging:
-    """Mixin for an algorithm of stable-baselines3, whose networks are trained as vectors.
-
-    After an update the modules that act hold the present weights; inside :meth:`averaged` all modules are up
-    to date, and those with averages hold them. A plain algorithm has no vectors: only its modules learn.
-    """
+    """Mixin for an algorithm of stable-baselines3 whose networks are trained as vectors: the modules that act
+    hold the present weights, and inside :meth:`averaged` all do, or their averages. A plain algorithm has no
+    vectors."""
 
     networks: dict[str, Networks] = {}  # all trained vectors, and targets
     adams: dict[str, Adam] = {}
@@ -271,7 +260,7 @@ class Averaging:
         self.means = {name: self.networks[name].vector.clone() for name in names}
 
     def take_means(self, kept: float, weight: float) -> None:
-        """Move the averages towards the present weights: by 1 - kept, or by ``weight`` while that is
+        """Move the averages towards the present weights by 1 - kept, or by ``weight`` while that is
         larger."""
         for name, mean in self.means.items():
             mean.lerp_(self.networks[name].vector, max(1.0 - kept, weight))

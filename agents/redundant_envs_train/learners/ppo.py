@@ -1,10 +1,8 @@
 """PPO whose policy is the average of its weights, with leaner loops.
 
-Advantages, buffer, networks, saving and loading are stable-baselines3's; the loops are replaced. They
-collect without its modules and compute values once for a rollout; the losses are the same, with their
-gradients written out (:mod:`.networks`) and nothing logged per minibatch. The loss may have a term for
-smooth actions (Mysore et al. 2021, CAPS, its temporal part). The average of the weights, of policy and
-values, is evaluated and saved.
+The loops of stable-baselines3 are replaced: they collect without its modules, compute values once for a
+rollout, have the gradients written out (:mod:`.networks`), and log nothing per minibatch. The loss may have a
+term for smooth actions (Mysore et al. 2021, CAPS, its temporal part).
 """
 
 import math
@@ -35,10 +33,9 @@ ROWS = 1024  # observations whose values are computed together
 class AveragedPPO(Averaging, PPO):
     """PPO with averaged weights.
 
-    ``activation`` is that of ``policy_kwargs["activation_fn"]``: silu, tanh or relu. ``average`` is the share
-    of the average that an epoch keeps. ``smoothness`` is the weight of ``|a(s) - a(s')|^2`` in the actor's
-    loss: mean actions at a state, and at the states before and after it in its episode, the latter from the
-    policy of the rollout.
+    ``average`` is the share of the average that an epoch keeps. ``smoothness`` is the weight of ``|a(s) -
+    a(s')|^2`` in the actor's loss: mean actions at a state, and at the states before and after it in its
+    episode, the latter from the policy of the rollout.
     """
 
     def __init__(
@@ -162,12 +159,8 @@ class AveragedPPO(Averaging, PPO):
         return [*super()._excluded_save_params(), "mean_actions"]
 
     def _set_gradients(self, columns: Sequence[Tensor], clip: float, entropy: float) -> None:
-        """Gradients of the clipped surrogate, the value, entropy and smoothness losses of one minibatch.
-
-        ``columns``: inputs of the networks, actions, log probabilities, advantages, returns, sums and
-        numbers of :func:`neighbouring_actions`; ``entropy``: weight of the entropy, which follows the
-        schedule of the learning rate.
-        """
+        """Gradients of the clipped surrogate, the value, entropy and smoothness losses of one minibatch,
+        whose columns are those of :meth:`train`; ``entropy`` is the weight of the entropy."""
         observations, actions, log_prob, advantages, returns, sums, numbers = columns
         count = len(observations)
         actor, critic = self.networks["actor"], self.networks["values"]
@@ -193,11 +186,8 @@ class AveragedPPO(Averaging, PPO):
 def neighbouring_actions(
     mean_actions: NDArray[np.floating], episode_starts: NDArray[np.floating]
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Mean actions at the steps before and after each step of a rollout, if they belong to its episode.
-
-    From mean actions, (steps, environments, A), and whether steps are the first ones of episodes, (steps,
-    environments): their sums, of the former shape, and their number, 0 to 2, of the latter.
-    """
+    """Sums, (steps, environments, A), of the mean actions at the steps before and after each one of a rollout
+    that belong to its episode, and their numbers, 0 to 2, (steps, environments)."""
     joined = 1.0 - episode_starts[1:]  # a step and the next one
     sums, numbers = np.zeros_like(mean_actions), np.zeros_like(episode_starts)
     sums[:-1] += joined[..., None] * mean_actions[1:]

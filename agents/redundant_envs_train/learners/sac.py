@@ -1,13 +1,9 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
-Collection, replay buffers, networks, saving and loading are stable-baselines3's; ``train`` is replaced, and
-samples, what the buffer keeps and, up to rounding, actions are the same in less time. Differences from it:
-
-* the policy that is evaluated and saved is the running average of the actor's weights;
-* the actor's loss has a term for smooth actions (Mysore et al. 2021, CAPS, its temporal part);
-* the actor is updated at every second step of the critics (Fujimoto et al. 2018, TD3);
-* the gradients are written out (:mod:`.networks`);
-* in goal environments the networks receive the error of the tip at the scale of the task.
+Samples, what the buffer keeps and, up to rounding, actions are those of stable-baselines3 in less time.
+``train`` has its gradients written out (:mod:`.networks`), a term for smooth actions in the actor's loss
+(Mysore et al. 2021, CAPS, its temporal part), and a delayed actor (Fujimoto et al. 2018, TD3); in goal
+environments the networks receive the error of the tip at the scale of the task.
 """
 
 import math
@@ -48,11 +44,10 @@ class Draw(NamedTuple):
 class AveragedSAC(Averaging, SAC):
     """SAC with an averaged, smoothed, delayed actor.
 
-    ``activation`` is that of ``policy_kwargs["activation_fn"]``: silu, tanh or relu. ``policy_delay`` are the
-    critic steps from one actor step to the next, and ``average`` is the share of the average that an actor
-    step keeps. ``smoothness`` is the weight of ``|a(s) - a(s')|^2`` in the actor's loss: mean actions at a
-    state and at the next; ``smoothness_at_goal`` the same for steps whose reward is above the mean of the
-    sample: those that reach their goal, if rewards have two values.
+    ``policy_delay`` are the critic steps from one actor step to the next, ``average`` is the share of the
+    average that an actor step keeps, and ``smoothness`` the weight of ``|a(s) - a(s')|^2`` in the actor's
+    loss: mean actions at a state and at the next; ``smoothness_at_goal`` is that of steps whose reward is
+    above the mean of the sample: those that reach their goal, if rewards have two values.
     """
 
     def __init__(
@@ -84,8 +79,8 @@ class AveragedSAC(Averaging, SAC):
     def _sample_action(
         self, learning_starts: int, action_noise: Any = None, n_envs: int = 1
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """As in stable-baselines3, the same numbers up to rounding in less time: before learning starts, the
-        actions of all environments are one draw, and later those of the networks, without the modules."""
+        """As in stable-baselines3 up to rounding: random actions of all environments are one draw, and later
+        ones come from the networks, without the modules."""
         space: Any = self.action_space
         if self.num_timesteps < learning_starts:
             drawn = space.np_random.uniform(space.low, space.high, (n_envs, *space.shape)).astype(space.dtype)
@@ -173,8 +168,8 @@ class AveragedSAC(Averaging, SAC):
     def _update_critics(
         self, pairs: Tensor, ahead: Tensor, rewards: Tensor, discounts: Tensor, log_prob: Tensor, rate: float
     ) -> None:
-        """One step of both critics towards reward and discounted value of ``ahead``: next states, and actions
-        drawn there with ``log_prob``."""
+        """One step of both critics towards reward and discounted value of next states and actions drawn
+        there."""
         least = torch.minimum(*self.networks["targets"].outputs(ahead))
         goals = torch.addcmul(rewards, discounts, least.sub_(log_prob, alpha=self._alpha()))
         critics = self.networks["critics"]
@@ -183,10 +178,8 @@ class AveragedSAC(Averaging, SAC):
         self.adams["critics"].step(rate)
 
     def _update_actor(self, chosen: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
-        """One step of the actor at ``chosen``: states, and actions drawn there.
-
-        They are the last rows of ``drawn``; those before are of the next states.
-        """
+        """One step of the actor at ``chosen`` states, with actions drawn there: the last rows of
+        ``drawn``."""
         count, width = len(chosen), drawn.actions.shape[1]
         action, noise, raw = drawn.actions[-count:], drawn.noise[-count:], drawn.outputs[-count:, width:]
         alpha = self._alpha() / count
@@ -212,7 +205,7 @@ class AveragedSAC(Averaging, SAC):
 
 
 def _noisy(outputs: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """From outputs of the actor: actions before the tanh, the noise in them, the logarithms of its standard
+    """From outputs of the actor: actions before the tanh, their noise, the logarithms of its standard
     deviations, and the normal numbers from which it was made; each (rows, A)."""
     mean, log_std = outputs.chunk(2, 1)
     log_std = log_std.clamp(*LOG_STD)

@@ -1,8 +1,5 @@
-"""Transitions into stable-baselines3's replay buffers, and samples out of them, in a third of the time.
-
-What is stored and drawn is the same. A transition is one row of each array, whichever environment it is of;
-NumPy takes rows several times as fast as elements at pairs of indices.
-"""
+"""Transitions into stable-baselines3's replay buffers, and samples out of them, the same in a third of the
+time: NumPy takes whole rows several times as fast as elements at pairs of indices."""
 
 from typing import Any
 

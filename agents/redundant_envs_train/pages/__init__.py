@@ -22,8 +22,8 @@ MEASURES = (
 def results_table(
     evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)
 ) -> Markdown:
-    """The first ``count`` results of a policy beside those of computed torque, if the task lets it act, as a
-    Markdown table, and whose are better beyond chance where the evaluation has compared them."""
+    """The first ``count`` results of a policy as a Markdown table, beside those of computed torque if it can
+    act, and which are better beyond chance if the evaluation has compared them."""
     rows, better = [], evaluation.get("better")
     alone = all(evaluation.get(f"expert_{key}") is None for _, key, *_ in MEASURES)
     words = {True: policy, False: "computed torque"}

@@ -39,11 +39,8 @@ EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 with
 def write_dataset(
     word: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False
 ) -> str:
-    """Write episodes of "expert", "random", or a folder's policy as a Minari dataset in the folder ``out``.
-
-    Episode k has the seed ``seed + k``. ``out`` is complete or does not exist. Returns a table of episodes,
-    control steps, share of successes and mean return. ``trust`` is as in :func:`load_policy`.
-    """
+    """Write episodes of "expert", "random", or a folder's policy as a Minari dataset; episode k has the seed
+    ``seed + k``. Returns a table of episodes, control steps, share of successes and mean return."""
     if word not in ACTORS and not exists(Path(word)):
         raise ValueError(f"source is {shown(word)}; give expert, random, or the folder of a run or policy")
     config = None if word in ACTORS else own_config(Path(word))

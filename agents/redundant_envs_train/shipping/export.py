@@ -58,10 +58,8 @@ SEED = 4_000_000  # episodes of the check; no other part uses these
 
 
 def name_of(config: Config) -> str:
-    """Folder of a policy: the id without its namespace, the scene if it is another one, the algorithm.
-
-    ValueError if the environment has arguments that would have to be published with the policy.
-    """
+    """Folder of a policy: id without namespace, scene if it is another one, algorithm. ValueError if the
+    environment has arguments that would have to be published with the policy."""
     for key, value in config.env_kwargs.items():
         if key != "scene" or value not in scene_names():
             raise ValueError(
@@ -72,13 +70,9 @@ def name_of(config: Config) -> str:
 
 
 def export(run: Path, out: Path) -> Path:
-    """Write the policy of an evaluated run folder to its own folder inside ``out``, which is returned.
-
-    It has ``policy.zip`` for stable-baselines3, ``policy.onnx``, ``policy.npz`` for NumPy, ``config.yaml``,
-    ``scene.yaml`` and the card, ``README.md``. No pickled objects of a stranger are copied: policy.zip is
-    written again from checked weights. ValueError if a file acts otherwise than the policy, by more than
-    ``TOLERANCE`` (policy.zip: ``SINGLE``).
-    """
+    """Write the policy of an evaluated run to its own folder inside ``out``. No pickled objects of a stranger
+    are copied: policy.zip is written again from checked weights. ValueError if a file acts otherwise than the
+    policy."""
     config, evaluation = read_config(run), read_run(run).evaluation
     for name in FACTS:
         if evaluation.get(name) is None:
@@ -163,13 +157,9 @@ def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
     scene: str,
 ) -> str:  # fmt: skip
-    """The card of a policy, Markdown: its task, training, results and limits, and how to load it; before it
-    front matter as that of models on Hugging Face.
-
-    ``worst`` is the largest difference of each file's actions from those of the weights in double precision.
-    ``scene`` is the name of the scene, or its file in the folder of the policy; empty for that of the
-    environment.
-    """
+    """The card of a policy, Markdown with the front matter of models on Hugging Face. ``worst`` is the
+    largest difference of each file's actions from those of the weights in double precision; ``scene`` is the
+    name of the scene, or its file in the folder of the policy, empty for that of the environment."""
     parts = [f"{code(name)} ({width} numbers)" for name, width in layers.inputs.items()]
     learner, settings, updates = ALGORITHM_CLASSES[config.algo].__name__, config.settings, None
     if isinstance(settings, OffPolicySettings):
@@ -191,8 +181,8 @@ def card(
 
 
 def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str) -> str:
-    """Front matter of a model card of Hugging Face (https://huggingface.co/docs/hub/model-cards), with the
-    results of the card's table, unit by unit."""
+    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with the results of its
+    table."""
     metrics = []
     for label, key, scale, digits, unit in MEASURES[: count_of(evaluation)]:
         if evaluation.get(key) is not None:

@@ -1,9 +1,6 @@
-"""A policy as plain layers, for NumPy, in double precision.
-
-In single precision the sums of a layer depend on the order in which a library adds them: actions of
-stable-baselines3 for one observation differ by some 1e-6 from those it computes in a batch. In double
-precision every library agrees far below 1e-6.
-"""
+"""A policy as plain layers in double precision, in which all libraries agree far below 1e-6: in single
+precision sums depend on their order, and actions for one observation differ by some 1e-6 from those in a
+batch."""
 
 import copy
 from collections.abc import Mapping
@@ -31,11 +28,8 @@ HIDDEN = {activation.module: name for name, activation in ACTIVATIONS.items()}
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """A deterministic policy: hidden layers, and a last one that is squashed into [-1, 1].
-
-    ``inputs`` has the width of each part of an observation, in the order in which they are joined; one part
-    without a name ("observation") if observations are arrays.
-    """
+    """A deterministic policy: hidden layers, and a last one that is squashed into [-1, 1]. ``inputs`` has the
+    width of each part of an observation in their order; the one part of an array is "observation"."""
 
     inputs: dict[str, int]
     weights: tuple[NDArray[np.float64], ...]  # (outputs, inputs)
@@ -87,8 +81,7 @@ def activated(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def modules_of(policy: Any) -> nn.Sequential:
-    """The modules with which a policy of stable-baselines3 or sb3-contrib computes the mean of its
-    actions."""
+    """The modules with which a policy of stable-baselines3 or sb3-contrib computes its mean actions."""
     if isinstance(policy, ActorCriticPolicy):
         return nn.Sequential(*policy.mlp_extractor.policy_net, policy.action_net)
     if isinstance(policy.actor.mu, nn.Sequential):  # TD3's, with its last tanh

@@ -1,9 +1,5 @@
-"""Checkpoints: everything that determines the rest of a training, so that it continues to the same bits.
-
-A checkpoint is taken between two rollouts, when no step is half done: networks, optimisers and averages,
-replay buffer, environments, every generator of random numbers, and the lengths of the run's tables.
-It consists of plain data and tensors, and is read without unpickling anything else.
-"""
+"""Checkpoints, taken between two rollouts: everything that determines the rest of a training, so that it goes
+on to the same bits, as plain data and tensors, which are read without unpickling anything else."""
 
 import os
 import shutil
@@ -40,8 +36,8 @@ MONITOR = ("episode_returns", "episode_lengths", "episode_count")
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
 """State of NumPy's global generator, from which replay buffers sample."""
 PROGRESS = ("next", "seconds", "hold", "return")
-"""Numbers of the caller: next point of the curve (steps), training time (s), the last point's success and
-mean return."""
+"""Of the caller: next point of the curve (steps), training time (s), the last point's success and mean
+return."""
 BUFFER_ARRAYS = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
 )  # fmt: skip
@@ -61,11 +57,9 @@ def remove(folder: Path) -> None:
 
 
 def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run: dict[str, Any]) -> None:
-    """Write a checkpoint; the run's folder always holds a complete one, this or the previous one.
-
-    ``monitor`` is around the environments, ``progress`` has the numbers of ``PROGRESS``, and ``run`` is the
-    identity of the run; :func:`restore` requires the same.
-    """
+    """Write a checkpoint; the run's folder always holds a complete one. ``monitor`` is around the
+    environments, ``progress`` has the numbers of ``PROGRESS``, and :func:`restore` requires the same identity
+    ``run``."""
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
@@ -107,10 +101,8 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
 
 
 def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
-    """Return to the checkpoint of a run folder; returns its ``progress``.
-
-    ValueError if there is none, it is damaged, or it belongs to another configuration or simulator.
-    """
+    """Return to the checkpoint of a run folder, and give its ``progress``; ValueError if it is damaged or of
+    another configuration or simulator."""
     place = check_resumable(folder) or folder / CHECKPOINT
     try:
         state = _load(place / STATE, _room(model, monitor))

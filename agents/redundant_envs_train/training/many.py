@@ -20,12 +20,8 @@ with needs("train"):
 
 
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
-    """Train, evaluate and report configurations in folders by their names; finished ones are left alone.
-
-    ``processes`` run at a time, by default one for each core; each has its own core while there are enough.
-    Stopped if the user asked for it: the same command continues. ValueError if a folder holds another run, or
-    a run failed, after the others were finished.
-    """
+    """Train, evaluate and report configurations in folders by their names, some ``processes`` at a time, each
+    on its own core while there are enough; finished ones are left alone. Stopped if the user asked for it."""
     run_folder.check_out(folder)
     check_plain(folder)
     count = min(count_of(processes), len(configs))
@@ -85,8 +81,8 @@ def _reports(
 
 
 class Teller(Progress):
-    """Progress that is sent to another process instead of being shown. ``tell`` takes the reports;
-    ``stopping`` says whether the user has asked to stop."""
+    """Progress that ``tell`` sends to another process; ``stopping`` says whether the user has asked to
+    stop."""
 
     def __init__(self, tell: Callable[[News], Any], stopping: Callable[[], bool], name: str) -> None:
         super().__init__(disable=True)

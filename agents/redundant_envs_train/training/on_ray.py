@@ -1,8 +1,5 @@
-"""Several runs on a Ray cluster: each is a task on a core of some machine, and works on that machine's disk.
-
-No file system is shared. A task receives the existing files of its run, sends them with each new checkpoint,
-and returns all of them; they are written here. A run whose machine is lost goes on from here on another one.
-"""
+"""Several runs on a Ray cluster without a shared disk: a task receives the files of its run, sends them with
+each new checkpoint, and returns all. A run whose machine is lost goes on from here on another one."""
 
 import contextlib
 import io
@@ -50,8 +47,7 @@ ANSWERING = 10.0  # s; time limit for what the board knows: its machine may be l
 PREFIX = "redundant-envs-"  # of folders of tasks, and of the token
 ABANDONED = 60.0  # s; age of such a folder that is not locked, and that no task is about to lock
 OF_THIS_MACHINE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
-"""Variables of a cluster of this machine alone: it listens at 127.0.0.1, as by default on macOS and Windows,
-and asks everybody for a token."""
+"""Of a cluster of this machine alone: it listens at 127.0.0.1, and asks everybody for a token."""
 TOKEN = secrets.token_hex(32)
 """That of the clusters of this process, as Ray reads its token once."""
 INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
@@ -61,12 +57,9 @@ MAX_CHARACTERS = 300  # most characters of a failure in a message
 def train_on_ray(
     configs: Mapping[str, Config], folder: Path, address: str | None = None, processes: int | None = None
 ) -> None:
-    """Do as :func:`~.many.train_many` on a Ray cluster, to the same bits on machines of the same kind.
-
-    ``address`` is such as ``10.0.0.1:6379``, ``ray://10.0.0.1:10001`` or ``auto``; by default that of the
-    environment variable RAY_ADDRESS, otherwise a cluster of this machine alone, which ends with the call and
-    has ``processes`` cores. ValueError if there is no cluster, or it may lack a module or file of a run.
-    """
+    """Do as :func:`~.many.train_many` on the Ray cluster at an address such as ``10.0.0.1:6379`` or ``auto``;
+    by default that of RAY_ADDRESS, otherwise one of this machine alone, which ends with the call and has
+    ``processes`` cores. ValueError if there is no cluster, or it may lack a module or file of a run."""
     if IMPORTED:
         raise ValueError(
             f"{OPTION} names {', '.join(IMPORTED)}, which the machines of a cluster may not have; train on "
@@ -164,8 +157,8 @@ class Board:
         self._stopping = False
 
     def tell(self, news: News, host: str, files: Sequence[Any] = ()) -> bool:
-        """Take a report from a machine, and a reference to the files of its run if there is a new checkpoint;
-        whether to stop."""
+        """Take a report from a machine, and a reference to files if there is a new checkpoint; whether to
+        stop."""
         name = news[0]
         self._news[name] = news, host
         if files:
@@ -277,10 +270,8 @@ def _cause(error: BaseException) -> str:
 
 
 class _Courier:
-    """Sends reports of a task to the board, and the files of its run with each new checkpoint.
-
-    It never waits for Ray, which would give the core of the task to another one meanwhile.
-    """
+    """Sends reports of a task, and the files of its run with each new checkpoint, to the board. It never
+    waits for Ray, which would give the core of the task to another one meanwhile."""
 
     def __init__(self, board: Any, place: Path) -> None:
         self._board, self._place, self._host = board, place, socket.gethostname()
@@ -318,12 +309,9 @@ class _Courier:
 def train_one(
     name: str, data: dict[str, Any], files: bytes, where: str, version: str, board: Any
 ) -> tuple[bytes, str, bool]:
-    """Finish the run of a configuration's plain data, from its existing files, on the machine of this task.
-
-    Returns its files, packed, its result or failure in words, and whether it failed. ``where`` is its folder
-    on the machine of the user, which reports and messages name, and ``version`` that of redundant-envs there;
-    ``board`` is the :class:`Board`.
-    """
+    """Finish a run, from its existing files, on the machine of this task; returns its files, its result or
+    failure in words, and whether it failed. Messages name ``where``, its folder on the machine of the user,
+    whose redundant-envs has this ``version``."""
     if version != __version__:
         note = (
             f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}; "
@@ -353,8 +341,8 @@ def train_one(
 
 @contextlib.contextmanager
 def _workplace() -> Iterator[Path]:
-    """A folder of this process, which ends with the context. It is locked, so that the next one on this
-    machine can tell that of a process that was killed, and deletes it."""
+    """A folder of this process, locked, so that the next one on this machine can delete that of a killed
+    process."""
     for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):
             if time.time() - path.stat().st_mtime > ABANDONED and (lock := _lock(path)) is not None:
@@ -396,8 +384,8 @@ def pack(folder: Path) -> bytes:
 
 
 def unpack(files: bytes, folder: Path) -> None:
-    """Write packed files into a folder that does not exist yet; ValueError for one that leads out of it. A
-    link in the archive becomes a file."""
+    """Write packed files into a new folder; ValueError for one that leads out of it. A link becomes a
+    file."""
     folder.mkdir(parents=True)
     with zipfile.ZipFile(io.BytesIO(files)) as archive:
         for name in archive.namelist():

@@ -35,11 +35,9 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT, SIGTERM or SIGHUP, as of a terminal that is closed, is kept as a
-    request; a second one interrupts at once.
-
-    In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes it.
-    """
+    """Within this context the first SIGINT, SIGTERM or SIGHUP is kept as a request; a second one interrupts
+    at once. In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes
+    it."""
     request = threading.Event()
     _requests.append(request)
     try:
@@ -50,15 +48,14 @@ def stop_request() -> Iterator[threading.Event]:
 
 
 def ask_to_stop() -> None:
-    """Make the request of :func:`stop_request` for the trainings of this process. It is no signal: those may
-    be ignored, as in job scripts, and on Windows they end a process at once."""
+    """Make the request of :func:`stop_request` without a signal: those may be ignored, as in job scripts, and
+    on Windows they end a process at once."""
     for request in _requests:
         request.set()
 
 
 def _leave_terminal() -> None:
-    """Write no more to a terminal that is closed: an error there would end a training before it is saved. One
-    that is open still answers that it is one."""
+    """Write no more to a terminal that is closed: an error there would end a training before it is saved."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
             if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode) and not stream.isatty():
@@ -92,10 +89,8 @@ def _signals(request: threading.Event) -> Iterator[None]:
 
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:
-    """Show the progress of runs until they end; Stopped or ValueError if they were stopped or one failed.
-
-    ``pool`` gives the reports of runs until all have ended; on request each saves a checkpoint and ends.
-    """
+    """Show the reports that ``pool`` gives until all runs have ended; Stopped or ValueError if they were
+    stopped or one failed."""
     failures, told = [], False
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}

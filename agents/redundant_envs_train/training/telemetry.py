@@ -49,8 +49,8 @@ def check(config: Config) -> dict[str, Any]:
 
 
 def logger(folder: Path, config: Config, steps: int) -> Logger:
-    """The logger for stable-baselines3 of a training that goes on after ``steps`` control steps; a client's
-    own environment variables set its destination."""
+    """The logger of a training that goes on after some steps; a client's own variables set its
+    destination."""
     clients, writers = check(config), list[KVWriter]()
     for name in config.telemetry:
         if name == "tensorboard":

@@ -42,12 +42,9 @@ KEYWORDS = ("is_success",)  # columns of monitor.csv, if the task tells them
 def train(
     config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
 ) -> dict[str, Any]:
-    """Train, and keep the averaged policy in ``folder``, new or empty; returns steps and seconds.
-
-    The bars of a caller, ``progress``, get a line while the training runs. What ``on_point`` raises ends the
-    training and is raised here; the folder has the policy of that point. Stopped if the user asked for it:
-    the folder has the policy so far, and a checkpoint.
-    """
+    """Train, and keep the averaged policy in ``folder``, new or empty; returns steps and seconds. What
+    ``on_point`` raises ends the training and is raised here. Stopped if the user asked for it: the folder
+    then has a checkpoint."""
     run_folder.check_new(folder)
     config, new = with_start(config), not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
@@ -62,8 +59,7 @@ def train(
 
 def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
-    stopped before its first one begins again, and what it had is set aside. ``overrides`` are those of
-    ``config_to_resume``."""
+    stopped before its first one begins again, and what it had is set aside."""
     config = run_folder.config_to_resume(folder, overrides)
     with alone(folder, "trains"):
         if run_folder.check_resumable(folder) is None:

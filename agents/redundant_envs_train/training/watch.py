@@ -30,8 +30,7 @@ LOGGED = {"touch_success": "touch_success", "hold_success": "is_success", "dista
 """Names in the log -> those in ``info``; a task may lack some."""
 RETURN = "return_"  # prefix of the terms of an episode's return in ``info``
 OnPoint = Callable[[int, float, float], None]
-"""Receives a point of the learning curve: environment steps, hold success (0 to 1; NaN if the task does not
-tell it), mean return."""
+"""Receives environment steps, hold success (0 to 1; NaN if the task does not tell it), and mean return."""
 
 
 class Watch(BaseCallback):
