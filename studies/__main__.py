@@ -1,5 +1,4 @@
-"""Our measurements: ``python -m studies NAME``, in the source tree only. Each imports what it needs, so that
---help is instant."""
+"""Our measurements: ``python -m studies NAME``, in the source tree only; each imports what it needs."""
 
 from __future__ import annotations
 

@@ -1,11 +1,8 @@
 # mypy: allow-untyped-defs
-"""A control interval with hard stops and dry friction by another account, which shares with the simulator the
-laws of single effects alone.
-
-The equations are those of :mod:`studies.another_account`; SciPy's DOP853 integrates them in
-the angles and travels of the joints, and locates events. What a joint without a rate does, and which stops an
-impact involves, is found by trying every possibility. A lane takes about a second.
-"""
+"""A control interval with hard stops and dry friction by another account, in the equations of
+:mod:`studies.another_account`: SciPy's DOP853 integrates them in the angles and travels of the joints and
+locates events, and what a joint without a rate does, and which stops an impact involves, is found by trying
+every possibility. A lane takes about a second."""
 
 from __future__ import annotations
 
@@ -50,9 +47,9 @@ def complementary(W, d):
 
 
 class ContactAccount(Account):
-    """One lane: its numbers and commands are arrays with one row. States y have angles and travels of joints,
-    their rates, and states of effects; those of joints that have been at a stop count from there, so that the
-    lowest bounce has all its digits. ``impacts`` are the times at which joints met their stops, s."""
+    """One lane, with arrays of one row. States y have angles and travels of joints, their rates, and states
+    of effects; those of joints that have been at a stop count from there, so that the lowest bounce has all
+    its digits."""
 
     def __init__(self, scene: Scene, numbers: Any, commands: Any) -> None:
         super().__init__(scene, numbers, commands)
@@ -139,9 +136,9 @@ class ContactAccount(Account):
         return abs(push) if side == 0.0 else side * push
 
     def struck(self, y):
-        """The state after all impacts of an instant, and the joints that were in them. Stops that are struck,
-        and those at which joints rest, support the arm; a joint that moves out is not supported, and may be
-        struck next."""
+        """The state after all impacts of an instant, and their joints. Stops that are struck, and those at
+        which joints rest, support the arm; a joint that moves out is not supported, and may be struck
+        next."""
         hit = set()
         for _ in range(MAX_EVENTS):
             at = [k for k in self.stops if self.side(y, k)]
@@ -217,11 +214,9 @@ class ContactAccount(Account):
         raise ArithmeticError("events do not end")
 
     def to_event(self, y, modes, a, t, end, error):
-        """The time and state of the next event, or of the end.
-
-        SciPy sees events at the ends of its steps alone. These start short, as bounces may be, and end where
-        a joint turns; if it turns beyond its stop, the motion until then is computed again.
-        """
+        """The time and state of the next event, or of the end. SciPy sees events at the ends of its steps
+        alone: these start short, as bounces may be, and end where a joint turns; if it turns beyond its stop,
+        again until then."""
         from scipy.integrate import solve_ivp
 
         def slope(_, y):

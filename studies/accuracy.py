@@ -1,8 +1,6 @@
-"""Accuracy against cost: every configuration on every panel, ours and the peers', in one run.
-
-The main figure is the tip error after one control interval from thousands of random states, the only error
-of the state that is free of chaos, against the cost of that interval on one core.
-"""
+"""Accuracy against cost, ours and the peers': above all the tip error after one control interval from
+thousands of random states, the only error of the state that is free of chaos, against its cost on one
+core."""
 
 from __future__ import annotations
 
@@ -182,8 +180,7 @@ def about() -> dict[str, str]:
 
 
 class Answer(NamedTuple):
-    """Cost of an error: the cheapest configurations whose 99th percentile is below it; None if no
-    configuration reaches it, or none was run."""
+    """Cost of an error: the cheapest rows whose 99th percentile is below it; None if there are none."""
 
     threshold_mm: float
     ours: Row | None

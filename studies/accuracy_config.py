@@ -54,11 +54,8 @@ class SciPySweep(Model):
 
 
 class Panel(Model):
-    """A scene and the distribution of its states.
-
-    Coordinates are uniform from ``low`` to ``high``, rad and m; velocities are normal around zero, rad/s and
-    m/s, and so are the joint efforts of a share of the states, N m and N; the others have none.
-    """
+    """A scene and its states: coordinates are uniform from ``low`` to ``high``, rad and m; velocities, rad/s
+    and m/s, are normal around zero, and so are the joint efforts of a share of the states, N m and N."""
 
     name: Text
     about: Text
@@ -110,10 +107,8 @@ class LongRuns(Model):
 
 
 class Timing(Model):
-    """Rounds of timing, every configuration once in each; SciPy, the slowest, only in a few.
-
-    ``mujoco_states`` motions of ``mujoco_steps`` steps in one call are a sample of MuJoCo's cost.
-    """
+    """Rounds of timing, in which MuJoCo's cost is one of ``mujoco_states`` motions of ``mujoco_steps``
+    steps."""
 
     rounds: Count
     scipy_rounds: Count

@@ -1,8 +1,7 @@
 """Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same methods each.
 
-``line`` is the name of a configuration's line in the figures, ``setting`` that of its point there. ``motion``
-gives q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval; ``timer`` a
-function that measures once more, s of one core per control interval of one arm; and ``path`` q of a motion
+``motion`` gives q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval;
+``timer`` a function that measures s of one core per control interval of one arm; and ``path`` q of a motion
 without efforts at equal times, (T, n, 4), and its impacts, if they are known.
 """
 
@@ -95,11 +94,8 @@ class Ours:
 
 @dataclass(frozen=True)
 class MuJoCo:
-    """MuJoCo with equal steps, many of them in one call from C, without its timers.
-
-    ``states`` motions of ``steps`` steps each make one sample of its cost. Stops are springs without damping
-    of ``stiffness`` / step^2.
-    """
+    """MuJoCo with equal steps, many of them in one call from C, without its timers; ``states`` motions of
+    ``steps`` steps are a sample of its cost. Stops are springs without damping of ``stiffness`` / step^2."""
 
     integrator: str
     control_dt: float

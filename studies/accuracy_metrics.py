@@ -76,13 +76,8 @@ def energy(scene: Scene, q: Array, qd: Array) -> Array:
 
 
 def energy_scale(scene: Scene, middle: ArrayLike) -> float:
-    """Energy that raises the stretched arm from level to upright on Earth, J.
-
-    Parameters
-    ----------
-    middle : (4,)
-        Coordinates, from which the travel of the sliders is taken.
-    """
+    """Energy that raises the stretched arm from level to upright on Earth, J; sliders are as in
+    ``middle``."""
     arm: Any = scene.robot
     upright = np.where(arm.prismatic, np.asarray(middle), 0.5 * np.pi)
     level = np.where(arm.prismatic, np.asarray(middle), 0.0)
@@ -113,11 +108,8 @@ def penetration(path: Array, ends: dict[int, tuple[float, float]]) -> Array:
 
 
 def lyapunov(scene: Scene, start: States, seconds: float, seed: int = 0) -> Array:
-    """Largest Lyapunov exponent of the free motion from each state, (n,), 1/s, after Benettin.
-
-    Two motions start ``OFFSET`` apart; after each control interval the growth of their distance is recorded
-    and the second one is moved back near the first, in the direction of their difference.
-    """
+    """Largest Lyapunov exponent of the free motion from each state, (n,), 1/s, after Benettin: two motions
+    start ``OFFSET`` apart, and after each control interval the second is moved back to that distance."""
     q, qd, _ = start
     n = len(q)
     low, high = np.full(4, -np.inf), np.full(4, np.inf)

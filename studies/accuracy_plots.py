@@ -46,8 +46,7 @@ NOTE: dict[str, Any] = {"fontsize": 7.5, "color": "#555555"}
 
 
 def read(study: Study, folder: Path) -> list[PanelResult]:
-    """Results from the tables that a run of the study wrote into a folder; a ValueError if one is missing or
-    damaged, or has no rows of a panel of the study."""
+    """Results from the tables that a run of the study wrote into a folder; ValueError if they do not fit."""
     tables = []
     for name in TABLES:
         path = folder / name

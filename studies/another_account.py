@@ -1,10 +1,7 @@
 # mypy: allow-untyped-defs
-"""A control interval by another account, which shares with the simulator the laws of single effects alone.
-
-Point masses of a chain as complex numbers, a dense mass matrix, and the extrapolated midpoint rule with steps
-of each lane's own: no elimination, no events, no pieces with a share of the tolerance. A change of a law
-makes steps short.
-"""
+"""A control interval by another account, which shares with the simulator the laws of single effects alone:
+point masses as complex numbers, a dense mass matrix, and the extrapolated midpoint rule with steps of each
+lane's own. It has no elimination, no events and no pieces; a change of a law makes steps short."""
 
 from __future__ import annotations
 

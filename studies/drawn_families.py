@@ -1,9 +1,6 @@
 """Families of control intervals drawn by seed: every effect that changes a motion, alone and beside another.
-
-The references are the same scene at tolerances 100 and 1000 times smaller; a part of the lanes, and all that
-are off, are crossed by another account, too, where one knows the scene
-(:mod:`studies.another_account` and :mod:`studies.account_of_contacts`).
-"""
+The references are the same scene at smaller tolerances, and, for some lanes and all that are off, the
+accounts :mod:`studies.another_account` and :mod:`studies.account_of_contacts`, where they know the scene."""
 
 from __future__ import annotations
 
@@ -56,8 +53,7 @@ MIN_SIZE, LARGEST_SIZE = 0.1, 10.0  # m
 
 @dataclass(frozen=True)
 class DrawnFamily:
-    """Scenes of one structure, which follows from a seed and a number. Every effect comes alone once in as
-    many numbers as there are."""
+    """Scenes of one structure by a seed and a number; each effect comes alone once in as many numbers."""
 
     seed: int
     number: int
@@ -112,8 +108,7 @@ class DrawnFamily:
         return [self.scene(tolerance=max(f * self.tolerance, 1e-13)) for f in reversed(FINER)]
 
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
-        """Random data of at most ``count`` lanes: the starts of some intervals in succession, from random
-        states."""
+        """Random data of at most ``count`` lanes: starts of intervals in succession from random states."""
         states, drawn, spent = -(-count // SUCCESSIVE), list[Draw](), 0.0
         for start in range(0, states, AT_ONCE):
             some, evaluations = self._drawn_from(min(AT_ONCE, states - start), rng)

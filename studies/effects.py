@@ -30,8 +30,7 @@ COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", *cost.COLUMNS, "ceiling", "held",
 )  # fmt: skip
 PAGES = config_folder("studies").parents[1] / "docs" / "effects"
-"""Pages of effects. The ceilings are in their tables of costs, not in the classes: they follow from what was
-measured on some machines, and a reader looks for them there."""
+"""Pages of effects, whose tables of costs have the ceilings: these follow from measurements."""
 ARM, ARM_WITH_SLIDERS = "four_r_reach", "rprp_reach"
 """Scenes whose bare arms effects are added to: the first, or the second where an effect needs sliders."""
 BARE = "bare "

@@ -51,11 +51,8 @@ FIRST_STEPS = 3
 
 
 def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
-    """A function that times an episode of a vector environment, s.
-
-    With random actions that each environment keeps, or with ``renewed`` ones at every step, with which the
-    sliders of RPRP reach and leave their stops more often.
-    """
+    """A function that times an episode of a vector environment, s, with random actions that each one keeps,
+    or with ``renewed`` ones, with which the sliders of RPRP reach and leave their stops more often."""
     tables = VECTOR_STEPS if renewed else 1
     shape = (tables, *np.shape(env.action_space.sample()))
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
@@ -76,8 +73,8 @@ def vector_env(name: str, lanes: int, controlled: bool) -> Any:
 
 
 def single_steps(env: gym.Env[Any, Any], count: int, read: bool = False) -> Callable[[], float]:
-    """A function that times a step of an environment, s, the mean of some, and with ``read`` the reading of
-    its info; resets are not counted."""
+    """A function that times a step of an environment without resets, s, and with ``read`` the reading of its
+    info."""
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(count)]
 

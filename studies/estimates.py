@@ -1,8 +1,6 @@
-"""How sharp is the error estimate? Single steps of many scenes: their estimates beside their true errors.
-
-``study estimates`` gives, for each range of estimates, quantiles of the errors; docs/results/estimates.csv
-also has rows of the estimate before the present one, measured by this study at commit 379746d.
-"""
+"""How sharp is the error estimate? Quantiles of the errors of single steps, for each range of their
+estimates; docs/results/estimates.csv also has rows of the estimate before the present one, measured at commit
+379746d."""
 
 from __future__ import annotations
 

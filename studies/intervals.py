@@ -1,13 +1,9 @@
 """Is the tolerance kept? Control intervals of many families of scenes, each judged by two references.
 
-``study intervals`` has families of all effects, ``study impacts`` families of short travels and strong
-efforts.
-
-The reference of the named families is dop853, which chooses its steps for errors near rounding. It counts if
-equal steps of rk8, many times finer and without error control, confirm it to a tenth of the tolerance. That
-of families drawn by the seed is the same scene at smaller tolerances; for some lanes, and those that are off,
-it is another account, where that knows the scene. An interval is missed if the tip is off by more than twice
-the tolerance without a flag.
+The reference of the named families is dop853, which chooses its steps for errors near rounding; it counts if
+much finer equal steps of rk8 confirm it to a tenth of the tolerance. That of families drawn by the seed is
+the same scene at smaller tolerances; for some lanes, and those that are off, it is another account, where
+that knows the scene. An interval is missed if the tip is off by more than twice the tolerance without a flag.
 """
 
 from __future__ import annotations
@@ -41,8 +37,7 @@ BATCH = 4096
 DRAWN = {"impacts": 12, "intervals": 60}
 """Families drawn by the seed beside the named ones: every effect alone, then each beside another."""
 TOLD, TOLD_WITH_CONTACTS, MAX_TOLD = 12, 2, 48
-"""Lanes of a batch of a drawn family that another account crosses, those with contacts, each of which takes
-it seconds, and the most of those that are off."""
+"""Lanes of a batch that another account crosses, those with contacts, and the most of those that are off."""
 
 Array = NDArray[np.float64]
 AnyFamily = Family | StopFamily | DrawnFamily
@@ -173,10 +168,8 @@ def rows_of(
 def run(
     study: str, intervals: int, seed: int = 0, processes: int = 1, tolerances: Sequence[float] = ()
 ) -> list[dict[str, Any]]:
-    """Rows of ``COLUMNS``: ``intervals`` in all, the same number for each family of a study.
-
-    By default each family has its own tolerance; the same intervals are judged at each of ``tolerances``, m.
-    """
+    """Rows of ``COLUMNS``: ``intervals`` in all, as many of each family, at its own tolerance or each of
+    ``tolerances``, m."""
     count = len(families(study, seed))
     tasks = [(study, number, -(-intervals // count), seed, tuple(tolerances)) for number in range(count)]
     rows = []

@@ -1,8 +1,5 @@
-"""Accuracy and cost of MuJoCo and SciPy on the same arm: the peers of a work-precision study.
-
-Both take a scene's gravity, viscous friction and centring springs, and the efforts of the joints. An effect
-without an exact counterpart in a peer is refused, never left out.
-"""
+"""MuJoCo and SciPy on the same arm, with a scene's gravity, viscous friction and centring springs, and the
+efforts of the joints. An effect without an exact counterpart in a peer is refused, never left out."""
 
 from __future__ import annotations
 
@@ -65,26 +62,11 @@ def mujoco_model(
     scene: Scene, integrator: str, dt: float, limits: Limits | None = None,
     solref: tuple[float, float] = ELASTIC,
 ) -> Any:  # fmt: skip
-    """MuJoCo's model of a scene: that of the exporter, without what only shows it, and without any stage that
-    the scene does not need.
+    """MuJoCo's model of a scene in joint coordinates, B^T q: that of the exporter, without any part or stage
+    that a motion does not need. Efforts are passed as ``qfrc_applied``, which costs less than motors.
 
-    Parameters
-    ----------
-    scene : Scene
-    integrator : {"Euler", "implicitfast", "implicit", "RK4"}
-        "Euler" is MuJoCo's own: semi-implicit, and implicit in the friction.
-    dt : float
-        Step [s].
-    limits : mapping, optional
-        Joint (0 to 3) -> ends of its travel, rad or m.
-    solref : (float, float)
-        Of the limits, in MuJoCo's direct form.
-
-    Returns
-    -------
-    mujoco.MjModel
-        In joint coordinates, B^T q. It has no motors: efforts are passed as ``qfrc_applied``, which costs
-        less.
+    ``dt`` is the step [s], ``limits`` has ends of travel by joint (0 to 3), rad or m, and ``solref`` is
+    MuJoCo's direct form of theirs. MuJoCo's own "Euler" is semi-implicit, and implicit in the friction.
     """
     with needs("verify"):
         import mujoco
@@ -116,10 +98,9 @@ def mujoco_model(
 def bare_mujoco() -> Iterator[Any]:
     """MuJoCo as in a C program: without the timers of its Python bindings, and without their log.
 
-    The bindings install a clock that times the stages of every step: in MuJoCo 4.0, 28 readings in an
-    Euler step and 98 in RK4, nearly half the cost of an arm this small. ``mujoco.set_mjcb_time(None)``
-    does not remove it, so the pointer in the library is cleared here, and restored afterwards. A motion
-    that diverges is not logged: it shows in the state.
+    The clock of the bindings takes nearly half the cost of an arm this small, and
+    ``mujoco.set_mjcb_time(None)`` does not remove it, so the pointer in the library is cleared here, and
+    restored afterwards.
     """
     with needs("verify"):
         import mujoco
@@ -147,12 +128,9 @@ def states_of(start: States) -> Array:
 
 
 def mujoco_motion(scene: Scene, model: Any, start: States, duration: float) -> tuple[Array, Array, Array]:
-    """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by a model of
-    :func:`mujoco_model`, and the CPU seconds of each, (n,).
-
-    The duration is a whole number of steps. A motion that diverges is returned huge or not finite. A call
-    itself costs about a microsecond: time a duration of many steps.
-    """
+    """States (n, 4) after a ``duration`` [s], a whole number of steps, from ``start``, q, qd and constant
+    joint efforts, by a model of :func:`mujoco_model`, and the CPU seconds of each, (n,). A call costs a
+    microsecond."""
     states, steps = states_of(start), round(duration / model.opt.timestep)
     if steps < 1 or abs(steps * model.opt.timestep - duration) > 1e-9 * duration:
         raise ValueError(f"duration is {duration} s; give a whole number of steps of {model.opt.timestep} s")
@@ -173,12 +151,9 @@ def scipy_motion(
     scene: Scene, method: str, rtol: float, start: States, duration: float, together: bool = False
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """States (n, 4) after a ``duration`` [s] from ``start``, q, qd and constant joint efforts, by a method of
-    ``solve_ivp`` with equal relative and absolute tolerances, rad, m, rad/s and m/s alike.
-
-    Also returns the evaluations of the right-hand side for each state, (n,). ``together`` makes one system of
-    all states: they share steps, SciPy controls a mean of their errors, and each costs far less Python. It is
-    meant for explicit methods.
-    """
+    ``solve_ivp`` with equal tolerances, and evaluations of the right-hand side, (n,). ``together`` makes one
+    system of all states: they share steps, SciPy controls a mean of their errors, and each costs far less
+    Python."""
     with needs("verify"):
         from scipy.integrate import solve_ivp
     (gx, gy), damping, stiffness, rest = _forces(scene)

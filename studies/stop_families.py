@@ -53,11 +53,9 @@ class StopFamily:
         )
 
     def draw(self, count: int, rng: np.random.Generator) -> Draw:
-        """Random states and efforts of ``count`` lanes; their numbers are those of the scene.
-
-        A third of the sliders are anywhere in their travel, a third at logarithmic distances from an end, a
-        third rest at one. Half of the efforts are uniform, half at their limits.
-        """
+        """Random states and efforts of lanes: a third of the sliders are anywhere in their travel, a third at
+        logarithmic distances from an end, a third rest at one; half of the efforts are uniform, half at their
+        limits."""
         q, qd = rng.uniform(-np.pi, np.pi, (count, 4)), rng.normal(0.0, self.rate, (count, 4))
         speed = min(self.travel / 0.06, 3.0)
         for joint in (1, 3):

@@ -139,8 +139,8 @@ def rows_of(
 
 
 def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) -> tuple[float, ...]:
-    """For the second interval from some states: time without and with stops, s, evaluations without
-    and with them, and events, per lane."""
+    """For the second interval from some states: s and evaluations, without and with stops, and events, per
+    lane."""
     batches = [BatchSimulator(s, len(q)) for s in (without_stops(scene), scene)]
     batches[1].set_state(q, qd)
     batches[1].advance(efforts[0])

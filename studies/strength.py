@@ -1,9 +1,6 @@
-"""Where learning pays: hold success over the strength of the motors, and the goals that can be held at all.
-
-Every effort limit of a reach scene is multiplied by a factor. The share of goals that can be held at all
-needs no controller (``redundant_envs.control.holding``); computed torque needs no training; rows of trained
-policies are merged from their run folders.
-"""
+"""Where learning pays: hold success over the strength of the motors, and the goals that can be held at all by
+any controller (``redundant_envs.control.holding``). Rows of trained policies are those of their run
+folders."""
 
 import dataclasses
 import json
@@ -111,11 +108,8 @@ def frozen_goals(arm: str, episodes: int, seed: int = EVALUATION_SEED) -> NDArra
 
 
 def goal_loads(arm: str, goals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least load of the motors at rest within the task's tolerance of each goal, (n,).
-
-    Hold success requires the tip within the tolerance, and so does this. With limits times f, the goals with
-    loads of at most f can be held.
-    """
+    """Least load of the motors at rest within the task's tolerance of each goal, (n,), as hold success
+    requires it: with limits times f, the goals with loads of at most f can be held."""
     scene = load_scene(ARMS[arm][1])
     reach = sum(scene.robot.lengths) + sum(high for _, high in slider_travel(scene).values())
     return holding_load(scene, goals, ReachTask().goal_tolerance * reach)
@@ -148,9 +142,7 @@ def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
 
 def learner_rows(places: Sequence[Path]) -> list[Row]:
     """Rows of the evaluated runs of :func:`read_runs`: one for the seeds of an arm, factor and learner.
-
-    ValueError if a run has another task, or a scene that is no reach scene with all limits times one factor.
-    """
+    ValueError for another task, or a scene that is no reach scene with all limits times one factor."""
     found: dict[Key, list[Run]] = {}
     for run in read_runs(places) if places else ():
         arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
@@ -273,11 +265,9 @@ def run_study(
     processes: int | None, out: Path,
 ) -> str:  # fmt: skip
     """Train what is missing, and write strength.csv and strength.png into ``out``; returns a Markdown table.
-
-    ``seeds`` are of the learners trained here; without any nothing is trained. ``episodes`` are the goals of
-    computed torque and of the share that can be held. A learner for which ``runs``, evaluated run folders,
-    have an arm and factor is not trained again, and finished runs in ``out`` are kept.
-    """
+    Without ``seeds`` nothing is trained, nor is a learner for which ``runs`` have an arm and factor; finished
+    runs in ``out`` are kept. ``episodes`` are the goals of computed torque and of the share that can be
+    held."""
     if not 2 <= episodes <= 1_000_000:
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
     if processes is not None:
@@ -325,10 +315,8 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def figure(rows: Sequence[Row]) -> Any:
-    """A panel for each arm with rows: hold success [%] over the factor of the effort limits.
-
-    The share that can be held at all is a grey area. Intervals are bands. The legend is below the panels.
-    """
+    """A panel for each arm: hold success [%] over the factor of the effort limits; a grey area can be held at
+    all."""
     arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
     result = new_figure(4.0 * len(arms) + 0.6, 3.9, 120)
     panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]

@@ -132,8 +132,7 @@ def control_figures(scene: Scene, lanes: int) -> tuple[float, float]:
 
 
 def filled_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
-    """A batch with random states, and masses and lengths of each lane within 10 % of the scene's; and
-    efforts."""
+    """A batch with random states, and masses and lengths of each lane within 10 % of the scene's; efforts."""
     rng, arm, batch = np.random.default_rng(0), scene.robot, BatchSimulator(scene, lanes)
     batch.set_parameters(
         {
@@ -149,10 +148,8 @@ def filled_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.f
 
 
 def avx2_over_avx512(make: Callable[[], tuple[BatchSimulator, Any]], turns: int) -> float | None:
-    """Time with code for AVX2 over time with code for AVX-512, by turns on the same core, the median.
-
-    None on a processor without AVX-512.
-    """
+    """Time with code for AVX2 over that for AVX-512, by turns on one core, the median; None without
+    AVX-512."""
     if not llvm.processor().wide:
         return None
     wide = second_call(*make())
@@ -168,10 +165,7 @@ def compile_seconds(scene: Scene) -> float:
 
 
 def packed_instructions(scene: Scene) -> tuple[int | None, str]:
-    """Packed double instructions in the assembly of ``advance``, and the widest register among them.
-
-    Returns (None, "") if the processor is not x86.
-    """
+    """Packed double instructions of ``advance``, and the widest register among them; None, if not on x86."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return None, ""
     found = PACKED.findall(llvm.assembly(batch_simulator(scene, track_work=False).program))

@@ -39,12 +39,9 @@ LARGEST_CLIP = 1 << 29
 def play(
     target: str, actions: str | None, path: Path | None, episodes: int, seed: int, trust: bool = False
 ) -> None:
-    """Show episodes in a window and print how each one ended, or write them to a clip.
-
-    ``target`` is the folder of a run or an exported policy, or the id of an environment, which needs
-    ``actions``. With a ``path`` no window opens: GIF or MP4 by its ending. Episode i has the seed
-    ``seed + i``; ``trust`` is as in :func:`load_policy`.
-    """
+    """Show episodes in a window and print how each one ended, or write them to a clip, a GIF or MP4.
+    ``target`` is the folder of a policy, or the id of an environment, with ``actions``. Episode i has the
+    seed ``seed + i``."""
     check_between("episodes", episodes, 1, MAX_EPISODES)
     check_between("seed", seed, 0, MAX_SEED)
     if path is not None:
@@ -93,8 +90,8 @@ def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, A
 
 
 def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
-    """Run an episode, and say how it ended; ``after_step`` is called with the number of its steps so far, and
-    ends it if it returns True."""
+    """Run an episode and say how it ended; ``after_step`` gets the number of its steps, and ends it by
+    True."""
     obs, info = env.reset(seed=seed)
     done, step, returned = False, 0, 0.0
     while not done:

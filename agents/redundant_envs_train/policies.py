@@ -1,9 +1,6 @@
-"""Policies as files: policy.zip contains no objects of this package, and is read without unpickling.
-
-stable-baselines3 keeps a policy as tensors and, beside them, pickled Python objects; unpickling a file
-runs whatever code its author put in. So the policy is built from config.yaml, and only its tensors are
-taken from the file.
-"""
+"""Policies as files: policy.zip has no objects of this package, and pickled ones, which could run the code of
+a stranger, are not read: the policy is built from config.yaml, and only its tensors are taken from the
+file."""
 
 import base64
 import io
@@ -87,8 +84,8 @@ def saved(model: Any, exclude: Sequence[str] = ()) -> bytes:
 
 
 def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
-    """The bytes of a policy.zip whose objects, here by their names, are pickled as NumPy 1 and 2 read them:
-    NumPy pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
+    """The bytes of a policy.zip whose objects, here by name, are pickled as NumPy 1 and 2 read them: NumPy
+    pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
     memory = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w") as new:
         for entry in old.infolist():
@@ -125,12 +122,9 @@ def _pickled(value: Any) -> bytes:
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
-    """The policy of a run folder with this configuration; its ``predict`` is that of stable-baselines3.
-
-    With ``trust`` stable-baselines3 loads the whole learner, and runs any code that the file contains.
-    ValueError if the file is missing or damaged, is beyond the bounds of ``bounded``, holds anything but
-    finite float32 tensors, or does not fit the configuration.
-    """
+    """The policy of a run folder with this configuration; its ``predict`` is that of stable-baselines3, which
+    with ``trust`` loads the whole learner, and runs any code that the file contains. ValueError if the file
+    is damaged, holds anything but finite float32 tensors, or does not fit the configuration."""
     path = folder / "policy.zip"
     if not path.is_file():
         fix = f"make a new run: {train_again(folder)}"
@@ -181,8 +175,7 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
 
 
 def check_table(table: bytes, names: Collection[str]) -> None:
-    """Refuse a pickled table of tensors that is too large, or refers to other objects than those of
-    ``names``."""
+    """Refuse a pickled table of tensors that is too large, or refers to objects beside ``names``."""
     if len(table) > MAX_OBJECTS:
         raise ValueError(f"its data.pkl has {len(table)} bytes, more than the {MAX_OBJECTS} that are read")
     for operation, argument, _ in pickletools.genops(table):
@@ -259,11 +252,9 @@ def _members(path: Path, *names: str) -> dict[str, bytes]:
 
 
 def start_from(model: Any, config: Config, env: Any) -> None:
-    """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``.
-
-    Optimisers, replay buffer and a learned weight of the entropy are initialised. ValueError if algorithm,
-    spaces, meaning of the observations of ``env``, or networks are others, or the file is damaged.
-    """
+    """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``;
+    ValueError if algorithm, spaces, meaning of the observations of ``env``, or networks are others, or the
+    file is damaged."""
     assert config.start_from is not None
     file = policy_file(config.start_from)
     about = read_about(file)

@@ -264,11 +264,8 @@ def draw_distances(config: Config, episodes: NDArray[np.float64], path: Path) ->
 
 
 def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
-    """Write plots, clips and report.md of a run or an exported policy, and its evaluation if it has none yet.
-
-    All files go to ``out``, without it to the folder itself, and replace those of their names. ``trust`` is
-    as in :func:`load_policy`.
-    """
+    """Write plots, clips and report.md of a run or an exported policy, and its evaluation if it has none yet,
+    to ``out`` or its own folder; they replace files of their names."""
     config = run_folder.own_config(folder)
     out = folder if out is None else out
     clips = [out / "clip.gif", out / "clip.mp4"]

@@ -16,8 +16,7 @@ OTHERS = "choose zero or random actions, or a trained policy"
 STUDY_SEED = 3_000_000  # first seed of the goals of the policy study
 
 SUCCESS = ("is_success", "touch_success", "distance")
-"""What a task may tell in ``info``: whether the tip held its goal, touched it, and its distance from it
-(m)."""
+"""What a task may tell in ``info``: whether the tip held and touched its goal, and its distance (m)."""
 
 Act = Callable[[Any, Core, int], NDArray[np.float32]]  # (observations, core, step) -> actions (n, joints)
 

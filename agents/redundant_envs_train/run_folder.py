@@ -318,8 +318,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def check_study(folder: Path, marks: Sequence[str]) -> None:
-    """Refuse a folder for a study that holds links, or files but none of an earlier call: ``marks`` are
-    patterns."""
+    """Refuse a folder for a study with links, or with files but none of the patterns that mark an earlier
+    call."""
     check_out(folder)
     check_plain(folder)
     if folder.is_dir() and any(folder.iterdir()) and not any(any(folder.glob(m)) for m in marks):
@@ -368,8 +368,7 @@ def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
 
 
 def check_resumable(folder: Path) -> Path | None:
-    """The checkpoint of a run folder, None if the run begins again; ValueError with the remedy if it cannot
-    go on."""
+    """The checkpoint of a run folder, None if the run begins again; ValueError if it cannot go on."""
     if (place := find_checkpoint(folder)) is not None:
         return place
     if was_stopped(folder) and read_config(folder).checkpoint_seconds > 0.0:

@@ -141,10 +141,8 @@ def half_from(differences: Array) -> int:
 
 
 def compare_groups(a: Array, b: Array, resamples: int) -> dict[str, Any]:
-    """Difference of the means of two groups, a minus b, with a 95 % bootstrap interval.
-
-    Below ``FEW`` samples in each also the p of an exact permutation test.
-    """
+    """Difference of the means of two groups, a minus b, with a 95 % bootstrap interval, and below ``FEW``
+    samples in each the p of an exact permutation test."""
     means = bootstrap(a, resamples, BOOTSTRAP_SEED) - bootstrap(b, resamples, BOOTSTRAP_SEED + 1)
     low, high = middle_95(means)
     p = permutation_test(a, b) if max(len(a), len(b)) < FEW else ""

@@ -22,10 +22,8 @@ LOOKS = {  # Okabe and Ito's colours, and a shape each
 
 @dataclass(frozen=True)
 class Difference:
-    """A mean difference, its 95 % interval, and the margin (all in one unit) that counts as narrow.
-
-    ``doubt`` says why the interval is not reliable; then it is taken to contain 0.
-    """
+    """A mean difference, its 95 % interval, and the margin that counts as narrow, in one unit. ``doubt`` says
+    why the interval is not reliable; then it is taken to contain 0."""
 
     value: float
     low: float
@@ -95,10 +93,8 @@ def reference_of(rows: Sequence[Mapping[str, Any]], study: Study) -> Mapping[str
 
 
 def hold_difference(row: Mapping[str, Any], study: Study) -> Difference:
-    """Of hold success, in percentage points.
-
-    Bootstrap intervals of few flips are too narrow; an exact test of the flips has to agree.
-    """
+    """Of hold success, in points; as bootstrap intervals of few flips are too narrow, an exact test has to
+    agree."""
     names = ("hold_difference", "hold_difference_low", "hold_difference_high")
     doubt = ""
     if row["sign_test_p"] > 0.05 and not row[names[1]] <= 0.0 <= row[names[2]]:

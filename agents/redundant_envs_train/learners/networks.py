@@ -260,8 +260,7 @@ class Averaging:
         self.means = {name: self.networks[name].vector.clone() for name in names}
 
     def take_means(self, kept: float, weight: float) -> None:
-        """Move the averages towards the present weights by 1 - kept, or by ``weight`` while that is
-        larger."""
+        """Move the averages towards the present weights by 1 - kept, or by ``weight`` if that is larger."""
         for name, mean in self.means.items():
             mean.lerp_(self.networks[name].vector, max(1.0 - kept, weight))
 

@@ -168,8 +168,7 @@ class AveragedSAC(Averaging, SAC):
     def _update_critics(
         self, pairs: Tensor, ahead: Tensor, rewards: Tensor, discounts: Tensor, log_prob: Tensor, rate: float
     ) -> None:
-        """One step of both critics towards reward and discounted value of next states and actions drawn
-        there."""
+        """One step of both critics towards reward and discounted value of next states and drawn actions."""
         least = torch.minimum(*self.networks["targets"].outputs(ahead))
         goals = torch.addcmul(rewards, discounts, least.sub_(log_prob, alpha=self._alpha()))
         critics = self.networks["critics"]

@@ -181,8 +181,7 @@ def card(
 
 
 def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str) -> str:
-    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with the results of its
-    table."""
+    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its results."""
     metrics = []
     for label, key, scale, digits, unit in MEASURES[: count_of(evaluation)]:
         if evaluation.get(key) is not None:

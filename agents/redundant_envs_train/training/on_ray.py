@@ -157,8 +157,7 @@ class Board:
         self._stopping = False
 
     def tell(self, news: News, host: str, files: Sequence[Any] = ()) -> bool:
-        """Take a report from a machine, and a reference to files if there is a new checkpoint; whether to
-        stop."""
+        """Take a report from a machine, and a reference to files of a new checkpoint; whether to stop."""
         name = news[0]
         self._news[name] = news, host
         if files:
@@ -341,8 +340,7 @@ def train_one(
 
 @contextlib.contextmanager
 def _workplace() -> Iterator[Path]:
-    """A folder of this process, locked, so that the next one on this machine can delete that of a killed
-    process."""
+    """A folder of this process, locked, so that others can delete those of killed processes."""
     for path in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):
             if time.time() - path.stat().st_mtime > ABANDONED and (lock := _lock(path)) is not None:
@@ -384,8 +382,7 @@ def pack(folder: Path) -> bytes:
 
 
 def unpack(files: bytes, folder: Path) -> None:
-    """Write packed files into a new folder; ValueError for one that leads out of it. A link becomes a
-    file."""
+    """Write packed files, links too, into a new folder; ValueError for one that leads out of it."""
     folder.mkdir(parents=True)
     with zipfile.ZipFile(io.BytesIO(files)) as archive:
         for name in archive.namelist():
