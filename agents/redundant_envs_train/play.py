@@ -46,17 +46,30 @@ def play(
     check_between("seed", seed, 0, MAX_SEED)
     if path is not None:
         check_clip(path)
-    if path is None:
+    else:
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
         with needs("human"):
             import pygame  # noqa: F401
         from redundant_envs.envs.rendering import display
 
         display()  # a missing one is told before a policy is read
+    kwargs: dict[str, Any] = {}
     if exists(Path(target)):
-        env_id, act, kwargs = _policy(Path(target), actions, trust)
+        if actions is not None:
+            raise ValueError(f"--actions is {shown(actions)}; a run folder plays its policy: give an id")
+        config = own_config(Path(target))
+        tell_differences([Path(target)])
+        from .policies import load_policy  # imports torch
+
+        act = policy_act(load_policy(Path(target), config, trust))
+        env_id, kwargs = config.env, dict(config.env_kwargs)
     else:
-        (env_id, act), kwargs = _without_policy(target, actions, seed), {}
+        env_id, who = full_id(target), "expert" if actions is None else actions
+        if env_id not in ids():
+            raise ValueError(f"target is {shown(target)}; give a run folder or one of {', '.join(ids())}")
+        if who not in ACTIONS:
+            raise ValueError(f"--actions is {shown(who)}; choose {', '.join(ACTIONS)}")
+        act = ACTIONS[who](seed)
     if path is not None:
         clip([path], env_id, act, episodes, seed, **kwargs)
         say(f"clip: {path}")
@@ -66,27 +79,6 @@ def play(
     for episode in range(episodes):
         say(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
     env.close()
-
-
-def _policy(folder: Path, actions: str | None, trust: bool) -> tuple[str, Act, dict[str, Any]]:
-    """Environment, actions and arguments of a folder's policy, in the scene that it was trained in."""
-    if actions is not None:
-        raise ValueError(f"--actions is {shown(actions)}; a run folder plays its policy: give an id")
-    config = own_config(folder)
-    tell_differences([folder])
-    from .policies import load_policy  # imports torch
-
-    return config.env, policy_act(load_policy(folder, config, trust)), dict(config.env_kwargs)
-
-
-def _without_policy(target: str, actions: str | None, seed: int) -> tuple[str, Act]:
-    env_id = full_id(target)
-    if env_id not in ids():
-        raise ValueError(f"target is {shown(target)}; give a run folder or one of {', '.join(ids())}")
-    who = "expert" if actions is None else actions
-    if who not in ACTIONS:
-        raise ValueError(f"--actions is {shown(who)}; choose {', '.join(ACTIONS)}")
-    return env_id, ACTIONS[who](seed)
 
 
 def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
@@ -113,7 +105,6 @@ def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **k
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     frames: list[NDArray[np.uint8]] = []
-
     is_full = False
 
     def keep(step: int) -> bool:

@@ -95,7 +95,9 @@ def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
                 for name, value in about.items():
                     text = value.get(PICKLED) if isinstance(value, dict) else None
                     if text is not None and b"numpy" in base64.b64decode(text):
-                        value[PICKLED] = base64.b64encode(_pickled(own[name])).decode()
+                        pickled = io.BytesIO()
+                        _PublicNames(pickled).dump(own[name])
+                        value[PICKLED] = base64.b64encode(pickled.getvalue()).decode()
                 content = json.dumps(about, indent=4).encode()
             new.writestr(entry, content)
     return memory.getvalue()
@@ -113,12 +115,6 @@ class _PublicNames(cloudpickle.Pickler):
         if isinstance(obj, np.random.Generator):
             return type(None), ()
         return super().reducer_override(obj)
-
-
-def _pickled(value: Any) -> bytes:
-    memory = io.BytesIO()
-    _PublicNames(memory).dump(value)
-    return memory.getvalue()
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
@@ -153,8 +149,15 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
 
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and their bytes."""
-    parts = _members(path, "data", "policy.pth")
-    _check_activation(path, about_of(path, parts.pop("data")), activation)
+    parts, wanted = _members(path, "data", "policy.pth"), ACTIVATIONS[activation].module.__name__
+    try:
+        said = about_of(path, parts.pop("data"))["policy_kwargs"].get("activation_fn", "")
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
+    if wanted not in str(said):  # tensors do not show it
+        raise ValueError(
+            f"{path} was saved with the activation {str(said)[:80]!r} instead of {wanted}. {HARMLESS}"
+        )
     try:
         tensors = read_members(io.BytesIO(parts.pop("policy.pth")), "it")
         (table,) = (name for name in tensors if name.endswith("/data.pkl"))
@@ -211,13 +214,8 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
             raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
 
 
-def read_about(path: Path) -> dict[str, Any]:
-    """The plain data of stable-baselines3 about the learner of a policy.zip; nothing is unpickled."""
-    return about_of(path, _members(path, "data")["data"])
-
-
 def about_of(path: Path, data: bytes) -> dict[str, Any]:
-    """The same of the member ``data`` of a policy.zip."""
+    """The plain data of stable-baselines3 about a learner, of the member ``data`` of its policy.zip."""
     try:
         if len(data) > MAX_JSON:
             raise ValueError(f"{len(data)} bytes, more than the {MAX_JSON} that are read")
@@ -227,19 +225,6 @@ def about_of(path: Path, data: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
     return about
-
-
-def _check_activation(path: Path, about: Mapping[str, Any], activation: str) -> None:
-    """Refuse a policy with other activations than the configuration's; its tensors do not show them."""
-    wanted = ACTIVATIONS[activation].module.__name__
-    try:
-        said = about["policy_kwargs"].get("activation_fn", "")
-    except (TypeError, KeyError, AttributeError) as error:
-        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
-    if wanted not in str(said):
-        raise ValueError(
-            f"{path} was saved with the activation {str(said)[:80]!r} instead of {wanted}. {HARMLESS}"
-        )
 
 
 def _members(path: Path, *names: str) -> dict[str, bytes]:
@@ -257,10 +242,9 @@ def start_from(model: Any, config: Config, env: Any) -> None:
     file is damaged."""
     assert config.start_from is not None
     file = policy_file(config.start_from)
-    about = read_about(file)
-    homes = {
-        kind.policy_aliases["MlpPolicy"].__module__: kind.__name__ for kind in ALGORITHM_CLASSES.values()
-    }
+    about = about_of(file, _members(file, "data")["data"])
+    kinds = ALGORITHM_CLASSES.values()
+    homes = {kind.policy_aliases["MlpPolicy"].__module__: kind.__name__ for kind in kinds}
     found = _entry(about, "policy_class", "__module__")
     wanted = ALGORITHM_CLASSES[config.algo].__name__
     _check("a policy of", homes.get(found, found) if isinstance(found, str) else found, wanted, file)

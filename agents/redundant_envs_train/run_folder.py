@@ -317,6 +317,15 @@ def new_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(place, ignore_errors=True)
 
 
+def replace_folder(new: Path, folder: Path, old: Path) -> None:
+    """Rename a folder to one that may exist; after a kill between two renamings that one is ``old``."""
+    shutil.rmtree(old, ignore_errors=True)
+    if folder.exists():
+        folder.replace(old)
+    new.replace(folder)
+    shutil.rmtree(old, ignore_errors=True)
+
+
 def check_study(folder: Path, marks: Sequence[str]) -> None:
     """Refuse a folder for a study with links, or with files but none of the patterns that mark an earlier
     call."""

@@ -45,9 +45,8 @@ def with_start(config: Config) -> Config:
     if KINDS.get(other.algo, other.algo) != KINDS.get(config.algo, config.algo):
         raise ValueError(f"start_from is a policy of {other.algo}, and algo is {config.algo}; give one of it")
     for name in ("net_arch", "activation"):
-        theirs, own = getattr(other.settings, name), getattr(config.settings, name)
+        theirs, own = (c.settings.model_dump(mode="json")[name] for c in (other, config))
         if theirs != own:
-            theirs, own = (list(v) if isinstance(v, tuple) else v for v in (theirs, own))
             raise ValueError(
                 f"start_from has {name} {theirs}, and {config.algo}.{name} is {own}; give "
                 f"{config.algo}.{name}={str(theirs).replace(' ', '')}"

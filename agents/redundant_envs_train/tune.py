@@ -65,7 +65,10 @@ def tune(
     if config.max_seconds is not None:
         raise ValueError(f"max_seconds is {config.max_seconds:g}; trials take equal steps: give null")
     space, count = space_of(config, searches, overrides), count_of(processes)
-    asked = asked_of(config, space, seed)
+    from .training.train import identity, make_sb3  # imports torch
+
+    run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
+    asked = json.loads(json.dumps({**run, "search": space, "seed": seed}))
     run_folder.check_study(folder, [MARK])
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "tunes"), progress_bars() as bars:
@@ -180,33 +183,24 @@ def ended(study: optuna.Study) -> int:
     return len(study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED)))
 
 
-def asked_of(config: Config, space: Space, seed: int) -> dict[str, Any]:
-    """What a study is of, as plain data."""
-    from .training.train import identity, make_sb3
-
-    run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
-    asked: dict[str, Any] = json.loads(json.dumps({**run, "search": space, "seed": seed}))
-    return asked
-
-
 def begin_study(path: Path, asked: dict[str, Any]) -> None:
     """Write what the study of a folder is of, or refuse a folder whose study is of something else."""
     digest = hashlib.sha256(asked["storage"].encode()).hexdigest()  # its URL may have a password
     now = {**asked, "storage": digest}
     if not path.exists():
-        return write_text(path, json.dumps(now, indent=1) + "\n")
+        write_text(path, json.dumps(now, indent=1) + "\n")
+        return
     try:
         before = _flat(json.loads(bounded.read_text(path, "study", 1 << 20)))
     except (ValueError, RecursionError):
         raise ValueError(f"{path} is damaged, or no study's; choose another --out") from None
     told = _flat(now)
     key = next((k for k in (*told, *before) if told.get(k) != before.get(k)), None)
-    if key is None:
-        return None
-    raise ValueError(
-        f"{path.parent} holds a study with {key.removeprefix('settings.')}: {shown(before.get(key))}, and "
-        f"this one has {shown(told.get(key))}; choose another --out"
-    )
+    if key is not None:
+        raise ValueError(
+            f"{path.parent} holds a study with {key.removeprefix('settings.')}: {shown(before.get(key))}, "
+            f"and this one has {shown(told.get(key))}; choose another --out"
+        )
 
 
 def _flat(data: Any, name: str = "") -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Checkpoints, taken between two rollouts: everything that determines the rest of a training, so that it goes
 on to the same bits, as plain data and tensors, which are read without unpickling anything else."""
 
-import os
 import shutil
 import time
 from collections import deque
@@ -19,7 +18,7 @@ from .. import train_again
 from ..policies import TENSOR_NAMES as WEIGHTS
 from ..policies import check_table
 from ..rollout import each
-from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat, replace_folder
 
 with needs("train"):
     import torch
@@ -92,12 +91,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     except DiskFull:
         shutil.rmtree(part, ignore_errors=True)  # leaves room for the policy
         raise
-    old = folder / OLD_CHECKPOINT
-    shutil.rmtree(old, ignore_errors=True)
-    if (folder / CHECKPOINT).exists():
-        os.replace(folder / CHECKPOINT, old)
-    os.replace(part, folder / CHECKPOINT)
-    shutil.rmtree(old, ignore_errors=True)
+    replace_folder(part, folder / CHECKPOINT, folder / OLD_CHECKPOINT)
 
 
 def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict[str, float]:
@@ -107,7 +101,10 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     try:
         state = _load(place / STATE, _room(model, monitor))
         _check_run(state["run"], run)
-        sizes = {name: _checked_size(folder / name, state["tables"][name]) for name in TABLES}
+        for name in TABLES:
+            size, there = state["tables"][name], (folder / name).stat().st_size
+            if not isinstance(size, int) or not 0 <= size <= there:
+                raise ValueError(f"{folder / name} has {there} bytes, and had {size}")
         _set_state(state, model, monitor)
         progress = {name: float(state["progress"][name]) for name in PROGRESS}
         monitor.t_start = time.time() - float(state["elapsed"])
@@ -116,8 +113,9 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
             f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
             f"{train_again(folder)}"
         ) from error
-    for name, size in sizes.items():  # written anew, since a copy of the folder may share the files
-        write_bytes(folder / name, bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[:size])
+    for name in TABLES:  # written anew, since a copy of the folder may share the files
+        kept = bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[: state["tables"][name]]
+        write_bytes(folder / name, kept)
     return progress
 
 
@@ -137,8 +135,7 @@ def _load(path: Path, most: int) -> dict[str, Any]:
 
 def _room(model: Any, monitor: Any) -> int:
     """Most bytes of a checkpoint of a learner: its networks with their optimisers, and its full buffer."""
-    buffer = getattr(model, "replay_buffer", None)
-    arrays = [getattr(buffer, name, None) for name in BUFFER_ARRAYS]
+    arrays = [getattr(getattr(model, "replay_buffer", None), name, None) for name in BUFFER_ARRAYS]
     networks = [model.get_parameters(), model.learner_state(), monitor.venv.get_state()]
     return bounded.MAX_UNPACKED + 4 * _bytes(networks) + _bytes(arrays)
 
@@ -159,12 +156,6 @@ def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
         other, value = theirs.get(name), ours.get(name)
         if other != value:
             raise ValueError(f"it was made with {name}: {shown(other)}, and config.yaml has {shown(value)}")
-
-
-def _checked_size(path: Path, size: Any) -> int:
-    if not isinstance(size, int) or not 0 <= size <= path.stat().st_size:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, and had {size}")
-    return size
 
 
 def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:

@@ -30,20 +30,16 @@ def train_many(configs: Mapping[str, Config], folder: Path, processes: int | Non
         check_same(config, folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "trains seeds"):
-        _train(configs, folder, count)
-
-
-def _train(configs: Mapping[str, Config], folder: Path, count: int) -> None:
-    context = multiprocessing.get_context("spawn")
-    jobs, news, stopping = context.Queue(), context.Queue(), context.Event()
-    for name, config in configs.items():
-        jobs.put((name, config.to_dict(), str(folder / name)))
-    own_core = all(config.torch_threads == 1 for config in configs.values())
-    workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, own_core)]
-    for _ in workers:
-        jobs.put(None)
-    names = list(configs)
-    follow(names, lambda stop: _reports(names, workers, news, stopping, stop))
+        context = multiprocessing.get_context("spawn")
+        jobs, news, stopping = context.Queue(), context.Queue(), context.Event()
+        for name, config in configs.items():
+            jobs.put((name, config.to_dict(), str(folder / name)))
+        own_core = all(config.torch_threads == 1 for config in configs.values())
+        workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, own_core)]
+        for _ in workers:
+            jobs.put(None)
+        names = list(configs)
+        follow(names, lambda stop: _reports(names, workers, news, stopping, stop))
 
 
 def check_same(config: Config, folder: Path) -> None:

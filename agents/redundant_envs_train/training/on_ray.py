@@ -26,7 +26,7 @@ from redundant_envs.support.modules import IMPORTED, OPTION
 from redundant_envs.support.values import shown
 
 from ..config import Config, checked
-from ..run_folder import CHECKPOINT, STATE, check_new, check_out
+from ..run_folder import CHECKPOINT, STATE, check_new, check_out, replace_folder
 from .many import Teller, check_same, finish, is_finished, result_of
 from .pool import POLL, News, count_of, follow
 
@@ -126,26 +126,24 @@ def _cluster(place: str, count: int) -> Iterator[None]:
 @contextlib.contextmanager
 def _closed_to_others() -> Iterator[None]:
     """Within this context a cluster that Ray starts is closed to others; this user alone reads its token."""
-
-    def use(variables: Mapping[str, str | None], clusters: bool) -> None:
-        for name, value in variables.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
-        ray_constants.ENABLE_RAY_CLUSTER = clusters
-        RayConfig.initialize("")  # Ray has read its variables when it was imported
-
+    names = *OF_THIS_MACHINE, "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_TOKEN"
+    before, clusters = {name: os.environ.get(name) for name in names}, ray_constants.ENABLE_RAY_CLUSTER
     with _workplace() as private:
         token = private / "token"
         with os.fdopen(os.open(token, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(TOKEN)
-        own = {**OF_THIS_MACHINE, "RAY_AUTH_TOKEN_PATH": str(token), "RAY_AUTH_TOKEN": None}
-        before = {name: os.environ.get(name) for name in own}, ray_constants.ENABLE_RAY_CLUSTER
-        use(own, False)
+        os.environ |= {**OF_THIS_MACHINE, "RAY_AUTH_TOKEN_PATH": str(token)}
+        os.environ.pop("RAY_AUTH_TOKEN", None)
+        ray_constants.ENABLE_RAY_CLUSTER = False
+        RayConfig.initialize("")  # Ray has read its variables when it was imported
         try:
             yield
         finally:
-            use(*before)
+            for name in names:
+                os.environ.pop(name, None)
+            os.environ |= {name: value for name, value in before.items() if value is not None}
+            ray_constants.ENABLE_RAY_CLUSTER = clusters
+            RayConfig.initialize("")
 
 
 class Board:
@@ -181,10 +179,9 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
     losses: dict[str, list[str]] = {name: [] for name in configs}
 
     def submit(name: str) -> None:
-        own = task.options(num_cpus=configs[name].torch_threads)
-        place = folder / name
-        with_files = configs[name].to_dict(), pack(place), str(place), __version__, board
-        running[own.remote(name, *with_files)] = name
+        own, place = task.options(num_cpus=configs[name].torch_threads), folder / name
+        given = name, configs[name].to_dict(), pack(place), str(place), __version__, board
+        running[own.remote(*given)] = name
 
     for name in configs:
         place = folder / name
@@ -205,7 +202,10 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
             hosts |= {item[0]: host for item, host in news}
             present = set(running.values())
             for name in present & sent.keys():
-                yield from _kept(name, sent[name], folder)
+                try:
+                    receive(ray.get(sent[name], timeout=ANSWERING), folder / name)
+                except OSError as error:  # this disk does not take it
+                    yield name, 0.0, f"its checkpoint is not kept: {_short(error)}", False
             yield from (item for item, _ in news if item[0] in present and item[1] > 0.0)
         if stop.is_set() and not told:  # those that wait for a core; the others look at the board
             told = True
@@ -234,14 +234,6 @@ LOSSES = (
     ray.exceptions.ObjectLostError,
 )  # fmt: skip
 """Errors of a task whose process or machine is no more."""
-
-
-def _kept(name: str, files: Any, folder: Path) -> Iterator[News]:
-    """Write a run with a new checkpoint; a report if this disk does not take it."""
-    try:
-        receive(ray.get(files, timeout=ANSWERING), folder / name)
-    except OSError as error:
-        yield name, 0.0, f"its checkpoint is not kept: {_short(error)}", False
 
 
 def _short(error: BaseException) -> str:
@@ -403,8 +395,7 @@ def receive(files: bytes, folder: Path) -> None:
     incoming = folder.parent / INCOMING
     part, old = incoming / folder.name, incoming / f"{folder.name}.old"
     restore(folder)
-    for left in (part, old):
-        shutil.rmtree(left, ignore_errors=True)
+    shutil.rmtree(part, ignore_errors=True)
     try:
         with told_of(folder):
             unpack(files, part)
@@ -413,9 +404,6 @@ def receive(files: bytes, folder: Path) -> None:
         with contextlib.suppress(OSError):
             incoming.rmdir()
         raise
-    if folder.exists():
-        os.replace(folder, old)
-    os.replace(part, folder)
-    shutil.rmtree(old, ignore_errors=True)
+    replace_folder(part, folder, old)
     with contextlib.suppress(OSError):  # another run is being written
         incoming.rmdir()

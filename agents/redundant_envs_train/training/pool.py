@@ -39,11 +39,26 @@ def stop_request() -> Iterator[threading.Event]:
     at once. In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes
     it."""
     request = threading.Event()
+
+    def note(number: int, frame: object) -> None:
+        if number == getattr(signal, "SIGHUP", None):
+            _leave_terminal()
+        elif request.is_set():
+            raise KeyboardInterrupt
+        request.set()
+
+    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+    if threading.current_thread() is not threading.main_thread():
+        known = []
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
     _requests.append(request)
+    before = {number: signal.signal(number, note) for number in heard}
     try:
-        with _signals(request):
-            yield request
+        yield request
     finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
         _requests.remove(request)
 
 
@@ -62,30 +77,6 @@ def _leave_terminal() -> None:
                 nowhere = os.open(os.devnull, os.O_WRONLY)
                 os.dup2(nowhere, stream.fileno())
                 os.close(nowhere)
-
-
-@contextlib.contextmanager
-def _signals(request: threading.Event) -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def note(number: int, frame: object) -> None:
-        if number == getattr(signal, "SIGHUP", None):
-            _leave_terminal()
-        elif request.is_set():
-            raise KeyboardInterrupt
-        request.set()
-
-    # a signal that is ignored, as by nohup or in a worker, stays ignored
-    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-    heard = [n for n in known if signal.getsignal(n) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, note) for number in heard}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
 
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:

@@ -3,7 +3,7 @@
 import sys
 import tempfile
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -61,23 +61,19 @@ def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[s
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
     stopped before its first one begins again, and what it had is set aside."""
     config = run_folder.config_to_resume(folder, overrides)
+    if run_folder.check_resumable(folder) is None:
+        return begin_again(config, folder, progress)
     with alone(folder, "trains"):
-        if run_folder.check_resumable(folder) is None:
-            return _again(config, folder, progress)
         return _run(config, folder, progress, new=False, resumed=True)
 
 
 def begin_again(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Train a run once more that was stopped without a checkpoint."""
     with alone(folder, "trains"):
-        return _again(config, folder, progress)
-
-
-def _again(config: Config, folder: Path, progress: Progress | None) -> dict[str, Any]:
-    before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
-    where = f"; what it had is in {before}" if before else ""
-    say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
-    return _run(config, folder, progress, new=False)
+        before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
+        where = f"; what it had is in {before}" if before else ""
+        say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
+        return _run(config, folder, progress, new=False)
 
 
 def _run(
@@ -106,9 +102,7 @@ def _run(
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     table = folder / "monitor.csv"
     with told(table):
-        episodes = ResultsWriter(
-            str(table), header=header, extra_keys=keywords, override_existing=not resumed
-        )
+        episodes = ResultsWriter(str(table), header, keywords, override_existing=not resumed)
     for name in ("write_row", "close"):
         setattr(episodes, name, telling(getattr(episodes, name), table))
     monitor.results_writer = episodes
@@ -117,12 +111,9 @@ def _run(
     full: DiskFull | None = None
     with stop_request() as stop:
         model.set_logger(telemetry)
-        open_files = [model.logger.close, monitor.close]
-
-        def close() -> None:
-            while open_files:
-                open_files.pop()()
-
+        files = ExitStack()
+        files.callback(model.logger.close)
+        files.callback(monitor.close)
         with progress_bars() if progress is None else nullcontext(progress) as bars:
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
             on_policy = isinstance(config.settings, PlainPPOSettings)
@@ -135,15 +126,14 @@ def _run(
                 stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
-                close()
+                files.close()
             except KeyboardInterrupt:
                 stopped = True
             except DiskFull as error:
                 full, stopped = error, True
             finally:
-                for _ in tuple(open_files):  # those that an error left open
-                    with suppress(DiskFull):
-                        close()
+                with suppress(DiskFull):
+                    files.close()  # those that an error left open
                 if progress is not None:
                     bars.remove_task(watch.task)
         facts = {
@@ -151,25 +141,20 @@ def _run(
             "simulator": simulator_hash(base.core),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
-        facts_file = folder / "training.json"
         if full is not None:
             kept = keep(model, folder)
             with suppress(DiskFull):
-                run_folder.write_json(facts_file, {**facts, "stopped": True})
+                run_folder.write_json(folder / "training.json", {**facts, "stopped": True})
             for path in [path for path in run_folder.trained(folder) if not path.stat().st_size]:
                 path.unlink()
-            raise DiskFull(
-                f"{full}. After {facts['env_steps']} of {config.total_steps} steps {kept}"
-            ) from full
+            steps = f"{facts['env_steps']} of {config.total_steps} steps"
+            raise DiskFull(f"{full}. After {steps} {kept}") from full
         if stopped:
             save_policy(model, folder / "policy.zip")
-        run_folder.write_json(facts_file, {**facts, "stopped": stopped})
+        run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:
-        go_on = (
-            f"Go on with: {command('resume', folder)}, or look"
-            if run_folder.find_checkpoint(folder)
-            else "Look"
-        )
+        resumable = run_folder.find_checkpoint(folder) is not None
+        go_on = f"Go on with: {command('resume', folder)}, or look" if resumable else "Look"
         raise Stopped(
             f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
             f"{go_on} at it with: {command('report', folder)}"
