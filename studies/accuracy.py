@@ -20,13 +20,7 @@ from studies import accuracy_metrics as metrics
 from studies import peers
 from studies.account_of_contacts import contact_motion
 from studies.accuracy_config import Panel, States, Study
-from studies.accuracy_long import (
-    Free,
-    error_names,
-    free_motions,
-    long_metrics,
-    second_reference,
-)
+from studies.accuracy_long import Free, error_names, free_motions, long_metrics, second_reference
 from studies.accuracy_methods import Method, installed, long_methods, panel_methods
 from studies.speed import dgemm, dgemm_rate, one_core
 

@@ -198,8 +198,7 @@ def tune(
     ] = None,
     trials: Annotated[int, Option(help="trainings in all")] = 30,
     out: Annotated[
-        Path | None,
-        Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)"),
+        Path | None, Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)")
     ] = None,
     search: Annotated[
         list[str] | None,
