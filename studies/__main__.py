@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import functools
+import importlib
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -17,6 +19,7 @@ from redundant_envs.support.tables import table, write_rows
 from redundant_envs.support.values import say
 
 OUT = Path("runs/studies")
+Row = dict[str, Any]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,9 +37,9 @@ def parser() -> argparse.ArgumentParser:
     top = Parser(prog="python -m studies", description="Measure the library and policies.")
     studies = top.add_subparsers(dest="study", required=True)
 
-    def study(handler: Callable[[Any], None], name: str, text: str) -> argparse.ArgumentParser:
+    def study(handler: Callable[..., Any], name: str, text: str, **how: Any) -> argparse.ArgumentParser:
         p: argparse.ArgumentParser = studies.add_parser(name, help=text)
-        p.set_defaults(handler=handler)
+        p.set_defaults(handler=functools.partial(handler, **how))
         return p
 
     def configured(p: argparse.ArgumentParser, name: str) -> None:
@@ -47,24 +50,19 @@ def parser() -> argparse.ArgumentParser:
         add_force(p)
 
     def trusted(p: argparse.ArgumentParser) -> None:
-        p.add_argument(
-            "--trust", action="store_true",
-            help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in",
-        )  # fmt: skip
+        text = "unpickle policy.zip, as stable-baselines3 does: runs any code its author put in"
+        p.add_argument("--trust", action="store_true", help=text)
 
     def continued(p: argparse.ArgumentParser, name: str) -> None:
-        p.add_argument(
-            "--out",
-            type=Path,
-            default=OUT / name,
-            metavar="FOLDER",
-            help="a stopped study in it is continued",
-        )
+        text = "a stopped study in it is continued"
+        p.add_argument("--out", type=Path, default=OUT / name, metavar="FOLDER", help=text)
 
-    p = study(throughput, "throughput", "nanoseconds per step of the compiled core")
+    text = "nanoseconds per step of the compiled core"
+    p = study(measure, "throughput", text, first="dgemm_gflops", run=lambda of, o: of.run(_study(of, o)))
     configured(p, "throughput")
     written(p)
-    p = study(environments, "environments", "speed of the Gymnasium environments")
+    text = "speed of the Gymnasium environments"
+    p = study(measure, "environments", text, first="env", run=lambda of, o: of.run(o.lanes, o.rounds))
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
@@ -72,7 +70,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
     configured(p, "effects")
     written(p)
-    p = study(stops, "stops", "cost of the hard stops of the RPRP scene")
+    text, stops = "cost of the hard stops of the RPRP scene", lambda of, o: of.run(of.policies(o), o.lanes)
+    p = study(measure, "stops", text, first="states", run=stops, lanes=8)
     p.add_argument("run", nargs="?", type=Path, metavar="RUN", help="also on the states of this policy")
     p.add_argument("--lanes", type=int, default=4096)
     trusted(p)
@@ -81,7 +80,10 @@ def parser() -> argparse.ArgumentParser:
         ("impacts", "whether error control finds every impact at hard stops"),
         ("intervals", "whether the tolerance is kept in families of hard scenes"),
     ):
-        p = study(intervals, name, text)
+        p = study(
+            measure, name, text, first="family", intervals=1, seed=0, processes=1,
+            run=lambda of, o: of.run(o.study, o.intervals, o.seed, o.processes, o.tolerances),
+        )  # fmt: skip
         p.add_argument("--intervals", type=int, default=100_000, help="over all families")
         p.add_argument("--processes", type=int, default=1, help="number of processes, each with its families")
         p.add_argument("--seed", type=int, default=0)
@@ -90,7 +92,10 @@ def parser() -> argparse.ArgumentParser:
             help="judge the same intervals at each of these, m (default: each family at its own)",
         )  # fmt: skip
         written(p)
-    p = study(estimates, "estimates", "errors of single steps beside their estimates")
+    p = study(
+        measure, "estimates", "errors of single steps beside their estimates", first="estimate",
+        run=lambda of, o: of.run(o.steps, o.seed), steps=1, seed=0,
+    )  # fmt: skip
     p.add_argument("--steps", type=int, default=16384, help="of each family")
     p.add_argument("--seed", type=int, default=0)
     written(p)
@@ -120,61 +125,36 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def throughput(options: argparse.Namespace) -> None:
-    """Time the compiled core."""
-    from studies import throughput as study
-
-    config, path = study.load_study(_config(options)), _target(options)
-    _report(study.run(config), study.COLUMNS, "dgemm_gflops", path)
-
-
-def environments(options: argparse.Namespace) -> None:
-    """Time the environments."""
-    from studies import environments as study
-
-    path = _target(options)
-    _report(study.run(options.lanes, options.rounds), study.COLUMNS, "env", path)
+def measure(
+    options: argparse.Namespace, first: str, run: Callable[[Any, Any], list[Row]],
+    pictures: Sequence[str] = (), **least: int,
+) -> tuple[list[Row], Path]:  # fmt: skip
+    """Measure, write the rows as CSV, and print them from the column ``first`` on; what is common to all is
+    printed once. ``least`` are the least values of options."""
+    for name, at_least in least.items():
+        if getattr(options, name) < at_least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {at_least}")
+    of = importlib.import_module(f"studies.{'intervals' if options.study == 'impacts' else options.study}")
+    path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{options.study}.csv"
+    read = [getattr(options, name, None) for name in ("config", "run")]
+    check_kept([path, *map(path.with_name, pictures)], options.force, [*filter(None, read)])
+    rows, start = run(of, options), of.COLUMNS.index(first)
+    write_rows(rows, of.COLUMNS, path)
+    if rows:
+        say(", ".join(f"{c} {rows[0][c]}" for c in of.COLUMNS[:start] if rows[0][c]))
+    say(table(of.COLUMNS[start:], ([row[c] for c in of.COLUMNS[start:]] for row in rows)))
+    say(path)
+    return rows, path
 
 
 def effects(options: argparse.Namespace) -> None:
     """Time effects and scenes beside bare arms; write a table and a picture."""
     from studies import effects as study
 
-    config, path = study.load_study(_config(options)), _target(options, "effects.png", "effects.svg")
-    rows = study.run(config, options.name)
-    _report(rows, study.COLUMNS, "at", path)
+    rows, path = measure(
+        options, "at", lambda of, o: of.run(_study(of, o), o.name), ("effects.png", "effects.svg")
+    )
     say(study.verdict(rows), *study.save_pictures(rows, path.parent), sep="\n")
-
-
-def stops(options: argparse.Namespace) -> None:
-    """Time intervals with and without stops, on states of random actions, and of a policy."""
-    from studies import stops as study
-
-    _check_least(options, lanes=8)
-    policies = {"random actions": study.random_policy(0)}
-    if options.run is not None:
-        policies = {"policy": study.trained_policy(options.run, options.trust), **policies}
-    path = _target(options)
-    _report(study.run(policies, options.lanes), study.COLUMNS, "states", path)
-
-
-def intervals(options: argparse.Namespace) -> None:
-    """Check intervals of many families of scenes."""
-    from studies import intervals as study
-
-    _check_least(options, intervals=1, seed=0, processes=1)
-    path = _target(options)
-    rows = study.run(options.study, options.intervals, options.seed, options.processes, options.tolerances)
-    _report(rows, study.COLUMNS, "family", path)
-
-
-def estimates(options: argparse.Namespace) -> None:
-    """Compare single steps with their estimates."""
-    from studies import estimates as study
-
-    _check_least(options, steps=1, seed=0)
-    path = _target(options)
-    _report(study.run(options.steps, options.seed), study.COLUMNS, "estimate", path)
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -227,33 +207,12 @@ def strength(options: argparse.Namespace) -> None:
     say(study.run_study(factors, seeds, options.episodes, options.runs, options.processes, options.out))
 
 
-def _check_least(options: argparse.Namespace, **least: int) -> None:
-    for name, at_least in least.items():
-        if getattr(options, name) < at_least:
-            raise ValueError(f"{name} is {getattr(options, name)}; give at least {at_least}")
-
-
 def _config(options: argparse.Namespace) -> Path:
     return options.config or config_folder("studies") / f"{options.study}.yaml"
 
 
-def _target(options: argparse.Namespace, *pictures: str) -> Path:
-    """The CSV file of a study, which exists only if --force replaces it, as pictures beside it do."""
-    path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{options.study}.csv"
-    read = [getattr(options, name, None) for name in ("config", "run")]
-    files = [path, *(path.with_name(picture) for picture in pictures)]
-    check_kept(files, options.force, [*filter(None, read)])
-    return path
-
-
-def _report(rows: list[dict[str, Any]], columns: Sequence[str], first: str, path: Path) -> None:
-    """Write a study's rows as CSV and print them; values common to all rows are printed once, on one line."""
-    write_rows(rows, columns, path)
-    start = columns.index(first)
-    if rows:
-        say(", ".join(f"{c} {rows[0][c]}" for c in columns[:start] if rows[0][c]))
-    say(table(columns[start:], ([row[c] for c in columns[start:]] for row in rows)))
-    say(path)
+def _study(of: Any, options: argparse.Namespace) -> Any:
+    return of.load_study(_config(options))
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.extras import needs
-from redundant_envs_train.config import Model, Real, Text, Whole, checked, merged, number, read
+from redundant_envs_train.config import Model, Real, Text, Whole, load_model, number
 
 with needs("train"):
     from pydantic import Field, model_validator
@@ -149,7 +149,4 @@ class Study(Model):
         return self
 
 
-def load_study(path: Path) -> Study:
-    """The study that a YAML file describes."""
-    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
-    return study
+load_study = functools.partial(load_model, Study)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -20,7 +21,7 @@ from redundant_envs.support.figures import bare as bare_axes
 from redundant_envs.support.figures import new_figure, save_figure
 from redundant_envs.support.machine import versions
 from redundant_envs.support.values import check_keys
-from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
+from redundant_envs_train.config import Model, Real, Whole, load_model, number
 from studies.speed import one_core
 
 with needs("train"):
@@ -107,10 +108,7 @@ def _fits(effect: Effect, arm: Scene) -> bool:
     return False
 
 
-def load_study(path: Path) -> Study:
-    """The study that a YAML file describes; a ValueError names a mistake, its file and line."""
-    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
-    return study
+load_study = functools.partial(load_model, Study)
 
 
 def pairs_of(study: Study, names: Sequence[str] = ()) -> dict[str, cost.Pair]:

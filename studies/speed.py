@@ -29,14 +29,18 @@ def dgemm_rate(times: Times) -> float:
     return float(2.0 * MATRIX**3 / times.best / 1e9)
 
 
-def second_call(batch: BatchSimulator, efforts: NDArray[np.float64]) -> Callable[[], float]:
-    """A function that advances from the present state twice, and returns the time of the second call, s:
-    restoring a snapshot has just replaced the caches, while in normal use calls follow each other."""
+def second_call(
+    batch: BatchSimulator, efforts: NDArray[np.float64], again: bool = False
+) -> Callable[[], float]:
+    """A function that advances from the present state, then once more, or ``again`` from the same one, and
+    gives the time of the second call, s: the first one brings the memory of the batch into the caches."""
     snapshot, efforts = batch.save(), np.ascontiguousarray(efforts)
 
     def sample() -> float:
         batch.restore(snapshot)
         batch.advance(efforts)
+        if again:
+            batch.restore(snapshot)
         return seconds(batch.advance, efforts)
 
     return sample

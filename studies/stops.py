@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -16,8 +15,8 @@ from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scenes.scene import Scene, load_scene
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
-from redundant_envs.support.timing import by_turns, seconds
-from studies.speed import one_core
+from redundant_envs.support.timing import by_turns
+from studies.speed import one_core, second_call
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "states", "lanes", "touched_share",
@@ -40,8 +39,10 @@ def random_policy(seed: int) -> Policy:
     return lambda obs: rng.uniform(-1.0, 1.0, (len(obs), 4)).astype(np.float32)
 
 
-def trained_policy(folder: Path, trust: bool) -> Policy:
-    """The policy of a run folder, which may be unpickled only if it is trusted."""
+def policies(options: Any) -> dict[str, Policy]:
+    """Random actions, and the policy of the run folder that is given, unpickled only if it is trusted."""
+    if (folder := options.run) is None:
+        return {"random actions": random_policy(0)}
     from redundant_envs_train import run_folder
 
     config = run_folder.own_config(folder)
@@ -50,8 +51,9 @@ def trained_policy(folder: Path, trust: bool) -> Policy:
     run_folder.tell_differences([folder])
     from redundant_envs_train.policies import load_policy
 
-    model = load_policy(folder, config, trust)
-    return lambda obs: model.predict(obs, deterministic=True)[0]
+    model = load_policy(folder, config, options.trust)
+    trained = lambda obs: model.predict(obs, deterministic=True)[0]  # noqa: E731
+    return {"policy": trained, "random actions": random_policy(0)}
 
 
 def visited_states(policy: Policy, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -93,19 +95,6 @@ def without_stops(scene: Scene) -> Scene:
     return dataclasses.replace(scene, effects=effects)
 
 
-def interval_time(batch: BatchSimulator, efforts: Array) -> Callable[[], float]:
-    """A function that times an interval of a batch from its present state, s."""
-    snapshot = batch.save()
-
-    def sample() -> float:
-        batch.restore(snapshot)
-        batch.advance(efforts)  # brings memory back into the caches
-        batch.restore(snapshot)
-        return seconds(batch.advance, efforts)
-
-    return sample
-
-
 def rows_of(
     name: str, policy: Policy, lanes: int, repeats: int, done: Callable[[str], None]
 ) -> list[dict[str, Any]]:
@@ -145,7 +134,7 @@ def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) ->
     batches[1].set_state(q, qd)
     batches[1].advance(efforts[0])
     batches[0].set_state(batches[1].q, batches[1].qd)
-    samplers = {k: interval_time(batch, efforts[1]) for k, batch in enumerate(batches)}
+    samplers = {k: second_call(batch, efforts[1], again=True) for k, batch in enumerate(batches)}
     free, stopped = (batch.advance(efforts[1]) for batch in batches)
     without, with_stops = (float(times.best) for times in by_turns(samplers, repeats).values())
     counts = (free.evaluations, stopped.evaluations, stopped.events)

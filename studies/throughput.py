@@ -7,7 +7,6 @@ import functools
 import platform
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -24,7 +23,7 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
 from redundant_envs.support.timing import by_turns, seconds
-from redundant_envs_train.config import Model, Real, Whole, checked, merged, number, read
+from redundant_envs_train.config import Model, Real, Whole, load_model, number
 from studies.speed import dgemm, dgemm_rate, one_core, second_call
 
 with needs("train"):
@@ -96,10 +95,7 @@ class Study(Model):
     cases: tuple[Case, ...]
 
 
-def load_study(path: Path) -> Study:
-    """The study that a YAML file describes."""
-    study: Study = merged(path, read(path, "configs/studies"), (), lambda data: checked(Study, data))
-    return study
+load_study = functools.partial(load_model, Study)
 
 
 def lively_states(lanes: int, seed: int = 0) -> tuple[NDArray[np.float64], ...]:

@@ -1,8 +1,8 @@
 """Configuration of the policy study: which physics, which arms, how many episodes and seeds."""
 
+import functools
 import re
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
 from redundant_envs.scenes.files import text_value
@@ -17,10 +17,8 @@ from redundant_envs_train.config import (
     Real,
     Text,
     Whole,
-    checked,
-    merged,
+    load_model,
     number,
-    read,
     value,
 )
 from redundant_envs_train.rollout import STUDY_SEED
@@ -136,10 +134,7 @@ class Study(Model):
         return {**self.model_dump(mode="json"), "physics": physics, "arms": arms}
 
 
-def load_study(path: str | Path, overrides: Sequence[str] = ()) -> Study:
-    """The study of a YAML file, with overrides such as ``train_seeds=0``."""
-    study: Study = merged(path, read(path, "configs/studies"), overrides, lambda data: checked(Study, data))
-    return study
+load_study = functools.partial(load_model, Study)
 
 
 def slug(name: str) -> str:

@@ -1,6 +1,7 @@
 """Configurations in files and on the command line: YAML, dotted overrides, help and completion."""
 
 import copy
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -89,6 +90,11 @@ def read(path: str | Path, folder: str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
     return data
+
+
+def load_model(kind: type[Any], path: str | Path, overrides: Sequence[str] = ()) -> Any:
+    """The model of a YAML file of a study, with overrides. Errors are those of :func:`merged`."""
+    return merged(path, read(path, "configs/studies"), overrides, functools.partial(checked, kind))
 
 
 def override_one(data: dict[str, Any], override: str) -> None:
