@@ -245,23 +245,23 @@ class ContactAccount(Account):
 
     def events(self, y, modes):
         """Functions whose passage through 0 ends the modes, and what to do with the state then."""
-        found = []
-        for k in sorted({*self.stops, *self.rough}):
-            if modes[k] == 0.0:
-                torn = _event(self.torn, 1.0, k, modes, self.side(y, k))
-                found.append((torn, functools.partial(self.tear_loose, k=k)))
-                continue
-            stands = functools.partial(_set, k=self.n + k, value=0.0)
-            found.append((_event(_beyond, -modes[k], self.n + k, 1.0, 0.0), stands))
-            for end, way in zip(self.ends(k), (-1.0, 1.0), strict=True):
-                if np.isfinite(end):
-                    arrives = functools.partial(self.arrive, k=k, end=end)
-                    found.append((_event(_beyond, 1.0, k, way, end), arrives))
-        return found
+        return [event for k in sorted({*self.stops, *self.rough}) for event in self.events_of(k, y, modes)]
 
-    def tear_loose(self, y, k):
-        """A joint that has been held is so no more."""
-        self.loose.add(k)
+    def events_of(self, k, y, modes):
+        """Those of a joint: what holds it tears, or it comes to rest or to a stop."""
+        if modes[k] == 0.0:
+            torn = functools.partial(self.torn, k=k, modes=modes, side=self.side(y, k))
+            return [(_event(torn, 1.0), lambda y: self.loose.add(k))]
+
+        def stands(y):
+            y[self.n + k] = 0.0
+
+        found = [(_event(lambda y: y[self.n + k], -modes[k]), stands)]
+        for end, way in zip(self.ends(k), (-1.0, 1.0), strict=True):
+            if np.isfinite(end):
+                beyond = _event(lambda y, end=end, way=way: way * (y[k] - end), 1.0)
+                found.append((beyond, functools.partial(self.arrive, k=k, end=end)))
+        return found
 
     def torn(self, y, k, modes, side):
         """By how much what holds a joint exceeds the limit of its friction."""
@@ -281,20 +281,11 @@ def contact_motion(scene, start, error):
     return np.array(found), [account.impacts for account in accounts]
 
 
-def _beyond(y, k, way, end):
-    return way * (y[k] - end)
-
-
-def _set(y, k, value):
-    y[k] = value
-
-
-def _event(function, direction, *more):
+def _event(function, direction):
     """A terminal event of SciPy."""
 
-    @functools.wraps(function)
     def asked(_, y):
-        return function(y, *more)
+        return function(y)
 
     asked.terminal, asked.direction = True, direction
     return asked

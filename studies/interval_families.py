@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -100,25 +101,17 @@ def decades(rng: np.random.Generator, low: float, high: float, shape: Any = None
 # ---- changes of the usual draws ------------------------------------------------------------------
 
 
-def masses(low: float, high: float) -> Change:
-    """Masses over decades."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        drawn.parameters["masses"] = decades(rng, low, high, drawn.joints.shape)
-
-    return change
+def masses(drawn: Draw, rng: np.random.Generator, low: float) -> None:
+    """Masses over decades, up to 1 kg."""
+    drawn.parameters["masses"] = decades(rng, low, 1.0, drawn.joints.shape)
 
 
-def lengths(low: float, high: float) -> Change:
-    """Lengths over decades; in each lane one is a quarter of a metre."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        shape = drawn.parameters["lengths"].shape
-        found = decades(rng, low, high, shape)
-        found[np.arange(shape[0]), rng.integers(0, shape[1], shape[0])] = 0.25
-        drawn.parameters["lengths"] = found
-
-    return change
+def lengths(drawn: Draw, rng: np.random.Generator, low: float) -> None:
+    """Lengths over decades, up to a quarter of a metre, which one has in each lane."""
+    shape = drawn.parameters["lengths"].shape
+    found = decades(rng, low, 0.25, shape)
+    found[np.arange(shape[0]), rng.integers(0, shape[1], shape[0])] = 0.25
+    drawn.parameters["lengths"] = found
 
 
 def heavy_tip(drawn: Draw, rng: np.random.Generator) -> None:
@@ -134,14 +127,10 @@ def weak(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.efforts *= inertia[:, None]
 
 
-def faster(times: float) -> Change:
-    """All rates and efforts larger."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        drawn.rates *= times
-        drawn.efforts *= times
-
-    return change
+def faster(drawn: Draw, rng: np.random.Generator) -> None:
+    """All rates and efforts five times as large."""
+    drawn.rates *= 5.0
+    drawn.efforts *= 5.0
 
 
 def singular(drawn: Draw, rng: np.random.Generator) -> None:
@@ -158,40 +147,32 @@ def singular(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.joints[pole, 3] = -drawn.parameters["lengths"][pole, 1] + 0.1 * near[pole, 3]
 
 
-def near_limits(arm: type[RPRP | FourR], *names: str) -> Change:
+def near_limits(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], names: Sequence[str]) -> None:
     """Joints near the limits of springs, whose stiffness and damping are drawn over decades."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        count = len(drawn.joints)
-        for name in names:
-            joint = arm.joints.index(name)
-            slides = name.startswith("r")
-            low, high = (0.0, 0.25) if slides else (-1.0, 1.0)
-            width = high - low
-            gap = width * rng.choice([-1.0, 1.0, 1.0], count) * decades(rng, 1e-9, 0.05, count)
-            side = rng.random(count) < 0.5
-            drawn.joints[:, joint] = np.where(side, low + gap, high - gap)
-            key, arms = f"limit_spring.{name}", 1.0 if slides else 0.03  # lever arms squared, m^2
-            drawn.parameters[f"{key}.stiffness"] = arms * decades(rng, 1e2, 2e4, (count, 1))
-            damped = rng.random((count, 1)) < 0.3
-            damping = np.where(damped, arms * decades(rng, 1.0, 100.0, (count, 1)), 0.0)
-            drawn.parameters[f"{key}.damping"] = damping
-
-    return change
+    count = len(drawn.joints)
+    for name in names:
+        joint = arm.joints.index(name)
+        slides = name.startswith("r")
+        low, high = (0.0, 0.25) if slides else (-1.0, 1.0)
+        width = high - low
+        gap = width * rng.choice([-1.0, 1.0, 1.0], count) * decades(rng, 1e-9, 0.05, count)
+        side = rng.random(count) < 0.5
+        drawn.joints[:, joint] = np.where(side, low + gap, high - gap)
+        key, arms = f"limit_spring.{name}", 1.0 if slides else 0.03  # lever arms squared, m^2
+        drawn.parameters[f"{key}.stiffness"] = arms * decades(rng, 1e2, 2e4, (count, 1))
+        damped = rng.random((count, 1)) < 0.3
+        damping = np.where(damped, arms * decades(rng, 1.0, 100.0, (count, 1)), 0.0)
+        drawn.parameters[f"{key}.damping"] = damping
 
 
-def in_damper(arm: type[RPRP | FourR], name: str) -> Change:
+def in_damper(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], name: str) -> None:
     """A joint as deep in a spring as 0.1 m or 0.6 rad; the damping is strong in some lanes."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        count, joint, slides = len(drawn.joints), arm.joints.index(name), name.startswith("r")
-        depth, arms = (0.1, 1.0) if slides else (0.6, 0.03)
-        drawn.joints[:, joint] = (0.25 if slides else 1.0) + depth * rng.random(count)
-        drawn.rates[:, joint] = rng.normal(0.0, 2.0 if slides else 8.0, count)
-        drawn.parameters[f"limit_spring.{name}.stiffness"] = arms * decades(rng, 1.0, 1e4, (count, 1))
-        drawn.parameters[f"limit_spring.{name}.damping"] = arms * decades(rng, 0.1, 1e3, (count, 1))
-
-    return change
+    count, joint, slides = len(drawn.joints), arm.joints.index(name), name.startswith("r")
+    depth, arms = (0.1, 1.0) if slides else (0.6, 0.03)
+    drawn.joints[:, joint] = (0.25 if slides else 1.0) + depth * rng.random(count)
+    drawn.rates[:, joint] = rng.normal(0.0, 2.0 if slides else 8.0, count)
+    drawn.parameters[f"limit_spring.{name}.stiffness"] = arms * decades(rng, 1.0, 1e4, (count, 1))
+    drawn.parameters[f"limit_spring.{name}.damping"] = arms * decades(rng, 0.1, 1e3, (count, 1))
 
 
 def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
@@ -214,13 +195,9 @@ def dry(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["coulomb_friction.level"] = decades(rng, 1e-2, 5.0, (count, joints))
 
 
-def friction(low: float, high: float) -> Change:
+def friction(drawn: Draw, rng: np.random.Generator) -> None:
     """Coefficients of viscous friction over decades."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        drawn.parameters["viscous_friction.coefficients"] = decades(rng, low, high, drawn.joints.shape)
-
-    return change
+    drawn.parameters["viscous_friction.coefficients"] = decades(rng, 1e-3, 3.0, drawn.joints.shape)
 
 
 def floors(drawn: Draw, rng: np.random.Generator) -> None:
@@ -242,17 +219,13 @@ def discs(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["disc.centre"] = np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
 
 
-def near_kinks(kinked: Kinked) -> Change:
+def near_kinks(drawn: Draw, rng: np.random.Generator, kinked: Kinked) -> None:
     """Rates near 0 in half of the lanes, and numbers of the effect."""
-
-    def change(drawn: Draw, rng: np.random.Generator) -> None:
-        count, joints = drawn.joints.shape
-        drawn.rates[rng.random(count) < 0.5] *= 0.01
-        for name, (low, high) in kinked.bounds.items():
-            wide = joints if name in kinked.effect.of_joints else 1
-            drawn.parameters[f"{kinked.effect.key}.{name}"] = decades(rng, low, high, (count, wide))
-
-    return change
+    count, joints = drawn.joints.shape
+    drawn.rates[rng.random(count) < 0.5] *= 0.01
+    for name, (low, high) in kinked.bounds.items():
+        wide = joints if name in kinked.effect.of_joints else 1
+        drawn.parameters[f"{kinked.effect.key}.{name}"] = decades(rng, low, high, (count, wide))
 
 
 # ---- the families --------------------------------------------------------------------------------
@@ -271,8 +244,8 @@ def kinked(name: str, arm: type[Arm], tolerance: float) -> tuple[Family, ...]:
     """Effects whose laws change with rates, and that do not declare their kinks."""
     return tuple(
         Family(
-            f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect), (near_kinks(one),),
-            tolerance=tolerance, steps=1024,
+            f"{name}, {one.name}, {tolerance:g} m", arm, (Gravity(), one.effect),
+            (partial(near_kinks, kinked=one),), tolerance=tolerance, steps=1024,
         )
         for one in KINKED
     )  # fmt: skip
@@ -286,39 +259,40 @@ WEAK = EffortLimits((8.0, 4.0, 2.0, 1.0))
 FAMILIES = (
     Family("4R, smooth", FourR),
     Family("RPRP, smooth", RPRP),
-    Family("4R, friction", FourR, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
-    Family("RPRP, friction", RPRP, (Gravity(), FRICTION), (friction(1e-3, 3.0),)),
+    Family("4R, friction", FourR, (Gravity(), FRICTION), (friction,)),
+    Family("RPRP, friction", RPRP, (Gravity(), FRICTION), (friction,)),
     Family(
         "4R, limit springs", FourR, (Gravity(), spring("joint2"), spring("joint3")),
-        (near_limits(FourR, "joint2", "joint3"),), steps=1024,
+        (partial(near_limits, arm=FourR, names=("joint2", "joint3")),), steps=1024,
     ),
     Family(
         "RPRP, limit springs", RPRP, (Gravity(), spring("r1"), spring("r2")),
-        (near_limits(RPRP, "r1", "r2"),), steps=1024,
+        (partial(near_limits, arm=RPRP, names=("r1", "r2")),), steps=1024,
     ),
     Family(
-        "4R, strong dampers", FourR, (Gravity(), spring("joint2")), (in_damper(FourR, "joint2"),), 0.05,
-        steps=1024,
+        "4R, strong dampers", FourR, (Gravity(), spring("joint2")),
+        (partial(in_damper, arm=FourR, name="joint2"),), 0.05, steps=1024,
     ),
     Family(
-        "RPRP, strong dampers", RPRP, (Gravity(), spring("r2")), (in_damper(RPRP, "r2"),), 0.05, steps=1024
+        "RPRP, strong dampers", RPRP, (Gravity(), spring("r2")),
+        (partial(in_damper, arm=RPRP, name="r2"),), 0.05, steps=1024,
     ),
     Family("RPRP, stops", RPRP, (Gravity(), FRICTION, STOP), (near_stops,)),
     Family(
         "RPRP, stops and springs", RPRP, (Gravity(), STOP, spring("joint2")),
-        (near_stops, near_limits(RPRP, "joint2")), steps=512,
+        (near_stops, partial(near_limits, arm=RPRP, names=("joint2",))), steps=512,
     ),
     Family(
         "RPRP, stops and true stiction", RPRP, (Gravity(), CoulombFriction(0.5), STOP), (dry, near_stops)
     ),
     Family("4R, singular starts", FourR, changes=(singular,)),
     Family("RPRP, singular starts", RPRP, changes=(singular,)),
-    Family("4R, masses over five decades", FourR, changes=(masses(1e-5, 1.0), weak), steps=512),
-    Family("RPRP, masses over six decades", RPRP, changes=(masses(1e-6, 1.0), weak), steps=512),
+    Family("4R, masses over five decades", FourR, changes=(partial(masses, low=1e-5), weak), steps=512),
+    Family("RPRP, masses over six decades", RPRP, changes=(partial(masses, low=1e-6), weak), steps=512),
     Family("4R, heavy tip", FourR, changes=(heavy_tip,), steps=512),
-    Family("4R, lengths over three decades", FourR, changes=(lengths(2.5e-4, 0.25), weak), steps=512),
-    Family("RPRP, lengths over six decades", RPRP, changes=(lengths(2.5e-7, 0.25), weak)),
-    Family("4R, fast", FourR, (Gravity(), WEAK), (faster(5.0),)),
+    Family("4R, lengths over three decades", FourR, changes=(partial(lengths, low=2.5e-4), weak), steps=512),
+    Family("RPRP, lengths over six decades", RPRP, changes=(partial(lengths, low=2.5e-7), weak)),
+    Family("4R, fast", FourR, (Gravity(), WEAK), (faster,)),
     Family("RPRP, 50 ms, generalized forces", RPRP, (TILTED, CENTRED), (), 0.05, actuation="generalized"),
     Family("4R, 1e-9 m", FourR, (Gravity(), FRICTION), tolerance=1e-9),
     Family("RPRP with stops, 1e-9 m", RPRP, (Gravity(), STOP), (near_stops,), tolerance=1e-9),

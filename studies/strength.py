@@ -3,7 +3,6 @@ any controller (``redundant_envs.control.holding``). Rows of trained policies ar
 folders."""
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from redundant_envs.control.holding import effort_limits, holding_load, slider_t
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.robots.parameters import number
+from redundant_envs.scenes.files import text_value
 from redundant_envs.scenes.scene import load_scene, scene_at, scene_data
 from redundant_envs.support import bounded
 from redundant_envs.support.figures import bare, new_figure, save_figure
@@ -207,14 +207,6 @@ def _factor(run: Run, arm: str) -> float:
     return float(round(ratios[0], 9))
 
 
-def _value_of(cell: str) -> Any:
-    """What a cell that is not empty holds."""
-    try:
-        return json.loads(cell)
-    except (ValueError, RecursionError):
-        return cell
-
-
 def read_rows(path: Path) -> list[Row]:
     """The rows of a CSV file of ``COLUMNS``; ValueError with file and line for others."""
     rows = []
@@ -222,7 +214,7 @@ def read_rows(path: Path) -> list[Row]:
         if tuple(values) != COLUMNS:
             raise ValueError(f"{path} has the columns {shown(list(values))}; give {', '.join(COLUMNS)}")
         try:
-            cells: dict[str, Any] = {k: _value_of(cell) if cell else None for k, cell in values.items()}
+            cells: Any = {k: text_value(cell, k) if cell else None for k, cell in values.items()}
             rows.append(Row(**cells))
         except (ValueError, TypeError) as error:
             raise ValueError(f"{path}, line {count}: {error}; write the file again") from error
@@ -322,7 +314,18 @@ def figure(rows: Sequence[Row]) -> Any:
     panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
     handles: dict[str, Any] = {}
     for panel, arm in zip(panels, arms, strict=True):
-        handles |= _draw(panel, [row for row in rows if row.arm == arm])
+        for who in (HOLDABLE, *COLORS):
+            own = sorted((r for r in rows if (r.arm, r.who) == (arm, who)), key=lambda row: row.factor)
+            x, y = [row.factor for row in own], [100.0 * row.hold_success for row in own]
+            if own and who == HOLDABLE:
+                handles[who] = panel.fill_between(x, 0.0, y, color=AREA, linewidth=0.0)
+            elif own:
+                low, high = ([100.0 * getattr(row, end) for row in own] for end in ("low", "high"))
+                panel.fill_between(x, low, high, color=COLORS[who], alpha=0.2, linewidth=0.0)
+                look = {"color": COLORS[who], "marker": MARKERS[who], "markersize": 4.5, "linewidth": 1.8}
+                (handles[who],) = panel.plot(x, y, **look)
+        factors = sorted({row.factor for row in rows if row.arm == arm})
+        panel.set_xticks(factors, [f"{factor:g}" for factor in factors])
         panel.set_title(arm, loc="left", fontweight="bold")
         panel.set_xlabel("motor strength (effort limits times ...)")
         bare(panel)
@@ -331,25 +334,3 @@ def figure(rows: Sequence[Row]) -> Any:
     shown = [who for who in (HOLDABLE, *COLORS) if who in handles]
     result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=3, frameon=False)
     return result
-
-
-def _draw(panel: Any, rows: Sequence[Row]) -> dict[str, Any]:
-    """Area, bands and curves of an arm; returns their handles for the legend."""
-    handles: dict[str, Any] = {}
-    for who in (HOLDABLE, *COLORS):
-        own = sorted((row for row in rows if row.who == who), key=lambda row: row.factor)
-        if not own:
-            continue
-        x = [row.factor for row in own]
-        y = [100.0 * row.hold_success for row in own]
-        if who == HOLDABLE:
-            handles[who] = panel.fill_between(x, 0.0, y, color=AREA, linewidth=0.0)
-            continue
-        low, high = ([100.0 * getattr(row, end) for row in own] for end in ("low", "high"))
-        panel.fill_between(x, low, high, color=COLORS[who], alpha=0.2, linewidth=0.0)
-        (handles[who],) = panel.plot(
-            x, y, color=COLORS[who], marker=MARKERS[who], markersize=4.5, linewidth=1.8
-        )
-    factors = sorted({row.factor for row in rows})
-    panel.set_xticks(factors, [f"{factor:g}" for factor in factors])
-    return handles

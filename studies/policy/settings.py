@@ -10,17 +10,8 @@ from redundant_envs.scenes.scene import ACCURACIES, scene_data
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
-from redundant_envs_train.config import (
-    MAX_EPISODES,
-    Config,
-    Model,
-    Real,
-    Text,
-    Whole,
-    load_model,
-    number,
-    value,
-)
+from redundant_envs_train.config import Config, Model, Real, Text, Whole, load_model, number, value
+from redundant_envs_train.config.run import MAX_EPISODES
 from redundant_envs_train.rollout import STUDY_SEED
 from redundant_envs_train.run_folder import named_scene
 
