@@ -19,7 +19,7 @@ from redundant_envs.support.timing import by_turns
 from studies import accuracy_metrics as metrics
 from studies import peers
 from studies.account_of_contacts import contact_motion
-from studies.accuracy_config import Panel, States, Study
+from studies.accuracy_config import PEERS, Panel, States, Study
 from studies.accuracy_long import Free, error_names, free_motions, long_metrics, second_reference
 from studies.accuracy_methods import Method, installed, long_methods, panel_methods
 from studies.speed import dgemm, dgemm_rate, one_core
@@ -60,13 +60,9 @@ class PanelResult(NamedTuple):
 
 def long_columns(study: Study) -> tuple[str, ...]:
     """Columns of the table of long motions."""
-    metric = [
-        *(f"tip_mm_{name}" for name in error_names(study)),
-        "energy_rate", "momentum", "penetration_mm", "impact_time_s",
-    ]  # fmt: skip
-    return (
-        *STAMP, *WHAT, "lyapunov_exponent", *(f"{m}_{x}" for m in metric for x in ("median", "95")),
-    )  # fmt: skip
+    tips = [f"tip_mm_{name}" for name in error_names(study)]
+    measured = [*tips, "energy_rate", "momentum", "penetration_mm", "impact_time_s"]
+    return *STAMP, *WHAT, "lyapunov_exponent", *(f"{m}_{x}" for m in measured for x in ("median", "95"))
 
 
 def run(study: Study) -> list[PanelResult]:
@@ -109,7 +105,8 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
         row["ns_best"] = round(1e9 * float(times[k].best), 2)
         row["ns_median"] = round(1e9 * float(times[k].median), 2)
     floor = max(a.metres for a in agreements)
-    stamp = {**about(), "dgemm_gflops": round(dgemm_rate(times[DGEMM]), 2)}
+    stamp = {**versions(), "dgemm_gflops": round(dgemm_rate(times[DGEMM]), 2)}
+    stamp |= {peer: importlib.metadata.version(peer) if installed(peer) else "" for peer in PEERS}
     for row in (*rows, *long_rows):
         row.update(stamp)
     for row in rows:
@@ -155,22 +152,13 @@ def interval_errors(method: Method, scene: Scene, start: States, reference: tupl
     """Errors after one control interval, and its number of evaluations."""
     q, qd, evaluations = method.motion(scene, start, scene.control_dt)
     tip = 1e3 * metrics.tip_error(scene, q, reference[0])
+    shares = {"median": 0.5, "p99": 0.99, "max": 1.0}
     return {
         "evaluations": round(evaluations, 2),
-        **{
-            f"tip_mm_{k}": metrics.quantile(tip, x) for k, x in (("median", 0.5), ("p99", 0.99), ("max", 1.0))
-        },
+        **{f"tip_mm_{name}": metrics.quantile(tip, share) for name, share in shares.items()},
         "q_p99": metrics.quantile(metrics.largest_error(q, reference[0]), 0.99),
         "qd_p99": metrics.quantile(metrics.largest_error(qd, reference[1]), 0.99),
     }
-
-
-def about() -> dict[str, str]:
-    """Machine, date and versions of the measurement."""
-    found = versions()
-    for peer in ("mujoco", "scipy"):
-        found[peer] = importlib.metadata.version(peer) if installed(peer) else ""
-    return found
 
 
 class Answer(NamedTuple):

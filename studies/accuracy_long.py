@@ -61,17 +61,10 @@ def free_motions(study: Study, panel: Panel, start: States) -> Free:
     reference, other = (
         {name: metrics.end(s, start, t)[0] for name, t in times.items()} for s in (scene, second)
     )
-    return Free(
-        scene=scene,
-        start=start,
-        seconds=long.seconds,
-        exponent=exponent,
-        times=times,
-        reference=reference,
-        doubt={k: metrics.quantile(metrics.tip_error(scene, other[k], reference[k]), 0.5) for k in times},
-        energy_scale=metrics.energy_scale(scene, 0.5 * np.add(panel.low, panel.high)),
-        impacts=first_impacts(scene, start),
-    )
+    doubt = {k: metrics.quantile(metrics.tip_error(scene, other[k], reference[k]), 0.5) for k in times}
+    scale = metrics.energy_scale(scene, 0.5 * np.add(panel.low, panel.high))
+    impacts = first_impacts(scene, start)
+    return Free(scene, start, long.seconds, exponent, times, reference, doubt, scale, impacts)
 
 
 def second_reference(panel: Panel, reference: Scene) -> Scene:

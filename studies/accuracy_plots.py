@@ -161,9 +161,8 @@ def _settings(panel: Any, rows: Sequence[Row]) -> None:
 
 def _title(panel: Any, result: PanelResult) -> None:
     panel.set_title(literal(result.panel.name), loc="left", fontsize=10.5, fontweight="bold", pad=16)
-    panel.text(
-        0.0, 1.02, literal(result.panel.about), transform=panel.transAxes, fontsize=8.5, color="#555555"
-    )
+    below = {"transform": panel.transAxes, "fontsize": 8.5, "color": "#555555"}
+    panel.text(0.0, 1.02, literal(result.panel.about), **below)
 
 
 def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str = "") -> None:
@@ -206,8 +205,6 @@ def files(folder: Path) -> list[Path]:
 
 def save_figures(results: Sequence[PanelResult], study: Study, folder: Path) -> list[Path]:
     """Write both figures as SVG and PNG; returns the PNG files, then the SVG files."""
-    figures = (
-        work_precision_figure(results, study.control_dt),
-        energy_figure(results, study.control_dt, study.long_runs.states),
-    )
+    dt = study.control_dt
+    figures = work_precision_figure(results, dt), energy_figure(results, dt, study.long_runs.states)
     return [save_figure(figure, path) for path, figure in zip(files(folder), figures * 2, strict=True)]

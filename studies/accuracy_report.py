@@ -59,27 +59,19 @@ def answer_table(study: Study, results: Sequence[PanelResult]) -> str:
         run = any(row["peer"] == "mujoco" for row in result.rows)
         for answer in accuracy.answers(result.rows, study.thresholds_mm):
             theirs = who(answer.mujoco) if run else ["not run", "", ""]
-            lines.append(
-                [
-                    result.panel.name,
-                    f"{brief(answer.threshold_mm)} mm",
-                    *who(answer.ours),
-                    *theirs,
-                    advantage(answer, result.panel.bar),
-                ]
-            )
+            of = result.panel.name, f"{brief(answer.threshold_mm)} mm"
+            lines.append([*of, *who(answer.ours), *theirs, advantage(answer, result.panel.bar)])
     return markdown(head, lines)
 
 
 def reference_table(results: Sequence[PanelResult]) -> str:
     """Accuracy of the reference, a line for each panel and check."""
     head = ["arm", "compared with", "states", "largest difference of the tips", "digits that agree"]
-    lines = []
-    for result in results:
-        lines += [
-            [result.panel.name, a.by, str(a.states), f"{1e3 * a.metres:.1e} mm", f"{a.digits:.1f}"]
-            for a in result.agreements
-        ]
+    lines = [
+        [result.panel.name, a.by, str(a.states), f"{1e3 * a.metres:.1e} mm", f"{a.digits:.1f}"]
+        for result in results
+        for a in result.agreements
+    ]
     return markdown(head, lines)
 
 
@@ -128,10 +120,8 @@ def page_text(study: Study, results: Sequence[PanelResult], command: str, figure
 
 def files(folder: Path) -> list[Path]:
     """The page, the tables and the figures in a folder."""
-    return [
-        *(folder / name for name in ("accuracy.md", *accuracy_plots.TABLES)),
-        *accuracy_plots.files(folder),
-    ]
+    tables = [folder / name for name in ("accuracy.md", *accuracy_plots.TABLES)]
+    return [*tables, *accuracy_plots.files(folder)]
 
 
 def write(study: Study, command: str, folder: Path) -> list[Path]:

@@ -142,9 +142,8 @@ def verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     """A line about the ceilings."""
     judged = [row for row in rows if row["held"] != ""]
     missed = [f"{r['of']} at {r['at']} ({r['times_bare']} > {r['ceiling']})" for r in judged if not r["held"]]
-    return f"{len(judged) - len(missed)} of {len(judged)} ceilings hold" + "".join(
-        f"; not {m}" if k == 0 else f", {m}" for k, m in enumerate(missed)
-    )
+    told = f"{len(judged) - len(missed)} of {len(judged)} ceilings hold"
+    return f"{told}; not {', '.join(missed)}" if missed else told
 
 
 def figure(rows: Sequence[Mapping[str, Any]]) -> Any:

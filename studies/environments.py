@@ -66,12 +66,6 @@ def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
     return functools.partial(seconds, steps)
 
 
-def vector_env(name: str, lanes: int, controlled: bool) -> Any:
-    """The native vector environment, with its error control or with one rk8 step for every control step."""
-    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
-    return gym.make_vec(name, num_envs=lanes, scene=scene if controlled else {**scene, "tolerance": None})
-
-
 def single_steps(env: gym.Env[Any, Any], count: int, read: bool = False) -> Callable[[], float]:
     """A function that times a step of an environment without resets, s, and with ``read`` the reading of its
     info."""
@@ -103,7 +97,10 @@ def first_step_seconds(name: str) -> float:
 
 def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
     """Times of a reach environment and of CartPole, by turns."""
-    vectors = {how: vector_env(name, lanes, controlled) for how, (controlled, _) in VECTORS.items()}
+    scene, vectors = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict(), {}
+    for how, (controlled, _) in VECTORS.items():
+        own = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
+        vectors[how] = gym.make_vec(name, num_envs=lanes, scene=own)
     samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
     singles = {"single": gym.make(name), "baseline": gym.make(BASELINE), "read": gym.make(name)}
     samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}

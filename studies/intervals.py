@@ -153,16 +153,12 @@ def rows_of(
     """Rows of ``COLUMNS``, for the number of a family: its functions could not be sent to a process."""
     family = families(study, seed)[number]
     asked = [dataclasses.replace(family, tolerance=t) for t in tolerances or (family.tolerance,)]
-    return [
-        {
-            "family": one.name,
-            "tolerance": one.tolerance,
-            **dataclasses.asdict(tally),
-            "largest_error": f"{tally.largest_error:.2g}",
-            "evaluations": round(tally.evaluations / max(tally.intervals, 1), 1),
-        }
-        for one, tally in zip(asked, judge_tolerances(asked, intervals, (seed, number)), strict=True)
-    ]
+    rows = []
+    for one, tally in zip(asked, judge_tolerances(asked, intervals, (seed, number)), strict=True):
+        mean = round(tally.evaluations / max(tally.intervals, 1), 1)
+        rounded = {"largest_error": f"{tally.largest_error:.2g}", "evaluations": mean}
+        rows.append({"family": one.name, "tolerance": one.tolerance, **dataclasses.asdict(tally), **rounded})
+    return rows
 
 
 def run(

@@ -62,14 +62,11 @@ class Case(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if (self.tolerance is None) != (self.bar_evaluations is None):
-            raise ValueError(
-                f"tolerance is {self.tolerance} and bar_evaluations is {self.bar_evaluations}; give both or "
-                "none"
-            )
+            given = f"tolerance is {self.tolerance} and bar_evaluations is {self.bar_evaluations}"
+            raise ValueError(f"{given}; give both or none")
         if self.tolerance is not None and self.arm != "FourR":
-            raise ValueError(
-                f"arm is {self.arm!r} and tolerance is {self.tolerance}; a tolerance needs FourR"
-            )
+            given = f"arm is {self.arm!r} and tolerance is {self.tolerance}"
+            raise ValueError(f"{given}; a tolerance needs FourR")
         return self
 
     @property
@@ -79,10 +76,8 @@ class Case(Model):
             arm = FourR((1.0,) * 4, (0.5,) * 4)
             return Scene(arm, (Gravity(), ViscousFriction(0.1)), tolerance=self.tolerance)
         robot = ARMS[self.arm]()
-        joints, low, high = (
-            (("r1", "r2"), 0.0, 0.25) if robot.sliders() else (("joint2", "joint3"), -2.5, 2.5)
-        )
-        effects = (Gravity(), ViscousFriction(0.1), *(LimitSpring(joint, low, high) for joint in joints))
+        limits = (("r1", "r2"), 0.0, 0.25) if robot.sliders() else (("joint2", "joint3"), -2.5, 2.5)
+        effects = (Gravity(), ViscousFriction(0.1), *(LimitSpring(joint, *limits[1:]) for joint in limits[0]))
         return Scene(robot, effects, integrator=self.integrator, control_dt=0.001, substeps=1)
 
 
@@ -98,20 +93,12 @@ class Study(Model):
 load_study = functools.partial(load_model, Study)
 
 
-def lively_states(lanes: int, seed: int = 0) -> tuple[NDArray[np.float64], ...]:
-    """Angles uniform, rates normal with 4 rad/s, and efforts on every second lane: (lanes, 4) each."""
-    rng = np.random.default_rng(seed)
-    q, qd = rng.uniform(-np.pi, np.pi, (lanes, 4)), rng.normal(0.0, 4.0, (lanes, 4))
+def lively_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
+    """A batch with uniform angles and normal rates of 4 rad/s; and efforts, on every second lane."""
+    rng, batch = np.random.default_rng(0), BatchSimulator(scene, lanes)
+    batch.set_state(rng.uniform(-np.pi, np.pi, (lanes, 4)), rng.normal(0.0, 4.0, (lanes, 4)))
     efforts = rng.uniform(-1.0, 1.0, (lanes, 4)) * (20.0, 12.0, 8.0, 4.0)
     efforts[::2] = 0.0
-    return q, qd, efforts
-
-
-def lively_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
-    """A batch in these states, and their efforts."""
-    q, qd, efforts = lively_states(lanes)
-    batch = BatchSimulator(scene, lanes)
-    batch.set_state(q, qd)
     return batch, efforts
 
 
@@ -130,12 +117,9 @@ def control_figures(scene: Scene, lanes: int) -> tuple[float, float]:
 def filled_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.float64]]:
     """A batch with random states, and masses and lengths of each lane within 10 % of the scene's; efforts."""
     rng, arm, batch = np.random.default_rng(0), scene.robot, BatchSimulator(scene, lanes)
-    batch.set_parameters(
-        {
-            "masses": np.multiply(arm.masses, rng.uniform(0.9, 1.1, (lanes, arm.num_masses))),
-            "lengths": np.multiply(arm.lengths, rng.uniform(0.9, 1.1, (lanes, len(arm.lengths)))),
-        }
-    )
+    for name in ("masses", "lengths"):
+        own = getattr(arm, name)
+        batch.set_parameters({name: np.multiply(own, rng.uniform(0.9, 1.1, (lanes, len(own))))})
     q = rng.uniform(-np.pi, np.pi, (lanes, len(arm.joints)))
     for k in arm.sliders():
         q[:, k] = rng.uniform(0.0, 0.25, lanes)

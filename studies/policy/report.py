@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from redundant_envs.support.disk import replacing, write_text
 from redundant_envs.support.figures import bare, literal, new_figure, save_figure
@@ -15,7 +16,7 @@ from redundant_envs_train.pages import page
 
 from . import words
 from .episodes import TIMING_REPEATS
-from .run import ArmResult, Row, save_scenes, stamp
+from .run import STYLE, ArmResult, Row, stamp
 from .settings import Study, slug
 from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
 
@@ -23,7 +24,10 @@ from .words import LOOKS, Difference, hold_difference, percent, plain, reference
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
     """Write tables, figures, scenes and report.md of a study."""
     about = stamp()
-    save_scenes(study, results, folder)
+    for arm in results:
+        for label, evaluation in arm.episodes.items():
+            path = folder / "scenes" / f"{slug(arm.name)}_{slug(label)}.yaml"
+            write_text(path, yaml.safe_dump(evaluation.scene.to_dict(), **STYLE))
     _write(folder / "physics.csv", [r for a in results for r in a.rows], about)
     trained = [r for a in results for r in a.trained]
     if trained:
@@ -48,10 +52,8 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
 
 def _write(path: Path, rows: Sequence[Row], about: Mapping[str, str]) -> None:
     """Write rows as CSV, floats with 8 digits."""
-    short = [
-        {k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in {**about, **row}.items()}
-        for row in rows
-    ]
+    whole = [{**about, **row} for row in rows]
+    short = [{k: float(f"{v:.8g}") if isinstance(v, float) else v for k, v in row.items()} for row in whole]
     write_rows(short, list(dict.fromkeys(name for row in short for name in row)), path)
 
 

@@ -1,7 +1,7 @@
 """The policy study itself: checks, trainings, episodes under each physics, and results."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,18 +15,10 @@ from redundant_envs.support.disk import write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import progress_bars
+from redundant_envs_train import run_folder
 from redundant_envs_train.config import Config, check_telemetry, load
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act, run_episodes
-from redundant_envs_train.run_folder import (
-    SELECTION,
-    check_study,
-    own_config,
-    read_config,
-    read_facts,
-    read_table,
-)
-from redundant_envs_train.run_folder import difference as other_scene
 from redundant_envs_train.training.train import simulator_hash, train
 
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
@@ -78,7 +70,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     check_telemetry(preset, ())
     run = Path(arm.run) if arm.run else runs / f"{slug(name)}_policy"
     if arm.run:
-        taken = read_config(run)
+        taken = run_folder.read_config(run)
         if not (run / "policy.zip").is_file():
             raise ValueError(
                 f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is not a finished run"
@@ -88,7 +80,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
                 f"arms.{name}.run was trained on {taken.env} with {taken.env_kwargs}, the preset is of "
                 f"{preset.env} with {preset.env_kwargs}; give a run of this preset"
             )
-        if other := other_scene(run):
+        if other := run_folder.difference(run):
             raise ValueError(
                 f"arms.{name}.run was trained in another scene: {other}; give a run of the preset"
             )
@@ -116,7 +108,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
         core = make_sb3(config.env, 1, **config.env_kwargs).core
         if kept.exists() and (
-            read_config(kept).to_dict() != config.to_dict() or is_of_other_simulator(kept, core)
+            run_folder.read_config(kept).to_dict() != config.to_dict() or is_of_other_simulator(kept, core)
         ):
             raise ValueError(
                 f"{kept} holds a run of another configuration or simulator; choose another --out or delete it"
@@ -127,7 +119,7 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
     """Run the whole study; training runs are kept in ``folder``/runs. ``trust``: see load_policy."""
     path = folder / "study.yaml"  # the folder is of a study
-    check_study(folder, [path.name])
+    run_folder.check_study(folder, [path.name])
     if path.exists() and load_study(path) != study:
         raise ValueError(f"out is {folder}, whose {path.name} is of another study; choose another --out")
     plans = [plan(study, name, folder) for name in study.arms]
@@ -159,7 +151,7 @@ def first_part(
     study: Study, p: Plan, done: Callable[[int, str], None], trust: bool
 ) -> tuple[list[Row], dict[str, Evaluation]]:
     """One policy under each physics, compared with the reference."""
-    act = policy_act(load_policy(p.run, own_config(p.run), trust))
+    act = policy_act(load_policy(p.run, run_folder.own_config(p.run), trust))
     episodes = {}
     for label, kwargs in p.kwargs.items():
         done(0, f"{p.name}: {label}")
@@ -187,7 +179,7 @@ def second_part(study: Study, p: Plan, done: Callable[[int, str], None], bars: A
         done(0, f"{p.name}: training {i + 1}/{len(p.trainings)}, {label}, seed {config.seed}")
         facts = ensure_trained(config, folder, bars)
         done(config.total_steps, "")
-        act = policy_act(load_policy(folder, own_config(folder)))
+        act = policy_act(load_policy(folder, run_folder.own_config(folder)))
         ends: Row = {}
         for where, kwargs in (("", p.kwargs[study.reference]), ("own_", config.env_kwargs)):
             outcome = run_episodes(config.env, act, study.episodes, study.seed, **kwargs)
@@ -195,24 +187,19 @@ def second_part(study: Study, p: Plan, done: Callable[[int, str], None], bars: A
             ends[f"{where}mean_return"] = float(outcome.returns.mean())
             ends[f"{where}ended"] = int(outcome.ended.sum())
             done(EVALUATION_STEPS, "")
-        rows.append(
-            {
-                "arm": p.name, "env": config.env, "trained_under": label,
-                "stepping": stepping(make_sb3(config.env, 1, **config.env_kwargs).core.scene),
-                "train_seed": config.seed, **facts, "reference": study.reference,
-                "episodes": study.episodes, "seed": study.seed, **ends,
-            }
-        )  # fmt: skip
+        rows.append({
+            "arm": p.name, "env": config.env, "trained_under": label,
+            "stepping": stepping(make_sb3(config.env, 1, **config.env_kwargs).core.scene),
+            "train_seed": config.seed, **facts, "reference": study.reference,
+            "episodes": study.episodes, "seed": study.seed, **ends,
+        })  # fmt: skip
     return rows
 
 
 def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
     """Difference of the mean of a measure between training under cheap and under own physics."""
-    cheap = study.arms[p.name].cheap
-    a, b = (
-        np.array([row[measure] for row in trained if row["trained_under"] == label])
-        for label in (cheap, "preset")
-    )
+    cheap, found = study.arms[p.name].cheap, [(row["trained_under"], row[measure]) for row in trained]
+    a, b = (np.array([value for of, value in found if of == label]) for label in (cheap, "preset"))
     return {
         "arm": p.name, "env": p.preset.env, "measure": measure, "cheap": cheap,
         "policies_each": len(a), "mean_cheap": float(a.mean()), "mean_preset": float(b.mean()),
@@ -223,7 +210,7 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
 
 def is_of_other_simulator(folder: Path, core: Core) -> bool:
     """Whether a run folder records another simulator than today's."""
-    said = read_facts(folder)["simulator"]
+    said = run_folder.read_facts(folder)["simulator"]
     return said is not None and said != simulator_hash(core)
 
 
@@ -235,7 +222,7 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
             shutil.rmtree(unfinished)
         train(config, unfinished, bars)
         unfinished.rename(folder)
-    rows = read_table(folder, "selection.csv", SELECTION)
+    rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
     if not len(rows):
         raise ValueError(f"{folder}/selection.csv has no rows; delete {folder} to train it again")
     steps, seconds = rows[-1, :2].tolist()
@@ -244,11 +231,11 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
 
 def describe(folder: Path) -> str:
     """A run folder's policy in words."""
-    config = own_config(folder)
+    config = run_folder.own_config(folder)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     words = f"{config.label}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
-        rows = read_table(folder, "selection.csv", SELECTION)
+        rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
         words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no point of its curve"
     words += f", trained under {stepping(core.scene)}"
     if is_of_other_simulator(folder, core):
@@ -260,11 +247,3 @@ def stamp() -> dict[str, str]:
     """Machine, date and versions of the study."""
     names = ("gymnasium", "stable-baselines3", "torch")
     return {**versions(), **{name.replace("-", "_"): version(name) for name in names}}
-
-
-def save_scenes(study: Study, results: Sequence[ArmResult], folder: Path) -> None:
-    """The configuration and every scene that was simulated, as YAML."""
-    for result in results:
-        for label, evaluation in result.episodes.items():
-            path = folder / "scenes" / f"{slug(result.name)}_{slug(label)}.yaml"
-            write_text(path, yaml.safe_dump(evaluation.scene.to_dict(), **STYLE))
