@@ -84,15 +84,10 @@ class Account:
         points = self.points(x, q, qd)
         for k, (place, J, _) in enumerate(points):
             v = (J * qd).sum(axis=1)
-            x |= {
-                f"x{k + 1}": place.real,
-                f"y{k + 1}": place.imag,
-                f"vx{k + 1}": v.real,
-                f"vy{k + 1}": v.imag,
-            }
-        field = sum(
-            (complex_of(a.functions["function"](x)) for a in every.of(Field)), np.zeros(len(q), complex)
-        )
+            parts = {"x": place.real, "y": place.imag, "vx": v.real, "vy": v.imag}
+            x |= {f"{name}{k + 1}": part for name, part in parts.items()}
+        fields = [complex_of(a.functions["function"](x)) for a in every.of(Field)]
+        field = sum(fields, np.zeros(len(q), complex))
         M, forces = np.zeros((len(q), n, n)), np.zeros((len(q), n))
         for k, (_, J, bias) in enumerate(points):
             loads = every.carried.get(f"m{k + 1}", ())

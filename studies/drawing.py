@@ -40,9 +40,7 @@ def drawn_chain(rng, most=5):
 def drawn_numbers(rng, joints, lengths, calm):
     """Masses, kg, and lengths, m; similar ones for a calm arm."""
     wild = 0.0 if calm else rng.random()
-    masses = spread(
-        rng, joints, rng.choice([4.0, 30.0]) if wild < 0.7 else float(rng.choice([1e4, 1e8, 1e12]))
-    )
+    masses = spread(rng, joints, float(rng.choice([4.0, 30.0] if wild < 0.7 else [1e4, 1e8, 1e12])))
     longs = spread(rng, lengths, rng.choice([2.0, 8.0]) if wild < 0.85 else float(rng.choice([1e3, 1e6])))
     scale = decades(rng, 0.1, 2.0) if rng.random() < 0.9 else decades(rng, 1e-6, 1e6)
     return tuple(0.5 * m for m in masses), tuple(scale * x for x in longs)
@@ -175,15 +173,11 @@ def drawn_state(scene, kind, rng):
 def between_angles(scene, q):
     """Coordinates with the angles of joints between their stops, one in four of those at an end."""
     B, values = scene.robot.motor_map, scene.parameters()
-    ends = {
-        k: (values[low], values[high]) for k, low, high in hard_stops(scene) if not scene.robot.prismatic[k]
-    }
-    if not ends:
-        return q
+    ends = [stop for stop in hard_stops(scene) if not scene.robot.prismatic[stop[0]]]
     joints = np.where(np.isinf(q), np.nan, q) @ B
-    for joint, (low, high) in ends.items():
-        joints[joint] = np.clip(joints[joint], low, high)
-    return joints @ np.linalg.inv(B)
+    for joint, low, high in ends:
+        joints[joint] = np.clip(joints[joint], values[low], values[high])
+    return joints @ np.linalg.inv(B) if ends else q
 
 
 def drawn_efforts(scene, kinds, rng):

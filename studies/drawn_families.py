@@ -76,12 +76,10 @@ class DrawnFamily:
         made = None
         while made is None:
             arm: Arm = drawing.drawn_chain(rng) if rng.random() < 0.5 else drawing.drawn_arm(rng, calm=True)
-            names = (
-                [name]
-                if self.number // len(kinds) % 2 == 0
-                else [name, str(rng.choice([k for k in kinds if k not in (name, "Gravity")]))]
-            )
-            made = made_scene(rng, arm, [kinds[n] for n in dict.fromkeys(names)], control_dt, actuation)
+            names = [name]
+            if self.number // len(kinds) % 2:
+                names.append(str(rng.choice([k for k in kinds if k not in (name, "Gravity")])))
+            made = made_scene(rng, arm, [kinds[n] for n in names], control_dt, actuation)
             if not MIN_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
                 made = None
         others = (changed(rng, made) for _ in range(20 * VARIANTS))
@@ -158,9 +156,8 @@ class DrawnFamily:
         status = batch.advance(drawn.efforts)
         values = drawn.parameters | dict(zip(self.robot.coordinates, batch.q.T, strict=True))
         values = {name: x for name, x in values.items() if "." not in name}
-        return np.stack(
-            np.broadcast_arrays(*self.robot.evaluate(["tip_x", "tip_y"], values)), axis=-1
-        ), status
+        tips = np.broadcast_arrays(*self.robot.evaluate(["tip_x", "tip_y"], values))
+        return np.stack(tips, axis=-1), status
 
     def told(self, drawn: Draw, others: Array) -> Array:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
@@ -233,16 +230,10 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
 
 def joined(draws: Sequence[Draw]) -> Draw:
     """The lanes of several draws of a family."""
-
-    def together(tables: Any) -> dict[str, Array]:
-        tables = list(tables)
-        return {name: np.concatenate([t[name] for t in tables]) for name in tables[0]}
-
-    joints, rates, efforts = (
-        np.concatenate([getattr(d, name) for d in draws]) for name in ("joints", "rates", "efforts")
-    )
-    tables = together(d.parameters for d in draws), together(d.states for d in draws)
-    return Draw(joints, rates, efforts, *tables)
+    parts = [[getattr(d, name) for d in draws] for name in ("joints", "rates", "efforts")]
+    tables = [[d.parameters for d in draws], [d.states for d in draws]]
+    merged = [{name: np.concatenate([t[name] for t in some]) for name in some[0]} for some in tables]
+    return Draw(*map(np.concatenate, parts), *merged)
 
 
 def begun(scene: Scene, numbers: dict[str, Array], q: Array, qd: Array) -> BatchSimulator:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from redundant_envs.effects import Actuation, Effect, Force, Link
 from redundant_envs.effects.hooks import Hook
 from redundant_envs.language.algebra import clamp, maximum, minimum, physics
 from redundant_envs.robots.arm import Arm
+
+
+def on_each_joint(
+    arm: Arm, hook: Any, law: Any, given: dict[str, str], *more: Any, **how: Any
+) -> tuple[Hook, ...]:
+    """A hook on each joint; in the names of what its law is given, {k} is the joint's index, {n} its number."""
+    joints = range(len(arm.joints))
+    names = [{name: at.format(k=k, n=k + 1) for name, at in given.items()} for k in joints]
+    return tuple(hook(k, law, names[k], *more, **how) for k in joints)
 
 
 @physics
@@ -24,10 +34,7 @@ class QuadraticDrag(Effect):
     of_joints = ("coefficients",)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(k, drag, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"})
-            for k in range(len(arm.joints))
-        )
+        return on_each_joint(arm, Force, drag, {"rate": "phid{n}", "coefficient": ".coefficients[{k}]"})
 
 
 @physics
@@ -50,13 +57,8 @@ class SmoothFriction(Effect):
     of_joints = ("levels",)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(
-                k, smooth_friction, {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "scale": ".scale"},
-                damping=steepest_friction,
-            )
-            for k in range(len(arm.joints))
-        )  # fmt: skip
+        given = {"rate": "phid{n}", "level": ".levels[{k}]", "scale": ".scale"}
+        return on_each_joint(arm, Force, smooth_friction, given, damping=steepest_friction)
 
 
 @physics
@@ -77,17 +79,13 @@ class TorqueSpeed(Effect):
     of_joints = ("stalls",)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Actuation(
-                k, below_curve,
-                {
-                    "command": f"command{k + 1}", "rate": f"phid{k + 1}", "stall": f".stalls[{k}]",
-                    "free_rate": ".free_rate",
-                },
-                Link.TORQUE_SPEED,
-            )
-            for k in range(len(arm.joints))
-        )  # fmt: skip
+        given = {
+            "command": "command{n}",
+            "rate": "phid{n}",
+            "stall": ".stalls[{k}]",
+            "free_rate": ".free_rate",
+        }
+        return on_each_joint(arm, Actuation, below_curve, given, Link.TORQUE_SPEED)
 
 
 @physics
@@ -105,16 +103,8 @@ class VelocityController(Effect):
     of_joints = ("gains", "limits")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Actuation(
-                k, clipped_velocity_effort,
-                {
-                    "command": f"command{k + 1}", "rate": f"phid{k + 1}", "gain": f".gains[{k}]",
-                    "limit": f".limits[{k}]",
-                },
-            )
-            for k in range(len(arm.joints))
-        )  # fmt: skip
+        given = {"command": "command{n}", "rate": "phid{n}", "gain": ".gains[{k}]", "limit": ".limits[{k}]"}
+        return on_each_joint(arm, Actuation, clipped_velocity_effort, given)
 
 
 @dataclass(frozen=True)
