@@ -233,7 +233,8 @@ def joined(draws: Sequence[Draw]) -> Draw:
     parts = [[getattr(d, name) for d in draws] for name in ("joints", "rates", "efforts")]
     tables = [[d.parameters for d in draws], [d.states for d in draws]]
     merged = [{name: np.concatenate([t[name] for t in some]) for name in some[0]} for some in tables]
-    return Draw(*map(np.concatenate, parts), *merged)
+    joints, rates, efforts = map(np.concatenate, parts)
+    return Draw(joints, rates, efforts, *merged)
 
 
 def begun(scene: Scene, numbers: dict[str, Array], q: Array, qd: Array) -> BatchSimulator:

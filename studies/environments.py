@@ -97,12 +97,17 @@ def first_step_seconds(name: str) -> float:
 
 def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
     """Times of a reach environment and of CartPole, by turns."""
-    scene, vectors = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict(), {}
+    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
+    vectors: dict[str, Any] = {}
     for how, (controlled, _) in VECTORS.items():
         own = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
         vectors[how] = gym.make_vec(name, num_envs=lanes, scene=own)
     samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
-    singles = {"single": gym.make(name), "baseline": gym.make(BASELINE), "read": gym.make(name)}
+    singles: dict[str, Any] = {
+        "single": gym.make(name),
+        "baseline": gym.make(BASELINE),
+        "read": gym.make(name),
+    }
     samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}
     first_step_seconds(name)  # puts the compiled module on disk
     samplers["first"] = functools.partial(first_step_seconds, name)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from redundant_envs.effects import Actuation, Effect, Force, Link
 from redundant_envs.effects.hooks import Hook
 from redundant_envs.language.algebra import clamp, maximum, minimum, physics
 from redundant_envs.robots.arm import Arm
 
+MOTOR = {"command": "command{n}", "rate": "phid{n}"}
 
-def on_each_joint(
-    arm: Arm, hook: Any, law: Any, given: dict[str, str], *more: Any, **how: Any
-) -> tuple[Hook, ...]:
-    """A hook on each joint; in the names of what its law is given, {k} is the joint's index, {n} its number."""
+
+def on_each_joint(arm, hook, law, given, *more, **how):
+    """A hook on each joint; in names of what its law is given, {k} is the joint's index, {n} its number."""
     joints = range(len(arm.joints))
     names = [{name: at.format(k=k, n=k + 1) for name, at in given.items()} for k in joints]
     return tuple(hook(k, law, names[k], *more, **how) for k in joints)
@@ -79,12 +78,7 @@ class TorqueSpeed(Effect):
     of_joints = ("stalls",)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = {
-            "command": "command{n}",
-            "rate": "phid{n}",
-            "stall": ".stalls[{k}]",
-            "free_rate": ".free_rate",
-        }
+        given = MOTOR | {"stall": ".stalls[{k}]", "free_rate": ".free_rate"}
         return on_each_joint(arm, Actuation, below_curve, given, Link.TORQUE_SPEED)
 
 
@@ -103,7 +97,7 @@ class VelocityController(Effect):
     of_joints = ("gains", "limits")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = {"command": "command{n}", "rate": "phid{n}", "gain": ".gains[{k}]", "limit": ".limits[{k}]"}
+        given = MOTOR | {"gain": ".gains[{k}]", "limit": ".limits[{k}]"}
         return on_each_joint(arm, Actuation, clipped_velocity_effort, given)
 
 
