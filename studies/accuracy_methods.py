@@ -66,9 +66,8 @@ class Ours:
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with this stepping."""
-        return dataclasses.replace(
-            scene, integrator=self.integrator, substeps=self.substeps, tolerance=self.tolerance
-        )
+        own = {name: getattr(self, name) for name in ("integrator", "substeps", "tolerance")}
+        return dataclasses.replace(scene, **own)
 
     def batch(self, scene: Scene, start: States) -> BatchSimulator:
         """A simulator with these states."""

@@ -103,11 +103,8 @@ def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]
         own = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
         vectors[how] = gym.make_vec(name, num_envs=lanes, scene=own)
     samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
-    singles: dict[str, Any] = {
-        "single": gym.make(name),
-        "baseline": gym.make(BASELINE),
-        "read": gym.make(name),
-    }
+    names = {"single": name, "baseline": BASELINE, "read": name}
+    singles: dict[str, Any] = {how: gym.make(one) for how, one in names.items()}
     samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}
     first_step_seconds(name)  # puts the compiled module on disk
     samplers["first"] = functools.partial(first_step_seconds, name)

@@ -3,6 +3,7 @@ any controller (``redundant_envs.control.holding``). Rows of trained policies ar
 folders."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -158,14 +159,12 @@ def learner_rows(places: Sequence[Path]) -> list[Row]:
         same.append(run)
         own = [{k: v for k, v in r.settings.items() if k != "env_kwargs"} for r in (same[0], run)]
         if own[0] != own[1]:
-            raise ValueError(
-                f"{run.folder} has other settings than {same[0].folder}; give runs of one setting"
-            )
+            other = same[0].folder
+            raise ValueError(f"{run.folder} has other settings than {other}; give runs of one setting")
     rows = []
     for key, runs in sorted(found.items()):
-        held, touched, goals = (
-            [run.evaluation[name] for run in runs] for name in ("hold_success", "touch_success", "episodes")
-        )
+        names = "hold_success", "touch_success", "episodes"
+        held, touched, goals = ([run.evaluation[name] for run in runs] for name in names)
         low, high = zip(*map(_ends, runs), strict=True)
         mean = float(np.mean(held))
         rows.append(Row(*key, mean, min(low), max(high), float(np.mean(touched)), len(runs), min(goals)))
@@ -194,10 +193,9 @@ def _factor(run: Run, arm: str) -> float:
     strong = scene_at(ARMS[arm][1], env_kwargs.get("accuracy"))
     scene = load_scene(run.scene)
     ratios = effort_limits(scene) / effort_limits(strong)
-    rest, rest_of_strong = (
-        {**data, "effects": [e for e in data["effects"] if e["type"] != EffortLimits.__name__]}
-        for data in (scene.to_dict(), strong.to_dict())
-    )
+    rest, rest_of_strong = scene.to_dict(), strong.to_dict()
+    for data in (rest, rest_of_strong):
+        data["effects"] = [e for e in data["effects"] if e["type"] != EffortLimits.__name__]
     if np.ptp(ratios) > 1e-9 * ratios[0] or rest != rest_of_strong:
         raise ValueError(
             f"{run.folder}: its scene has {', '.join(f'{r:g}' for r in ratios)} times the limits of "
@@ -271,9 +269,8 @@ def run_study(
     if path.is_file() and not before:
         raise ValueError(f"out is {out}, whose {path.name} has no rows of a study; choose another --out")
     rows = [row for row in before if not row.seeds]
-    if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {
-        (arm, factor, who, episodes) for arm in ARMS for factor in factors for who in (HOLDABLE, *POSES)
-    }:
+    asked = itertools.product(ARMS, factors, (HOLDABLE, *POSES), [episodes])
+    if {(row.arm, row.factor, row.who, row.episodes) for row in rows} != {*asked}:
         rows = []
         with counted("computed torque, and what can be held", len(ARMS)) as done:
             for arm in ARMS:

@@ -137,8 +137,7 @@ def physics_sentence(row: Mapping[str, Any], reference: Mapping[str, Any], study
         f"Half of the episodes differ by {half} or less; {few} {'makes' if few == 1 else 'make'} half of all "
         "the difference."
     )
-    parts += trouble(row)
-    return f"**{row['physics']}**: {' '.join(parts)}"
+    return f"**{row['physics']}**: {' '.join([*parts, *trouble(row)])}"
 
 
 def trouble(row: Mapping[str, Any]) -> list[str]:
@@ -158,17 +157,15 @@ def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
     if not others:
         return "There is nothing to compare the reference with."
     lines, same = [], {row["physics"] for row in others}
-    for what, of in (
-        ("Hold success", lambda row: hold_difference(row, study)),
-        ("Return", lambda row: return_difference(row, study, reference)),
-    ):
+    holds = [hold_difference(row, study).verdict for row in others]
+    returns = [return_difference(row, study, reference).verdict for row in others]
+    for what, verdicts in (("Hold success", holds), ("Return", returns)):
         groups: dict[str, list[str]] = {}
-        for row in others:
-            groups.setdefault(of(row).verdict, []).append(row["physics"])
+        for row, verdict in zip(others, verdicts, strict=True):
+            groups.setdefault(verdict, []).append(row["physics"])
         same &= set(groups.get(NONE, ()))
         found = (f"{text}: {', '.join(groups[v])}" for v, (_, _, text) in LOOKS.items() if v in groups)
-        words = "; ".join(found)
-        lines.append(f"{what} against {study.reference}: {words}.")
+        lines.append(f"{what} against {study.reference}: {'; '.join(found)}.")
     if reference["hold_success"] == 0.0:
         lines.append("This policy holds nothing: judge by one that does.")
     elif same:
