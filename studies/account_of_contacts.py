@@ -275,9 +275,8 @@ def contact_motion(scene, start, error):
     impacts of each lane, s; ``start`` has coordinates, velocities and efforts, (lanes, joints) each."""
     numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
     accounts = [ContactAccount(scene, numbers, efforts[None]) for efforts in start[2]]
-    found = [
-        a.motion_after(q[None], qd[None], {}, error)[0] for a, q, qd in zip(accounts, *start[:2], strict=True)
-    ]
+    lanes = zip(accounts, *start[:2], strict=True)
+    found = [a.motion_after(q[None], qd[None], {}, error)[0] for a, q, qd in lanes]
     return np.array(found), [account.impacts for account in accounts]
 
 

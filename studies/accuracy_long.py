@@ -57,10 +57,8 @@ def free_motions(study: Study, panel: Panel, start: States) -> Free:
         if t <= long.seconds
     }
     scene = panel.scene(dt, **study.reference.scene)
-    second = second_reference(panel, scene)
-    reference, other = (
-        {name: metrics.end(s, start, t)[0] for name, t in times.items()} for s in (scene, second)
-    )
+    both = scene, second_reference(panel, scene)
+    reference, other = ({name: metrics.end(s, start, t)[0] for name, t in times.items()} for s in both)
     doubt = {k: metrics.quantile(metrics.tip_error(scene, other[k], reference[k]), 0.5) for k in times}
     scale = metrics.energy_scale(scene, 0.5 * np.add(panel.low, panel.high))
     impacts = first_impacts(scene, start)

@@ -282,9 +282,7 @@ FAMILIES = (
         "RPRP, stops and springs", RPRP, (Gravity(), STOP, spring("joint2")),
         (near_stops, partial(near_limits, arm=RPRP, names=("joint2",))), steps=512,
     ),
-    Family(
-        "RPRP, stops and true stiction", RPRP, (Gravity(), CoulombFriction(0.5), STOP), (dry, near_stops)
-    ),
+    Family("RPRP, stops and true stiction", RPRP, (Gravity(), CoulombFriction(0.5), STOP), (dry, near_stops)),
     Family("4R, singular starts", FourR, changes=(singular,)),
     Family("RPRP, singular starts", RPRP, changes=(singular,)),
     Family("4R, masses over five decades", FourR, changes=(partial(masses, low=1e-5), weak), steps=512),

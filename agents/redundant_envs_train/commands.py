@@ -76,21 +76,16 @@ def run(arguments: list[str]) -> int:
     except Exception as error:
         if not hasattr(error, "format_message"):  # of typer, or of click in its older versions
             raise
-        return _usage(error)
+        message, context = error.format_message(), getattr(error, "ctx", None)
+        if type(error).__name__ == "NoArgsIsHelpError":
+            say(message, file=sys.stderr)
+            return 2
+        if context is None:
+            raise ValueError(f"{message.rstrip('.')}; see {COMMAND} --help") from None
+        names = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
+        more = f"choose {', '.join(names)}; or " if names else ""
+        raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help") from None
     return 0
-
-
-def _usage(error: Any) -> int:
-    """Show a usage error; without any words, the help."""
-    message, context = error.format_message(), getattr(error, "ctx", None)
-    if type(error).__name__ == "NoArgsIsHelpError":
-        say(message, file=sys.stderr)
-        return 2
-    if context is None:
-        raise ValueError(f"{message.rstrip('.')}; see {COMMAND} --help")
-    names = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
-    more = f"choose {', '.join(names)}; or " if names else ""
-    raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help")
 
 
 @app.command(

@@ -361,7 +361,7 @@ def trained(folder: Path) -> Iterator[Path]:
     """The files that a training has written into its folder, which may have others of the user."""
     for name in (*TRAINED, SCENE, "config.yaml"):
         for path in folder.glob(name):
-            yield from (found for found in (path, *path.rglob("*")) if found.is_file())
+            yield from filter(Path.is_file, (path, *path.rglob("*")))
 
 
 def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
@@ -405,9 +405,8 @@ def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
         raise ValueError(f"out is {folder}, an exported policy; choose another --out, or add --force")
     there = [name for name in files if (folder / name).exists()]
     if there and not force:
-        raise ValueError(
-            f"out is {folder}, which has {', '.join(there)}; choose another --out, or add --force"
-        )
+        found = ", ".join(there)
+        raise ValueError(f"out is {folder}, which has {found}; choose another --out, or add --force")
 
 
 def check_drawing() -> None:

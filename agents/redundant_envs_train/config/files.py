@@ -82,10 +82,8 @@ def read(path: str | Path, folder: str) -> dict[str, Any]:
     """The content of a YAML file; if it is missing, the error lists the folder's files."""
     file = Path(path)
     if not exists(file):
-        available = sorted(str(p) for p in Path(folder).glob("*.yaml"))
-        raise ValueError(
-            f"config is {shown(str(path))}; there is no such file. Found: {', '.join(available)}"
-        )
+        found = sorted(str(p) for p in Path(folder).glob("*.yaml"))
+        raise ValueError(f"config is {shown(str(path))}; there is no such file. Found: {', '.join(found)}")
     data = read_yaml(file, "config")
     if not isinstance(data, dict):
         raise ValueError(f"{file} holds no mapping; give 'key: value' lines")

@@ -1,6 +1,7 @@
 """Learning curves of many runs: their interquartile means over seeds, as one figure and as numbers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -150,9 +151,9 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         names = told(shown)
         panels = part.subplots(len(axes), len(names), squeeze=False)
         for row, axis in zip(panels, axes, strict=True):
-            for same in shown:
-                _draw_group(dict(zip(names, row, strict=True)), same, axis, *looks[same.learner])
             for panel, name in zip(row, names, strict=True):
+                for same in shown:
+                    _draw_group(panel, name, axis, same, *looks[same.learner])
                 _finish(panel, name, axis, shown)
         part.suptitle(literal(title), fontweight="bold")
         handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -170,43 +171,24 @@ def told(groups: Sequence[Group]) -> list[str]:
     return [name for name, there in zip(MEASURES, known, strict=True) if there]
 
 
-def _draw_group(row: Mapping[str, Any], same: Group, axis: str, color: str, style: str) -> None:
-    """A group's seeds, interquartile mean and interval in the panels of a row, by measure."""
-    scale, curve = AXES[axis][1], summarize(same, axis)
-    seeds = "1 seed" if len(same.runs) == 1 else f"{len(same.runs)} seeds"
-    for name, panel in row.items():
-        k = list(MEASURES).index(name)
-        for run in same.runs if len(same.runs) > 1 else ():
-            x, values = points(run, axis)
-            panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)
-        panel.fill_between(
-            scale * curve.x, curve.low[:, k], curve.high[:, k], color=color, alpha=0.25, linewidth=0
-        )
-        panel.plot(
-            scale * curve.x, curve.middle[:, k], style, color=color, linewidth=2.2,
-            label=literal(f"{same.learner} ({seeds})"),
-        )  # fmt: skip
+def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str, style: str) -> None:
+    """A group's seeds, interquartile mean and interval in a panel."""
+    k, scale, curve = list(MEASURES).index(name), AXES[axis][1], summarize(same, axis)
+    for run in same.runs if len(same.runs) > 1 else ():
+        x, values = points(run, axis)
+        panel.plot(scale * x, values[:, k], color=color, alpha=0.3, linewidth=0.6)
+    x, low, high = scale * curve.x, curve.low[:, k], curve.high[:, k]
+    panel.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0)
+    label = literal(f"{same.learner} ({len(same.runs)} seed{'s' * (len(same.runs) > 1)})")
+    panel.plot(x, curve.middle[:, k], style, color=color, linewidth=2.2, label=label)
 
 
 def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
     """Computed torque, scales and labels of a panel."""
     for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
-        panel.axhline(
-            level, color=EXPERT_COLOR, linestyle=(0, (5, 3)), linewidth=1.1, label="computed torque"
-        )
-    title = MEASURES[name][0]
-    _x_scale(panel, axis, [points(run, axis)[0][-1] for same in shown for run in same.runs])
-    bare(panel)
-    if name.endswith("success"):
-        title += " (misses: logarithmic)"
-        _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
-    panel.set_title(title, loc="left", fontsize="medium")
-    panel.minorticks_off()
-
-
-def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
-    """The x axis of a panel, whose curves end at ``ends``."""
-    label = AXES[axis][2]
+        panel.axhline(level, color=EXPERT_COLOR, linestyle=(0, (5, 3)), lw=1.1, label="computed torque")
+    title, label = MEASURES[name][0], AXES[axis][2]
+    ends = [points(run, axis)[0][-1] for same in shown for run in same.runs]
     if 0.0 < SPREAD * min(ends) < max(ends):
         from matplotlib.ticker import FuncFormatter, LogLocator
 
@@ -217,6 +199,12 @@ def _x_scale(panel: Any, axis: str, ends: Sequence[float]) -> None:
     else:
         panel.set_xlim(left=0)
     panel.set_xlabel(label)
+    bare(panel)
+    if name.endswith("success"):
+        title += " (misses: logarithmic)"
+        _rate_scale(panel, 1.0 / max(same.runs[0].settings["curve_episodes"] for same in shown))
+    panel.set_title(title, loc="left", fontsize="medium")
+    panel.minorticks_off()
 
 
 def _rate_scale(panel: Any, goal: float) -> None:
@@ -249,8 +237,6 @@ def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
     learners = {same.learner for same in groups}
     others = sorted(learners - LEARNER_COLORS.keys())
     free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or list(COLORS)
-    looks = {
-        learner: (free[i % len(free)], STYLES[i // len(free) % len(STYLES)])
-        for i, learner in enumerate(others)
-    }
+    styled = [(color, style) for style in STYLES for color in free]
+    looks = dict(zip(others, itertools.cycle(styled)))
     return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}

@@ -96,9 +96,10 @@ def run_of(
                 f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
                 f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
             )
-    progress = curve[:, [run_folder.SELECTION.index("env_steps"), run_folder.SELECTION.index("seconds")]]
+    column = run_folder.SELECTION.index
+    progress = curve[:, [column("env_steps"), column("seconds")]]
     untold = SHARES if evaluation["hold_success"] is None else ()
-    needed = np.delete(curve, [run_folder.SELECTION.index(name) for name in untold], axis=1)
+    needed = np.delete(curve, [column(name) for name in untold], axis=1)
     if not np.isfinite(needed).all() or (np.diff(progress, axis=0) < 0).any():
         raise ValueError(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
@@ -156,10 +157,8 @@ def _checksum(scene: Mapping[str, Any]) -> str:
 
 def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
-    settings = [
-        run_folder.flat(r.settings) | {"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)}
-        for r in runs
-    ]
+    beside = [{"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)} for r in runs]
+    settings = [run_folder.flat(r.settings) | more for r, more in zip(runs, beside, strict=True)]
     names = sorted({name for own in settings for name, value in own.items() if value != {}})
     differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]
     return [[f"{n}={shown(own[n]) if n in own else 'unset'}" for n in differing] for own in settings]

@@ -42,10 +42,14 @@ UNKNOWN = "-"
 def table(places: Iterable[str | Path]) -> str:
     """Results of runs as two Markdown tables, with a row for each group, and the notes needed to judge
     them."""
-    groups = read_groups(places)
-    results, comparison = map(_results, groups), map(_comparison, groups)
-    tables = (markdown(RESULTS, results), markdown(COMPARISON, comparison))
-    untold = filter(None, map(_untold, groups))
+    groups, comparison, untold = read_groups(places), [], []
+    for same in groups:
+        numbers = [_number(same.numbers(f"{who}{name}")) for name in MEASURES for who in ("", "expert_")]
+        comparison.append([same.title, same.learner, *numbers, _told([same], "machine")])
+        if not same.numbers("hold_success"):
+            mean = f"the mean return of {same.learner} is {_number(same.numbers('mean_return'))}."
+            untold.append(f"The task of {same.title} tells no success: {mean}")
+    tables = markdown(RESULTS, map(_results, groups)), markdown(COMPARISON, comparison)
     return "\n\n".join([*tables, EXPLANATION, *map(escaped, untold), escaped(_origin(groups))])
 
 
@@ -75,22 +79,6 @@ def _results(same: Group) -> list[str]:
         _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
         _number(speeds),
     ]  # fmt: skip
-
-
-def _comparison(same: Group) -> list[str]:
-    """A row of the second table, in the order of COMPARISON."""
-    numbers = [_number(same.numbers(f"{who}{name}")) for name in MEASURES for who in ("", "expert_")]
-    return [same.title, same.learner, *numbers, _told([same], "machine")]
-
-
-def _untold(same: Group) -> str:
-    """The mean returns of runs of a task that tells no success, in a sentence; else nothing."""
-    if same.numbers("hold_success"):
-        return ""
-    return (
-        f"The task of {same.title} tells no success: the mean return of {same.learner} is "
-        f"{_number(same.numbers('mean_return'))}."
-    )
 
 
 def _holds_more(same: Group) -> str:

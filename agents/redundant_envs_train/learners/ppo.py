@@ -107,9 +107,8 @@ class AveragedPPO(Averaging, PPO):
             steps, lanes, last = zip(*ends, strict=True)
             buffer.rewards[list(steps), list(lanes)] += self.gamma * self._values(stacked(last)).numpy()
         buffer.pos, buffer.full = len(buffer.values), True
-        buffer.compute_returns_and_advantage(
-            self._values(self._last_obs), np.asarray(self._last_episode_starts)
-        )
+        starts = np.asarray(self._last_episode_starts)
+        buffer.compute_returns_and_advantage(self._values(self._last_obs), starts)
 
     def _values(self, observations: Any) -> Tensor:
         """Values of observations of stable-baselines3, (n,)."""
