@@ -136,9 +136,8 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     layers = config.settings.net_arch
     # Checked before a policy is built: a stranger's configuration must not use up all memory.
     if 4 * (sum(layers) + sum(a * b for a, b in itertools.pairwise(layers))) > size:
-        raise ValueError(
-            f"config.yaml has net_arch {list(layers)}, larger than the {size} bytes of weights in {path}"
-        )
+        held = f"the {size} bytes of weights in {path}"
+        raise ValueError(f"config.yaml has net_arch {list(layers)}, larger than {held}")
     env = make_sb3(config.env, 1, **config.env_kwargs)
     build = ALGORITHM_CLASSES[config.algo].policy_aliases[policy_name(config)]
     policy = build(env.observation_space, env.action_space, lambda _: 0.0, **policy_kwargs(config))
@@ -155,9 +154,8 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
     except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
     if wanted not in str(said):  # tensors do not show it
-        raise ValueError(
-            f"{path} was saved with the activation {str(said)[:80]!r} instead of {wanted}. {HARMLESS}"
-        )
+        other = str(said)[:80]
+        raise ValueError(f"{path} was saved with the activation {other!r} instead of {wanted}. {HARMLESS}")
     try:
         tensors = read_members(io.BytesIO(parts.pop("policy.pth")), "it")
         (table,) = (name for name in tensors if name.endswith("/data.pkl"))

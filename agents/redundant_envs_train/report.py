@@ -154,15 +154,12 @@ def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
 
 def summary(result: dict[str, Any]) -> str:
     """The evaluation in a few sentences."""
-    parts = []
     if result["hold_success"] is not None:
-        low, high = result["interval"]
-        parts.append(
-            f"hold success {100 * result['hold_success']:.1f} % of {result['episodes']} episodes (95 % "
-            f"interval {100 * low:.1f} to {100 * high:.1f} %)"
-        )
+        low, high = (100 * end for end in result["interval"])
+        held = f"hold success {100 * result['hold_success']:.1f} % of {result['episodes']} episodes"
+        parts = [f"{held} (95 % interval {low:.1f} to {high:.1f} %)"]
     else:
-        parts.append(f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes")
+        parts = [f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes"]
         parts += [f"{name} {value:.3g} at their end" for name, value in result.get("metrics", {}).items()]
     if result["touch_success"] is not None:
         parts.append(f"touch {100 * result['touch_success']:.1f} %")
@@ -251,10 +248,8 @@ def draw_distances(config: Config, episodes: NDArray[np.float64], path: Path) ->
         distance = np.sort(1000 * episodes[:, column])
         share = 100 * np.arange(1, len(distance) + 1) / len(distance)
         axes.plot(distance, share, style, color=color, label=who)
-    axes.set(
-        xscale="log", xlabel="final distance of the tip from the goal, mm",
-        ylabel="share of episodes that end as near, %",
-    )  # fmt: skip
+    axes.set(xscale="log", xlabel="final distance of the tip from the goal, mm")
+    axes.set_ylabel("share of episodes that end as near, %")
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     if (tolerance := tolerance_of(core)) is not None:
         axes.axvline(1000 * tolerance, color="0.6", linewidth=1, linestyle=":", label="goal tolerance")

@@ -115,16 +115,26 @@ class Config(Model):
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if self.start_from_sha256 is not None and self.start_from is None:
-            raise ValueError(
-                f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null; give both or "
-                "neither"
-            )
+            given = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
+            raise ValueError(f"{given}; give both or neither")
         if len(set(self.telemetry)) < len(self.telemetry):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, learners.PlainPPOSettings):
-            _check_rollout(self.algo, self.num_envs, settings)
+            samples, at = self.num_envs * settings.n_steps, f"{self.algo}.n_steps"
+            if samples > MAX_SAMPLES:
+                most = MAX_SAMPLES // self.num_envs
+                given = f"{at} is {settings.n_steps}; with {self.num_envs} environments"
+                raise ValueError(f"{given} give at most {most}")
+            if samples % settings.batch_size:
+                divisors = [d for d in range(2, min(samples, MAX_DIVISOR) + 1) if samples % d == 0]
+                near = min(divisors, key=lambda d: abs(d - settings.batch_size), default=None)
+                fix = "and be 2 or more" if near is None else f"such as {near}"
+                raise ValueError(
+                    f"{self.algo}.batch_size is {settings.batch_size}; it must divide num_envs * {at} = "
+                    f"{samples}, {fix}"
+                )
         else:
             if settings.batch_size * settings.gradient_steps > MAX_DRAWN:
                 steps = settings.gradient_steps
@@ -146,7 +156,14 @@ class Config(Model):
                 f"{settings.n_quantiles} quantiles give at most {settings.n_quantiles - 1}"
             )
         if isinstance(settings, learners.HERSettings):
-            _check_first_episodes(self.num_envs, self.env_kwargs, settings)
+            # hindsight needs whole episodes: the first ones are over before the first gradient step
+            least = self.num_envs * self.env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
+            for name, smallest in {"learning_starts": least, "buffer_size": 2 * least}.items():
+                if getattr(settings, name) < smallest:
+                    raise ValueError(
+                        f"her.{name} is {getattr(settings, name)}; with {self.num_envs} environments give at "
+                        f"least {smallest}, so that there are whole episodes to learn from"
+                    )
         return self
 
     @property
@@ -175,33 +192,4 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
     if not whole or not 1 <= steps <= MAX_EPISODES:  # without this limit an evaluation would never end
         raise ValueError(
             f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MAX_EPISODES}"
-        )
-
-
-def _check_first_episodes(num_envs: int, env_kwargs: Mapping[str, Any], her: learners.HERSettings) -> None:
-    """Hindsight needs whole episodes: the first ones are over before the first gradient step."""
-    least = num_envs * env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
-    needed = {"learning_starts": least, "buffer_size": 2 * least}
-    for name, smallest in needed.items():
-        if getattr(her, name) < smallest:
-            raise ValueError(
-                f"her.{name} is {getattr(her, name)}; with {num_envs} environments give at least {smallest}, "
-                "so that there are whole episodes to learn from"
-            )
-
-
-def _check_rollout(algo: str, num_envs: int, ppo: learners.PlainPPOSettings) -> None:
-    samples = num_envs * ppo.n_steps
-    if samples > MAX_SAMPLES:
-        raise ValueError(
-            f"{algo}.n_steps is {ppo.n_steps}; with {num_envs} environments give at most "
-            f"{MAX_SAMPLES // num_envs}"
-        )
-    if samples % ppo.batch_size:
-        divisors = [d for d in range(2, min(samples, MAX_DIVISOR) + 1) if samples % d == 0]
-        near = min(divisors, key=lambda d: abs(d - ppo.batch_size), default=None)
-        fix = "and be 2 or more" if near is None else f"such as {near}"
-        raise ValueError(
-            f"{algo}.batch_size is {ppo.batch_size}; it must divide num_envs * {algo}.n_steps = {samples}, "
-            f"{fix}"
         )

@@ -34,12 +34,10 @@ with needs("onnx"):
     import onnxruntime
     import torch
 
-AVERAGED_SAC = (
-    "SAC of stable-baselines3 with an averaged, smoothed, delayed actor "
-    "(`agents/redundant_envs_train/learners/sac.py`)"
-)
+HERE = "agents/redundant_envs_train/learners"
+AVERAGED_SAC = f"SAC of stable-baselines3 with an averaged, smoothed, delayed actor (`{HERE}/sac.py`)"
 ORIGIN = {
-    "ppo": "PPO of stable-baselines3 with averaged weights (`agents/redundant_envs_train/learners/ppo.py`)",
+    "ppo": f"PPO of stable-baselines3 with averaged weights (`{HERE}/ppo.py`)",
     "sac": AVERAGED_SAC, "her": f"{AVERAGED_SAC} and hindsight goals (`HerReplayBuffer`)",
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
@@ -76,9 +74,8 @@ def export(run: Path, out: Path) -> Path:
     config, evaluation = read_config(run), read_run(run).evaluation
     for name in FACTS:
         if evaluation.get(name) is None:
-            raise ValueError(
-                f"{run}/evaluation.json has no {name}; export a run that was trained with this version"
-            )
+            file = f"{run}/evaluation.json"
+            raise ValueError(f"{file} has no {name}; export a run that was trained with this version")
     check_out(out)
     own = own_config(run)
     folder = out / name_of(config)

@@ -78,9 +78,8 @@ def train_on_ray(
     count = count_of(processes)
     place = address or os.environ.get("RAY_ADDRESS") or LOCAL
     if place != LOCAL and processes is not None:
-        raise ValueError(
-            f"processes is {processes}, and the cluster at {shown(place)} has its own number; leave one out"
-        )
+        given = f"processes is {processes}, and the cluster at {shown(place)}"
+        raise ValueError(f"{given} has its own number; leave one out")
     for name, config in configs.items():
         check_same(config, folder / name)
     with _cluster(place, count):
@@ -304,11 +303,8 @@ def train_one(
     failure in words, and whether it failed. Messages name ``where``, its folder on the machine of the user,
     whose redundant-envs has this ``version``."""
     if version != __version__:
-        note = (
-            f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}; "
-            "install the same on all machines"
-        )
-        return b"", note, True
+        note = f"{socket.gethostname()} has redundant-envs {__version__}, and the command runs {version}"
+        return b"", f"{note}; install the same on all machines", True
     with _workplace() as root:
         place = root / Path(name).name
         failed = True

@@ -96,9 +96,8 @@ def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News
     if stop.is_set():
         raise Stopped("stopped; the same command with the same --out goes on")
     if failures:
-        raise ValueError(
-            f"{len(failures)} of {len(names)} runs failed; the same command goes on: {'; '.join(failures)}"
-        )
+        count = f"{len(failures)} of {len(names)} runs failed"
+        raise ValueError(f"{count}; the same command goes on: {'; '.join(failures)}")
 
 
 def places(count: int, alone: bool) -> Sequence[int | None]:

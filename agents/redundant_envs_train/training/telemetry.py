@@ -59,9 +59,8 @@ def logger(folder: Path, config: Config, steps: int) -> Logger:
             parts = (folder / f"progress{f'_{n}' if n > 1 else ''}.csv" for n in itertools.count(1))
             writers.append(CSVOutputFormat(str(next(part for part in parts if not part.exists()))))
         elif name == "wandb":
-            run = clients[name].init(
-                project="redundant-envs", name=folder.name, dir=str(folder), config=config.to_dict()
-            )
+            about = {"name": folder.name, "dir": str(folder), "config": config.to_dict()}
+            run = clients[name].init(project="redundant-envs", **about)
             writers.append(_Client(run.log, run.finish))
         else:
             clients[name].start_run(run_name=folder.name)

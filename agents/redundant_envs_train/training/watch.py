@@ -42,14 +42,9 @@ class Watch(BaseCallback):
     ) -> None:  # fmt: skip
         super().__init__()
         self.model: Any  # an algorithm with an average
-        self.stop = stop
-        self.config = config
-        self.folder = folder
-        self.monitor = monitor
-        self.progress = progress
-        self.run = run
+        self.config, self.folder, self.monitor, self.progress = config, folder, monitor, progress
+        self.stop, self.run, self.on_point = stop, run, on_point
         name = f"{config.label} {config.env.split('/')[-1]} seed {config.seed}"
-        self.on_point = on_point
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
         """Hold success of the last point of the curve; NaN before it, or if the task does not tell it."""
@@ -94,8 +89,8 @@ class Watch(BaseCallback):
         every = self.config.checkpoint_seconds
         due = every > 0.0 and time.perf_counter() - self._kept >= every
         if due or (self.stop.is_set() and not self._ending):
-            point = {"hold": self.hold, "return": self.returned}
-            facts = {"next": self._next, "seconds": self.seconds(), **point}
+            numbers = self._next, self.seconds(), self.hold, self.returned
+            facts = dict(zip(checkpoint.PROGRESS, numbers, strict=True))
             checkpoint.save(self.folder, self.model, self.monitor, facts, self.run)
             self._kept = time.perf_counter()
         self._ending = self.stop.is_set()
