@@ -250,7 +250,13 @@ class ContactAccount(Account):
     def events_of(self, k, y, modes):
         """Those of a joint: what holds it tears, or it comes to rest or to a stop."""
         if modes[k] == 0.0:
-            torn = functools.partial(self.torn, k=k, modes=modes, side=self.side(y, k))
+            side = self.side(y, k)
+
+            def torn(y):  # by how much what holds the joint exceeds the limit of its friction
+                terms = self.terms(y)
+                push = self.moved(terms, modes)[1][k]
+                return self.held_by(push, side) - terms[3][k] * (1.0 + TORN) - SLOW
+
             return [(_event(torn, 1.0), lambda y: self.loose.add(k))]
 
         def stands(y):
@@ -262,12 +268,6 @@ class ContactAccount(Account):
                 beyond = _event(lambda y, end=end, way=way: way * (y[k] - end), 1.0)
                 found.append((beyond, functools.partial(self.arrive, k=k, end=end)))
         return found
-
-    def torn(self, y, k, modes, side):
-        """By how much what holds a joint exceeds the limit of its friction."""
-        terms = self.terms(y)
-        push = self.moved(terms, modes)[1][k]
-        return self.held_by(push, side) - terms[3][k] * (1.0 + TORN) - SLOW
 
 
 def contact_motion(scene, start, error):

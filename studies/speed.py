@@ -15,6 +15,7 @@ from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.support.timing import Times, seconds
 from redundant_envs.support.values import say
 
+Array = NDArray[np.float64]
 MATRIX = 1024
 
 
@@ -29,9 +30,7 @@ def dgemm_rate(times: Times) -> float:
     return float(2.0 * MATRIX**3 / times.best / 1e9)
 
 
-def second_call(
-    batch: BatchSimulator, efforts: NDArray[np.float64], again: bool = False
-) -> Callable[[], float]:
+def second_call(batch: BatchSimulator, efforts: Array, again: bool = False) -> Callable[[], float]:
     """A function that advances from the present state, then once more, or ``again`` from the same one, and
     gives the time of the second call, s: the first one brings the memory of the batch into the caches."""
     snapshot, efforts = batch.save(), np.ascontiguousarray(efforts)
@@ -55,10 +54,8 @@ def one_core() -> Iterator[None]:
             from threadpoolctl import threadpool_limits
         except ImportError:
             if os.environ.get("OPENBLAS_NUM_THREADS") != "1":
-                say(
-                    "threadpoolctl is not installed: set OPENBLAS_NUM_THREADS=1 for the rate of one core",
-                    file=sys.stderr,
-                )
+                fix = "set OPENBLAS_NUM_THREADS=1 for the rate of one core"
+                say(f"threadpoolctl is not installed: {fix}", file=sys.stderr)
         else:
             stack.enter_context(threadpool_limits(limits=1, user_api="blas"))
         if allowed is not None:

@@ -30,6 +30,7 @@ STEPS = 50
 """Control steps from the start of an episode to the states that are timed."""
 
 Array = NDArray[np.float64]
+Row = dict[str, Any]
 Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 
@@ -95,9 +96,7 @@ def without_stops(scene: Scene) -> Scene:
     return dataclasses.replace(scene, effects=effects)
 
 
-def rows_of(
-    name: str, policy: Policy, lanes: int, repeats: int, done: Callable[[str], None]
-) -> list[dict[str, Any]]:
+def rows_of(name: str, policy: Policy, lanes: int, repeats: int, done: Callable[[str], None]) -> list[Row]:
     """Rows of ``COLUMNS`` for the states that a policy visits: shares 1 % and 20 %, and its own."""
     scene = load_scene("rprp_reach")
     q, qd, efforts = visited_states(policy, 4 * lanes)
@@ -141,7 +140,7 @@ def measured(scene: Scene, q: Array, qd: Array, efforts: Array, repeats: int) ->
     return without, with_stops, *(float(n.mean()) for n in counts)
 
 
-def run(policies: dict[str, Policy], lanes: int = 4096, repeats: int = 30) -> list[dict[str, Any]]:
+def run(policies: dict[str, Policy], lanes: int = 4096, repeats: int = 30) -> list[Row]:
     """Time the RPRP reach scene on the states of some policies; on one core."""
     about = versions()
     with one_core(), counted("stops", len(policies) * (len(SHARES) + 1)) as done:

@@ -187,9 +187,8 @@ def _factor(run: Run, arm: str) -> float:
     env_kwargs = run.settings["env_kwargs"]
     for name in env_kwargs:
         if name not in SAME_GOALS:
-            raise ValueError(
-                f"{run.folder}: env_kwargs has {name!r}, so its goals or episodes are others; leave it out"
-            )
+            why = f"env_kwargs has {name!r}, so its goals or episodes are others"
+            raise ValueError(f"{run.folder}: {why}; leave it out")
     strong = scene_at(ARMS[arm][1], env_kwargs.get("accuracy"))
     scene = load_scene(run.scene)
     ratios = effort_limits(scene) / effort_limits(strong)

@@ -46,9 +46,8 @@ def evaluate_under(
     def recorded(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
         if step == 0:
             if not (core.goal_fields and "is_success" in told(core)):
-                raise ValueError(
-                    f"the study compares success at goals, which {env_id} does not tell; choose another id"
-                )
+                what = "the study compares success at goals"
+                raise ValueError(f"{what}, which {env_id} does not tell; choose another id")
             begun.append((core.memory.read(core.scene.robot.coordinates), core.goals()))
         actions.append(act(obs, core, step))
         return actions[-1]

@@ -72,18 +72,16 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
     if arm.run:
         taken = run_folder.read_config(run)
         if not (run / "policy.zip").is_file():
-            raise ValueError(
-                f"arms.{name}.run is {arm.run!r}, which has no policy.zip: it is not a finished run"
-            )
+            what = f"arms.{name}.run is {arm.run!r}"
+            raise ValueError(f"{what}, which has no policy.zip: it is not a finished run")
         if (taken.env, taken.env_kwargs) != (preset.env, preset.env_kwargs):
             raise ValueError(
                 f"arms.{name}.run was trained on {taken.env} with {taken.env_kwargs}, the preset is of "
                 f"{preset.env} with {preset.env_kwargs}; give a run of this preset"
             )
         if other := run_folder.difference(run):
-            raise ValueError(
-                f"arms.{name}.run was trained in another scene: {other}; give a run of the preset"
-            )
+            what = f"arms.{name}.run was trained in another scene"
+            raise ValueError(f"{what}: {other}; give a run of the preset")
     kwargs: dict[str, dict[str, Any]] = {}
     refused: dict[str, str] = {}
     for label, physics in study.physics.items():

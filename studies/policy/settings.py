@@ -53,9 +53,8 @@ class Physics(Model):
                 f"substeps is {self.substeps} beside an accuracy, which chooses the steps itself"
             )
         if isinstance(self.accuracy, str) and self.accuracy not in ACCURACIES:
-            raise ValueError(
-                f"accuracy is {self.accuracy!r}; choose {', '.join(ACCURACIES)} or a tip error in metres"
-            )
+            valid = f"{', '.join(ACCURACIES)} or a tip error in metres"
+            raise ValueError(f"accuracy is {self.accuracy!r}; choose {valid}")
         return self
 
     def to_dict(self) -> dict[str, Any]:
