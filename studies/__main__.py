@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import functools
 import importlib
 import shlex
 import sys
@@ -37,9 +36,9 @@ def parser() -> argparse.ArgumentParser:
     top = Parser(prog="python -m studies", description="Measure the library and policies.")
     studies = top.add_subparsers(dest="study", required=True)
 
-    def study(handler: Callable[..., Any], name: str, text: str, **how: Any) -> argparse.ArgumentParser:
+    def study(handler: Callable[[Any], Any], name: str, text: str) -> argparse.ArgumentParser:
         p: argparse.ArgumentParser = studies.add_parser(name, help=text)
-        p.set_defaults(handler=functools.partial(handler, **how))
+        p.set_defaults(handler=handler)
         return p
 
     def configured(p: argparse.ArgumentParser, name: str) -> None:
@@ -57,12 +56,10 @@ def parser() -> argparse.ArgumentParser:
         text = "a stopped study in it is continued"
         p.add_argument("--out", type=Path, default=OUT / name, metavar="FOLDER", help=text)
 
-    text = "nanoseconds per step of the compiled core"
-    p = study(measure, "throughput", text, first="dgemm_gflops", run=lambda of, o: of.run(_study(of, o)))
+    p = study(measure, "throughput", "nanoseconds per step of the compiled core")
     configured(p, "throughput")
     written(p)
-    text = "speed of the Gymnasium environments"
-    p = study(measure, "environments", text, first="env", run=lambda of, o: of.run(o.lanes, o.rounds))
+    p = study(measure, "environments", "speed of the Gymnasium environments")
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
@@ -70,8 +67,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
     configured(p, "effects")
     written(p)
-    text, stops = "cost of the hard stops of the RPRP scene", lambda of, o: of.run(of.policies(o), o.lanes)
-    p = study(measure, "stops", text, first="states", run=stops, lanes=8)
+    p = study(measure, "stops", "cost of the hard stops of the RPRP scene")
     p.add_argument("run", nargs="?", type=Path, metavar="RUN", help="also on the states of this policy")
     p.add_argument("--lanes", type=int, default=4096)
     trusted(p)
@@ -80,10 +76,7 @@ def parser() -> argparse.ArgumentParser:
         ("impacts", "whether error control finds every impact at hard stops"),
         ("intervals", "whether the tolerance is kept in families of hard scenes"),
     ):
-        p = study(
-            measure, name, text, first="family", intervals=1, seed=0, processes=1,
-            run=lambda of, o: of.run(o.study, o.intervals, o.seed, o.processes, o.tolerances),
-        )  # fmt: skip
+        p = study(measure, name, text)
         p.add_argument("--intervals", type=int, default=100_000, help="over all families")
         p.add_argument("--processes", type=int, default=1, help="number of processes, each with its families")
         p.add_argument("--seed", type=int, default=0)
@@ -92,10 +85,7 @@ def parser() -> argparse.ArgumentParser:
             help="judge the same intervals at each of these, m (default: each family at its own)",
         )  # fmt: skip
         written(p)
-    p = study(
-        measure, "estimates", "errors of single steps beside their estimates", first="estimate",
-        run=lambda of, o: of.run(o.steps, o.seed), steps=1, seed=0,
-    )  # fmt: skip
+    p = study(measure, "estimates", "errors of single steps beside their estimates")
     p.add_argument("--steps", type=int, default=16384, help="of each family")
     p.add_argument("--seed", type=int, default=0)
     written(p)
@@ -125,19 +115,35 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def measure(
-    options: argparse.Namespace, first: str, run: Callable[[Any, Any], list[Row]],
-    pictures: Sequence[str] = (), **least: int,
-) -> tuple[list[Row], Path]:  # fmt: skip
-    """Measure, write the rows as CSV, and print them from the column ``first`` on; what is common to all is
-    printed once. ``least`` are the least values of options."""
-    for name, at_least in least.items():
-        if getattr(options, name) < at_least:
-            raise ValueError(f"{name} is {getattr(options, name)}; give at least {at_least}")
+def _families(of: Any, o: Any) -> list[Row]:
+    rows: list[Row] = of.run(o.study, o.intervals, o.seed, o.processes, o.tolerances)
+    return rows
+
+
+MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
+    "throughput": ("dgemm_gflops", lambda of, o: of.run(of.load_study(_config(o)))),
+    "environments": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
+    "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
+    "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),
+    "impacts": ("family", _families),
+    "intervals": ("family", _families),
+    "estimates": ("estimate", lambda of, o: of.run(o.steps, o.seed)),
+}
+"""Studies whose result is a table: the first column that is printed for each row, and how they are run."""
+LEAST = {"intervals": 1, "steps": 1, "seed": 0, "processes": 1}
+"""Least values of options."""
+
+
+def measure(options: argparse.Namespace, *pictures: str) -> tuple[list[Row], Path]:
+    """Write the rows of a study as CSV and print them; what is common to all is printed once."""
+    for name, least in (*LEAST.items(), *([("lanes", 8)] if options.study == "stops" else [])):
+        if getattr(options, name, least) < least:
+            raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
     of = importlib.import_module(f"studies.{'intervals' if options.study == 'impacts' else options.study}")
     path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{options.study}.csv"
     read = [getattr(options, name, None) for name in ("config", "run")]
     check_kept([path, *map(path.with_name, pictures)], options.force, [*filter(None, read)])
+    first, run = MEASURED[options.study]
     rows, start = run(of, options), of.COLUMNS.index(first)
     write_rows(rows, of.COLUMNS, path)
     if rows:
@@ -151,9 +157,7 @@ def effects(options: argparse.Namespace) -> None:
     """Time effects and scenes beside bare arms; write a table and a picture."""
     from studies import effects as study
 
-    rows, path = measure(
-        options, "at", lambda of, o: of.run(_study(of, o), o.name), ("effects.png", "effects.svg")
-    )
+    rows, path = measure(options, "effects.png", "effects.svg")
     say(study.verdict(rows), *study.save_pictures(rows, path.parent), sep="\n")
 
 
@@ -209,10 +213,6 @@ def strength(options: argparse.Namespace) -> None:
 
 def _config(options: argparse.Namespace) -> Path:
     return options.config or config_folder("studies") / f"{options.study}.yaml"
-
-
-def _study(of: Any, options: argparse.Namespace) -> Any:
-    return of.load_study(_config(options))
 
 
 if __name__ == "__main__":
