@@ -1,7 +1,7 @@
 """Where learning pays: hold success over the strength of the motors, and the goals that can be held at all.
 
 Every effort limit of a reach scene is multiplied by a factor. The share of goals that can be held at all
-needs no controller (``redundant_envs.control.holding``); computed torque needs no training; rows of trained
+needs no controller (``redundant_envs.control.holding_load``); computed torque needs no training; rows of trained
 policies are merged from their run folders.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.computed_torque import lightest_pose, pose_at
-from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
+from redundant_envs.control import holding_load, lightest_pose, pose_at
+from redundant_envs.control.holding import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.robots.parameters import number

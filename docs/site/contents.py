@@ -12,7 +12,7 @@ SECTIONS = {
     ],
     "How to": [
         "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "handed_to_me",
-        "datasets", "gradients", "models", "browser", "other_programs", "trouble",
+        "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",

@@ -16,6 +16,7 @@ import numpy as np
 from sources import DOCS, ROOT
 
 import redundant_envs as rde
+from redundant_envs import control
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, SCENES, id_of
 from redundant_envs.envs.schematic import save_schematic
@@ -314,6 +315,10 @@ def api() -> str:
             parts.append(f".. autofunction:: redundant_envs.{name}\n")
     parts.append("```\n\n## Effects, and the hooks by which they attach\n\n```{eval-rst}")
     parts += [f".. autoclass:: redundant_envs.effects.{name}\n" for name in rde.effects.__all__]
+    parts.append("```\n\n## Controllers\n\nWhat `redundant_envs.control` has.\n\n```{eval-rst}")
+    for name in control.__all__:
+        kind = "class" if inspect.isclass(getattr(control, name)) else "function"
+        parts.append(f".. auto{kind}:: redundant_envs.control.{name}\n")
     return "\n".join([*parts, "```"])
 
 
