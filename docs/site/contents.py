@@ -16,8 +16,8 @@ SECTIONS = {
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
-        "reference/api", "command_line", "configuration", "how_it_works", "design", "errata", "changelog",
-        "contributing",
+        "reference/api", "reference/report", "command_line", "configuration", "how_it_works", "design",
+        "errata", "changelog", "contributing",
     ],
     "Results": [
         "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",

@@ -13,6 +13,7 @@ from pathlib import Path
 import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
+import printed
 from sources import DOCS, ROOT
 
 import redundant_envs as rde
@@ -66,7 +67,7 @@ def pages(each: Callable[..., Iterable[str]] = map) -> dict[str, str]:
     """The pages of their own, by their places in the site."""
     return {
         **environments(), **tasks(), **scenes(each), "reference/integrators.md": integrators(),
-        "reference/api.md": api(), "gallery.md": gallery(),
+        "reference/api.md": api(), "reference/report.md": printed.page(), "gallery.md": gallery(),
     }  # fmt: skip
 
 
