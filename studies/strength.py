@@ -1,5 +1,5 @@
 """Where learning pays: hold success over the strength of the motors, and the goals that can be held at all by
-any controller (``redundant_envs.control.holding``). Rows of trained policies are those of their run
+any controller (``redundant_envs.control.holding_load``). Rows of trained policies are those of their run
 folders."""
 
 import dataclasses
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.computed_torque import lightest_pose, pose_at
-from redundant_envs.control.holding import effort_limits, holding_load, slider_travel
+from redundant_envs.control import holding_load, lightest_pose, pose_at
+from redundant_envs.control.holding import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.robots.parameters import number

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.computed_torque import ComputedTorque, pose_at
+from redundant_envs.control import ComputedTorque, pose_at
 from redundant_envs.envs.core import Core
 from redundant_envs.scenes.tableaus import METHODS
 

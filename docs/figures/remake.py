@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 import redundant_envs as rde
-from redundant_envs.control.computed_torque import ComputedTorque
+from redundant_envs.control import ComputedTorque
 from redundant_envs.envs.schematic import save_schematic
 from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs_train.evidence.curves import curves

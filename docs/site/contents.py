@@ -12,12 +12,12 @@ SECTIONS = {
     ],
     "How to": [
         "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "handed_to_me",
-        "datasets", "gradients", "models", "browser", "other_programs", "trouble",
+        "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
-        "reference/api", "command_line", "configuration", "how_it_works", "design", "errata", "changelog",
-        "contributing",
+        "reference/api", "reference/report", "command_line", "configuration", "how_it_works", "design",
+        "errata", "changelog", "contributing",
     ],
     "Results": [
         "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",

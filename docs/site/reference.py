@@ -13,9 +13,11 @@ from pathlib import Path
 import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
+import printed
 from sources import DOCS, ROOT
 
 import redundant_envs as rde
+from redundant_envs import control
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, SCENES, id_of
 from redundant_envs.envs.schematic import save_schematic
@@ -65,7 +67,7 @@ def pages(each: Callable[..., Iterable[str]] = map) -> dict[str, str]:
     """The pages of their own, by their places in the site."""
     return {
         **environments(), **tasks(), **scenes(each), "reference/integrators.md": integrators(),
-        "reference/api.md": api(), "gallery.md": gallery(),
+        "reference/api.md": api(), "reference/report.md": printed.page(), "gallery.md": gallery(),
     }  # fmt: skip
 
 
@@ -314,6 +316,10 @@ def api() -> str:
             parts.append(f".. autofunction:: redundant_envs.{name}\n")
     parts.append("```\n\n## Effects, and the hooks by which they attach\n\n```{eval-rst}")
     parts += [f".. autoclass:: redundant_envs.effects.{name}\n" for name in rde.effects.__all__]
+    parts.append("```\n\n## Controllers\n\nWhat `redundant_envs.control` has.\n\n```{eval-rst}")
+    for name in control.__all__:
+        kind = "class" if inspect.isclass(getattr(control, name)) else "function"
+        parts.append(f".. auto{kind}:: redundant_envs.control.{name}\n")
     return "\n".join([*parts, "```"])
 
 

@@ -1,7 +1,8 @@
 """4R: q = (theta1, ..., theta4); absolute angles from +x; point masses at the link ends.
 
 Locations in the report are marked "report 2.x". Its misprints are corrected (docs/errata.md). s21, c21
-are sin, cos(theta2 - theta1) and so on; mu_i is the mass carried by link i; w1..w4 are the rates.
+are sin, cos(theta2 - theta1) and so on; mu1 = m1 + m2 + m3 + m4, mu2 = m2 + m3 + m4, mu3 = m3 + m4, and m4 is
+what link 4 carries: K12 = mu2 l1 l2, K13 = mu3 l1 l3, K14 = m4 l1 l4 and so on. w1..w4 are the rates.
 (ax, ay) is the acceleration equivalent to the uniform field: minus the gravity vector, m/s^2.
 """
 
@@ -225,7 +226,8 @@ def forward_dynamics(
     l1, l2, l3, l4, inverse_l1, inverse_l2, inverse_l3, inverse_l4, push1, push2, push3, push4, tip3, tip4,
     ratio1, ratio3, ratio34, N3, s1, c1, s21, c21, s32, c32, s43, c43, w1, w2, w3, w4, Q1, Q2, Q3, Q4, ax, ay,
 ):  # fmt: skip
-    """O(n) elimination, tip to base and back, in the frame of each link: no mass matrix is formed.
+    """qdd of M qdd + h + G = Q, for M, h and G of ``mass_matrix``, ``bias_forces`` and ``gravity_forces``, by
+    O(n) elimination, tip to base and back, in the frame of each link: M is not formed.
 
     Masses are in units of m2, and forces are accelerations of m2. The effective inertia along a link, of the
     link and all beyond it, is N/D, and the pivot across it D/D', with the D' of the next link: sums of

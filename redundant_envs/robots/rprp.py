@@ -72,10 +72,10 @@ def mass_matrix(m1, m3, m4, mu2, sigma, l1, l2, a1, a2, s12, c12):
     M24 = m4 * c12  # report 1.3, M24 = M42
     M33 = m3 * l2 * l2 + m4 * a2 * a2  # report 1.3, M33
     return (
-        M11, 0.0, M13, M14,
-        0.0, mu2, M23, M24,  # report 1.3, M22
-        M13, M23, M33, 0.0,
-        M14, M24, 0.0, m4,  # report 1.3, M44
+        M11, 0.0, M13, M14,  # report 1.3, M12
+        0.0, mu2, M23, M24,  # report 1.3, M21, M22
+        M13, M23, M33, 0.0,  # report 1.3, M34
+        M14, M24, 0.0, m4,  # report 1.3, M43, M44
     )  # fmt: skip
 
 
@@ -177,7 +177,8 @@ def held_dynamics(
     m2, m3, m4, inverse_m4, S1, S3, I1, I3, m3m4, a1, a2, r2, s1, c1, s12, c12, w1, v1, w2, v2,
     Q1, Q2, Q3, Q4, ax, ay, held2, held4,
 ):  # fmt: skip
-    """O(n) elimination of the second link, then a 2 x 2 system: no mass matrix is formed.
+    """qdd of M qdd + h + G = Q, for M, h and G of ``mass_matrix``, ``bias_forces`` and ``gravity_forces``, by
+    O(n) elimination of the second link, then a 2 x 2 system: M is not formed.
 
     Vectors are in the frame of link 1 (components e along it, n across it). Every pivot (I, Kee, D1) is a sum
     of positive numbers, and terms that would cancel are left out, so no digits are lost at extreme mass

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.__main__ import outcome
+from tests.mutation.copies import outcome
 
 pytestmark = pytest.mark.long
 ROOT = Path(__file__).parents[2]
@@ -35,9 +35,9 @@ def test_a_new_effect_is_a_module_a_line_a_page_and_a_test(tmp_path):
         text = (copy / file).read_text(encoding="utf-8")
         (copy / renamed(file)).write_text(renamed(text), encoding="utf-8")
     (copy / "tests" / "effects" / "test_twin_friction.py").write_text(ORACLE, encoding="utf-8")
-    assert outcome(["tests/effects/test_effects.py"], copy) == "red"  # nobody can name it
+    assert outcome(["tests/effects/test_effects.py"], copy).result == "red"  # nobody can name it
     init = (copy / INIT).read_text(encoding="utf-8")
     (line,) = (line for line in init.splitlines(keepends=True) if OLD in line)
     (copy / INIT).write_text(init.replace(line, renamed(line) + line), encoding="utf-8")
     named = ("-k", f"{NEW} or twin_friction or every_effect or index_of_effects")
-    assert outcome([*OF_ALL, *named], copy, mark="") == "green"
+    assert outcome([*OF_ALL, *named], copy).result == "green"

@@ -10,7 +10,7 @@ from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
-from tests.oracles.misprints import misprints
+from tests.oracles.printed import misprints
 
 from .subject import Subject, commands, started, unfilled
 

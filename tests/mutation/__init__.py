@@ -1,1 +1,1 @@
-"""Mutants of the equations, the numerics, the events and the lanes: does a test see each?"""
+"""Do the tests see faults: mutants of equations, numerics, events and lanes, and faults that were mended?"""

@@ -1,9 +1,12 @@
 """Draw mutants at random and run the tests on each: ``python -m tests.mutation --count 300 --seed 1``.
 
 Mutants are those of cosmic-ray (``pip install cosmic-ray``), one operator, constant or condition of one line
-each. A worker has a copy of the repository of its own, in which it writes one mutant after the other; tests
-that are quick and see much run first, and the first that fails ends the run. Annotations, docstrings and
-error messages are left out: no test could see them.
+each. A worker has a copy of the repository of its own, in which it writes one mutant after the other; the
+tests that compare with records run first, and the first test that fails ends the run. Annotations, docstrings
+and error messages are left out: no test could see them.
+
+``--mended [PART]`` brings back the mended faults of ``mended.yaml``, or those with PART in their names, and
+runs the test of each.
 """
 
 from __future__ import annotations
@@ -14,11 +17,12 @@ import csv
 import random
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tests.faults.__main__ import ROOT, in_copies, outcome
+from . import mended
+from .copies import ROOT, Outcome, in_copies, outcome
 
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
@@ -33,10 +37,12 @@ MODULES = (
     *(f"simulator/events/{m}" for m in EVENTS),
     *(f"simulator/lane/{m}" for m in LANE),
 )  # fmt: skip
-TESTS = ("tests/verify/test_recorded_bits.py", "tests/robots", "tests/numerics", "tests/events",
-         "tests/effects", "tests/lane", "tests/batch", "tests/oracles", "tests/hard_cases", "tests/outside",
-         "tests/model", "tests/control", "tests/test_dialect.py")  # fmt: skip
-COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "before", "after")
+RECORDS = "tests/lane/test_recorded_programs.py", "tests/verify/test_recorded_bits.py"
+"""Any change of a program or a motion is one for them. They collect quickly."""
+TESTS = ("tests/robots", "tests/numerics", "tests/events", "tests/effects", "tests/lane", "tests/batch",
+         "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model", "tests/control",
+         "tests/test_dialect.py")  # fmt: skip
+COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "test", "before", "after")
 
 
 class Place(NamedTuple):
@@ -83,7 +89,7 @@ def places_of(module: str) -> Iterator[Place]:
                 yield Place(module, start[0], ASTQuery(node).get_definition_name() or "", name, occurrence)
 
 
-def row_of(place: Place, clone: Path) -> dict[str, Any]:
+def row_of(place: Place, clone: Path, recorded: bool) -> dict[str, Any]:
     """A row of ``COLUMNS``."""
     import cosmic_ray.plugins
     from cosmic_ray.mutating import mutate_code
@@ -92,33 +98,40 @@ def row_of(place: Place, clone: Path) -> dict[str, Any]:
     whole, start = path.read_text(encoding="utf-8"), time.monotonic()
     changed = mutate_code(whole, cosmic_ray.plugins.get_operator(place.operator)(), place.occurrence) or whole
     path.write_text(changed, encoding="utf-8")
-    found = outcome(TESTS, clone, str(clone / "kernels"), mark="")
+    kernels = str(clone / "kernels")
+    found = outcome(RECORDS, clone, kernels) if recorded else Outcome("green")
+    if found.result == "green":
+        found = outcome([*TESTS, *(f"--ignore={name}" for name in RECORDS)], clone, kernels)
     path.write_text(whole, encoding="utf-8")
     before, after = whole.splitlines(), changed.splitlines()
-    told = {"green": "survived", "hung": "hung"}.get(found, "killed")
-    row = place._asdict() | {"outcome": told, "seconds": round(time.monotonic() - start, 1)}
+    told = {"green": "survived", "hung": "hung"}.get(found.result, "killed")
+    row = place._asdict() | {
+        "outcome": told,
+        "test": found.failed,
+        "seconds": round(time.monotonic() - start),
+    }
     row |= {"before": before[place.line - 1].strip(), "after": after[min(place.line, len(after)) - 1].strip()}
     return {name: row[name] for name in COLUMNS}
 
 
-def run(count: int, seed: int, workers: int, out: Path, modules: Sequence[str]) -> list[dict[str, Any]]:
-    """Rows of ``count`` mutants of some modules, written as they come."""
-    everything = [place for name in modules for place in places_of(f"{PACKAGE}/{name}.py")]
-    drawn = random.Random(seed).sample(everything, count)
-    print(f"{count} of {len(everything)} mutants of {len(modules)} modules", file=sys.stderr)
-    out.parent.mkdir(parents=True, exist_ok=True)
+def run(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows of the mutants, written as they come."""
+    everything = [place for name in options.modules for place in places_of(f"{PACKAGE}/{name}.py")]
+    drawn = random.Random(options.seed).sample(everything, options.count)
+    print(f"{options.count} of {len(everything)} mutants of {len(options.modules)} modules", file=sys.stderr)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
-    with open(out, "w", newline="", encoding="utf-8") as file:
+    with open(options.out, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
 
         def told(place: Place, clone: Path) -> str:
-            rows.append(row := row_of(place, clone))
+            rows.append(row := row_of(place, clone, options.records))
             writer.writerow(row)
             file.flush()
             return f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}"
 
-        in_copies("mutants", drawn, workers, told)
+        in_copies("mutants", drawn, options.workers, told)
     return rows
 
 
@@ -129,8 +142,13 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("runs/mutation.csv"))
     parser.add_argument("--modules", nargs="+", choices=MODULES, default=MODULES, metavar="MODULE")
+    no_records = "leave out the tests that compare with records"
+    parser.add_argument("--no-records", dest="records", action="store_false", help=no_records)
+    parser.add_argument("--mended", nargs="?", const="", metavar="PART", help="bring mended faults back")
     options = parser.parse_args()
-    rows = run(options.count, options.seed, options.workers, options.out, options.modules)
+    if options.mended is not None:
+        return mended.run(options.mended, options.workers)
+    rows = run(options)
     left = [row for row in rows if row["outcome"] != "killed"]
     for row in left:
         place = f"{row['outcome']}: {row['module']}:{row['line']} {row['operator']}"
