@@ -116,10 +116,3 @@ def test_a_folder_with_links_is_refused_with_their_names(name, run, tmp_path, re
     assert victim.read_text() == "precious"
     assert not (tmp_path / "nowhere").exists()
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
-def test_a_folder_with_a_pipe_is_refused_in_place_of_an_endless_wait(run, refused):
-    (run / "training.json").unlink()
-    os.mkfifo(run / "training.json")
-    refused(["report", run, "--force"], "training.json (a pipe or device)")
