@@ -7,7 +7,6 @@ import pytest
 import yaml
 from run_folders import POLICIES, REFUSALS, csv_rows, says
 
-from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import STUDY_SEED, expert_act, random_act, run_episodes
