@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from run_folders import FOUR_R, POLICIES, RPRP, says
 
-from redundant_envs import __version__
 from redundant_envs.compiler.backends import llvm
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train.shipping import dataset
@@ -112,16 +111,6 @@ def test_arguments_of_environments_are_kept(kwargs, tmp_path, monkeypatch):
         shown = {episode.observations[0, -1] for episode in load(tmp_path / "made")}
         assert len(shown) == 8
         assert min(shown) >= 8
-
-
-def test_minari_knows_a_dataset_by_the_name_of_its_folder(call, tmp_path, monkeypatch):
-    call("dataset", "expert", "--env", RPRP, "--episodes", 2, "--out", tmp_path / "expert-v3")
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    assert minari.load_dataset("expert-v3").id == "expert-v3"
-    about = load(tmp_path / "expert-v3").storage.metadata
-    assert about["algorithm_name"] == "computed torque"
-    assert about["requirements"] == [f"redundant-envs=={__version__}"]
-    assert "seeds 0 to 1." in about["description"]
 
 
 def test_a_recovered_environment_imports_the_modules_of_the_command(tmp_path, monkeypatch):

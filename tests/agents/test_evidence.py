@@ -107,15 +107,6 @@ def test_a_seed_counts_once_and_two_results_of_it_are_refused_by_both_names(tmp_
             read_groups([first, other, wrong])
 
 
-@pytest.mark.parametrize("line", ["4000,nan,0.5,0.5,1", "2999,4,0.5,0.5,1", "4000,4,0.5,0.5", "x"])
-def test_a_damaged_curve_is_refused(tmp_path, line):
-    folder = write_run(tmp_path / "run")
-    with (folder / "selection.csv").open("a") as file:
-        file.write(line + "\n")
-    with says(f"{folder}/selection.csv is damaged", "make it again"):
-        read_run(folder)
-
-
 def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
     """They differ in all that a table keeps."""
     scene = load_scene("rprp_reach").to_dict()
@@ -205,26 +196,6 @@ def test_a_rate_below_one_is_never_shown_as_100_percent_and_early_ends_show_in_t
     (shown,) = cells(seeds(tmp_path, hold_success=rates, touch_success=[1.0, 1.0], env_steps=steps))
     assert (shown["hold, median"], shown["touch, median"]) == ("99.9 %", "100.0 %")
     assert shown["steps, millions"] == "2 to 8"
-
-
-def test_the_table_tells_goals_machines_versions_and_dates(tmp_path):
-    dates = ["2026-03-04", "2026-03-09T10:00:00"]
-    text = table(seeds(tmp_path, machine=["Abacus", "Z|1"], date=dates))
-    end = "Goals of each seed: 1000. Machine: Abacus; Z\\|1. torch: 2.13.0. stable-baselines3: 2.9.2. "
-    assert text.endswith(end + "Evaluated from 2026-03-04 to 2026-03-09.")
-    assert r"Abacus; Z\|1 |" in text
-
-
-def test_what_an_old_folder_lacks_is_a_dash_and_one_seed_has_no_interval(tmp_path):
-    folder = write_run(tmp_path / "new", time_to_hold=None)
-    shown = cells([folder], 1)[0].values()
-    assert list(shown) == ["RPRPReach-v0", "PPO", "-", "1.2", "0.2", "0.4", "0.1", "0.3", "Abacus"]
-    lacking = ("env_steps", "train_seconds", "effort", "expert_time_to_hold", "expert_effort")
-    folder = write_run(tmp_path / "old", without=lacking)
-    (first,), (second,) = (cells([folder], k) for k in (0, 1))
-    assert first["hold, IQM [95 % interval]"] == "-"
-    names = ("training, s", "steps per s", "steps, millions", "effort", "effort... of computed torque")
-    assert {(first | second)[name] for name in names} == {"-"}
 
 
 def make_runs(base, seeds=3):

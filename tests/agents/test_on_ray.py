@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 import os
 import signal
 import subprocess
@@ -98,29 +97,6 @@ def test_seeds_on_a_cluster_are_the_runs_they_are_alone(cluster, disk, tmp_path,
     assert (out / "seed3" / "training.json").read_bytes() == facts
     assert (out / "seed3" / "report.md").is_file()
     refused([*command, "3", "ppo.gamma=0.5"], "another configuration")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
-def test_ctrl_c_brings_the_runs_home_with_a_checkpoint(cluster, disk, tmp_path, call, interrupts):
-    def interrupt():
-        end = time.monotonic() + 120.0
-        files = []
-        while [f.stat().st_size > 500 for f in files] != [True, True] and time.monotonic() < end:
-            time.sleep(0.05)
-            files = list(disk.glob("redundant-envs-*/seed*/monitor.csv"))
-        interrupts()
-
-    out, long = tmp_path / "runs", ["total_steps=1000000000", "curve_every=1000000000"]
-    user = threading.Thread(target=interrupt)
-    user.start()
-    _, err = call(*COMMAND, *long, "--seeds", "3..5", "--out", out, status=130)
-    user.join()
-    assert err.splitlines()[-1] == "stopped; the same command with the same --out goes on"
-    assert err.count("A second Ctrl-C ends at once") == 1
-    assert sorted(path.name for path in out.iterdir()) == ["seed3", "seed4"]  # seed5 waited for a core
-    for folder in out.iterdir():
-        assert json.loads((folder / "training.json").read_text())["stopped"] is True
-        assert (folder / "checkpoint" / "state.pt").is_file()
 
 
 def kill_tasks(run):

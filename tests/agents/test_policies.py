@@ -254,14 +254,3 @@ def test_a_policy_that_does_not_fit_is_one_line(policy, settings, words, tmp_pat
         assert "start_from" in error or "was saved with the activation" in error
         assert [word for word in words if word not in error] == []
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("end", [0, 1000, -1])
-def test_a_policy_that_is_cut_short_is_one_line(end, damaged, refused):
-    path = damaged / "policy.zip"
-    path.write_bytes(path.read_bytes()[:end])
-    command = ["train", "rprp_reach_ppo", *TINY, f"start_from={path}", "ppo.net_arch=[16, 8]"]
-    refused([*command, "--out", damaged / "new"], f"{path} is damaged", "not a complete zip file")
-    for more in ([], ["--trust"]):
-        refused(["evaluate", damaged, *more], "policy.zip")
-    assert not (damaged / "new").exists()

@@ -11,7 +11,7 @@ from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import STUDY_SEED, expert_act, random_act, run_episodes
 from studies.policy import episodes, words
-from studies.policy.episodes import compare, compare_groups, evaluate_under
+from studies.policy.episodes import compare, evaluate_under
 from studies.policy.settings import Physics, Study, load_study
 
 PRESET = "configs/training/rprp_reach_ppo.yaml"
@@ -76,14 +76,6 @@ def test_episodes_that_numerics_end_are_told_and_not_held():
     assert episodes.held(outcome._replace(hold=~outcome.hold | True)).tolist() == (~outcome.ended).tolist()
 
 
-def test_groups_are_resampled_apart():
-    result = compare_groups(np.arange(3.0), np.arange(3.0), 2000)
-    assert result["low"] < -0.5 < result["difference"] == 0.0 < 0.5 < result["high"]
-    apart = compare_groups(np.arange(5.0), np.arange(5.0) + 10.0, 2000)
-    assert (result["permutation_p"], apart["permutation_p"]) == (1.0, 2 / 252)
-    assert apart["high"] < 0.0
-
-
 def row(physics, hold, gain, **more):
     """Differences of hold success and return from the reference: mean, low and high."""
     ends = ("", "_low", "_high")
@@ -133,22 +125,6 @@ def test_the_conclusion_names_every_physics_that_was_not_refused():
     assert "makes no measurable difference to this policy between exact and rk8." in text
     assert "So accuracy" not in words.conclusion([WORSE, REFERENCE], STUDY)
     assert "euler" not in words.conclusion([REFUSED, SAME, REFERENCE], STUDY)
-
-
-@pytest.mark.parametrize(
-    ("entries", "parts"),
-    [
-        ({}, ["lower by 20 points", "5 policies against 5 are few"]),
-        ({"permutation_p": 0.33}, ["not resolved (-20 points", "p = 0.33", "few"]),
-    ],
-)
-def test_few_seeds_are_called_few(entries, parts):
-    data = {
-        "measure": "hold_success", "cheap": "euler", "reference": "exact", "policies_each": 5,
-        "mean_preset": 0.98, "difference": -0.2, "low": -0.3, "high": -0.1, "permutation_p": 0.01, **entries,
-    }  # fmt: skip
-    text = words.training_sentence(data, STUDY)
-    assert [part for part in parts if part not in text] == []
 
 
 def small(folder, arm, **more):

@@ -1,19 +1,13 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
-import inspect
 import json
-import os
-import queue
 import re
 import shutil
 import signal
-import subprocess
 import sys
-import textwrap
 import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import imageio.v2 as imageio
 import numpy as np
@@ -30,9 +24,8 @@ from run_folders import (
     write_run,
     write_scene_file,
 )
-from short_trainings import SMALL, TINY, assert_same_policy
+from short_trainings import SMALL, assert_same_policy
 
-import redundant_envs as rde
 from redundant_envs import __main__ as library
 from redundant_envs.compiler.backends import llvm
 from redundant_envs_train import play, report, run_folder
@@ -41,11 +34,11 @@ from redundant_envs_train.config import load
 from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
-from redundant_envs_train.report import evaluate, summary
+from redundant_envs_train.report import summary
 from redundant_envs_train.rollout import Outcome
 from redundant_envs_train.run_folder import read_evaluation
-from redundant_envs_train.training import many, pool
-from redundant_envs_train.training.pool import follow, seeds_of, stop_request
+from redundant_envs_train.training import pool
+from redundant_envs_train.training.pool import seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
 from studies import stops
@@ -75,15 +68,6 @@ def test_a_run_explains_itself(home, refused):
     again = load(folder / "config.yaml")
     assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
-
-
-def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_path):
-    folder = Path(shutil.copytree(POLICIES / "RPRPReach-v0-td3", tmp_path / "run"))
-    result, episodes = evaluate(change(folder / "config.yaml", evaluation_episodes=100))
-    _, hold, _, distance, *_ = episodes.T
-    missed, restless = (hold == 0).sum(), ((hold == 0) & (distance <= 0.02)).sum()
-    assert 0 < restless == result["restless"] < missed < 100
-    assert f"Missed {missed} goals: in {restless} the tip arrived but was still moving" in summary(result)
 
 
 EQUAL = {
@@ -148,21 +132,6 @@ def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_pa
         read_evaluation(folder)
 
 
-@pytest.mark.long
-def test_the_task_of_the_manual_trains_and_reports(tmp_path, monkeypatch, call):
-    monkeypatch.chdir(tmp_path)
-    example = inspect.cleandoc(rde.Task.__doc__).partition("step of an environment::\n")[2]
-    Path("raise_task.py").write_text(textwrap.dedent(example.partition("env = gym.make")[0]))
-    monkeypatch.syspath_prepend(tmp_path)
-    call("--import", "raise_task", "train", "rprp_reach_ppo", *TINY, "env=RPRPRaise-v0", "--out", "run")
-    assert "no is_success" in Path("run", "report.md").read_text()
-    assert data("run")["metrics"]["highest"] > 0.0
-    assert (data("run")["hold_success"], data("run")["expert_mean_return"]) == (None, None)
-    assert {p.name for p in Path("run", "plots").glob("*.png")} == {"learning_curve.png"}
-    _, error = call("play", "RPRPRaise-v0", "--clip", "a.gif", status=2)
-    assert "the task Raise has no goal, which the expert needs; choose zero or random actions" in error
-
-
 def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monkeypatch):
     monkeypatch.chdir(run)
     write_scene_file(Path(), 0.3)
@@ -201,16 +170,6 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
     in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
     call("evaluate", run, "--out", "other")
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
-
-
-def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
-    other = Path(shutil.copytree(run, "other"))
-    in_another_scene(other)
-    for name in ("config.yaml", "evaluation.json"):
-        change(other / name, seed=1)
-    groups = read_groups([run, other])
-    assert [len(same.runs) for same in groups] == [1, 1]
-    assert all("scene=" in same.learner for same in groups)
 
 
 def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):
@@ -278,29 +237,6 @@ def test_a_second_request_interrupts_at_once(name, interrupts):
         with pytest.raises(KeyboardInterrupt):
             interrupts()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-AT_A_TERMINAL = """
-import signal, sys
-from redundant_envs_train.training.pool import stop_request
-with stop_request() as stop:
-    sys.stdin.readline()  # until the terminal is closed
-    for _ in range(2):  # a shell may send it, too
-        signal.raise_signal(signal.SIGHUP)
-    print("a bar of progress", file=sys.stderr, flush=True)
-    print("saved", file=open(sys.argv[1], "w"))
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no terminals to open")
-def test_a_training_whose_terminal_is_closed_is_saved(tmp_path):
-    ours, theirs = os.openpty()
-    command = [sys.executable, "-c", AT_A_TERMINAL, str(tmp_path / "saved")]
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=theirs, stderr=theirs)
-    os.close(ours)
-    os.close(theirs)
-    child.communicate(b"go\n")
-    assert (child.returncode, (tmp_path / "saved").exists()) == (0, True)
 
 
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
@@ -427,17 +363,6 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
     assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, 2, "--seeds", "4,5")[0]
     assert (five / "report.md").is_file()
     assert data(four, "training.json")["env_steps"] == 1024
-
-
-def test_a_run_whose_process_was_killed_is_named():
-    news, names = queue.Queue(), ["seed0", "seed1", "seed2"]
-    news.put(("seed0", 1.0, "holds 99.0 %", False))
-    news.put(("seed1", 0.3, "", False))
-    news.put(("seed2", 1.0, "no room", True))
-    ended = SimpleNamespace(exitcode=-9, is_alive=lambda: False)
-    words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
-    with pytest.raises(ValueError, match=words):
-        follow(names, lambda stop: many._reports(names, [ended], news, threading.Event(), stop))
 
 
 @pytest.mark.long

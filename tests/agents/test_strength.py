@@ -144,18 +144,6 @@ def test_rows_survive_their_file_and_damaged_ones_are_refused(tmp_path, old, new
         strength.read_rows(path)
 
 
-def test_the_figure_shows_every_row():
-    drawn = strength.figure(ROWS[::-1])
-    assert [panel.get_title(loc="left") for panel in drawn.axes] == list(ARMS)
-    (legend,) = drawn.legends
-    assert [text.get_text() for text in legend.get_texts()] == [HOLDABLE, EXPERT, "PPO"]
-    for panel, arm in zip(drawn.axes, ARMS, strict=True):
-        for line, who in zip(panel.lines, (EXPERT, "PPO"), strict=True):
-            own = [row for row in ROWS if (row.who, row.arm) == (who, arm)]
-            points = sorted((row.factor, 100.0 * row.hold_success) for row in own)
-            np.testing.assert_allclose(line.get_xydata(), points)
-
-
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     trained = {}
 
