@@ -131,10 +131,7 @@ from contextlib import suppress
 from pathlib import Path
 from redundant_envs_train.training import on_ray
 with on_ray._cluster("local", 1):
-    address = on_ray.ray.get_runtime_context().gcs_address
-    print(address)
     file = Path(os.environ["RAY_AUTH_TOKEN_PATH"])
-    print(oct(file.stat().st_mode & 0o777), oct(file.parent.stat().st_mode & 0o777), file.read_text())
     listening, sockets = set(), set()
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
@@ -147,30 +144,23 @@ with on_ray._cluster("local", 1):
             cells = line.split()
             if cells[3] == "0A" and f"socket:[{cells[9]}]" in sockets:
                 listening.add(cells[1].split(":")[0])
-    print(*sorted(listening))
-    sys.stdout.flush()
-    sys.stdin.readline()
-print(file.exists(), os.environ["RAY_AUTH_TOKEN"], "RAY_AUTH_TOKEN_PATH" in os.environ)
+    print(oct(file.stat().st_mode & 0o777), len(file.read_text()), *sorted(listening))
+print(file.exists(), os.environ["RAY_AUTH_TOKEN"])
 """
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="others do not list sockets in /proc")
-def test_a_cluster_of_this_machine_listens_there_alone_and_asks_for_its_token(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("RAY_AUTH_TOKEN", 64 * "b")  # the user's, for another cluster
+def test_a_cluster_of_this_machine_listens_there_alone_and_asks_for_its_token(tmp_path):
+    own = {"HOME": str(tmp_path), "RAY_AUTH_TOKEN": 64 * "b"}  # the user's token, for another cluster
     paths = os.pathsep.join([str(ROOT), str(ROOT / "agents")])
-    with subprocess.Popen(
-        [sys.executable, "-c", ALONE], env=os.environ | {"PYTHONPATH": paths},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
-        address, private, found = (process.stdout.readline().split() for _ in range(3))
-        listening = set(found)
-        assert address[0].startswith("127.0.0.1:")
-        assert private[:2] == ["0o600", "0o700"]
-        assert len(private[2]) == 64
-        assert listening
-        assert listening <= {"0100007F", "0000000000000000FFFF00000100007F"}
-        assert process.communicate("\n")[0].split() == ["False", 64 * "b", "False"]
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], env=os.environ | own | {"PYTHONPATH": paths}, stdout=subprocess.PIPE,
+        text=True, check=True,
+    )  # fmt: skip
+    (mode, length, *listening), after = (line.split() for line in done.stdout.splitlines()[-2:])
+    assert (mode, length, after) == ("0o600", "64", ["False", 64 * "b"])
+    assert listening
+    assert {*listening} <= {"0100007F", "0000000000000000FFFF00000100007F"}
     assert not list(tmp_path.iterdir())
 
 

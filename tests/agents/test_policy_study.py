@@ -118,15 +118,6 @@ def test_a_sentence_tells_what_a_physics_costs(here, parts):
     assert [part for part in parts if part not in text] == []
 
 
-def test_the_conclusion_names_every_physics_that_was_not_refused():
-    text = words.conclusion([WORSE, SAME, REFERENCE], STUDY)
-    for measure in ("Hold success", "Return"):
-        assert f"{measure} against exact: no measurable difference: rk8; a difference: euler." in text
-    assert "makes no measurable difference to this policy between exact and rk8." in text
-    assert "So accuracy" not in words.conclusion([WORSE, REFERENCE], STUDY)
-    assert "euler" not in words.conclusion([REFUSED, SAME, REFERENCE], STUDY)
-
-
 def small(folder, arm, **more):
     """The command of a small study, which writes into ``folder``/out."""
     physics = {
@@ -162,28 +153,6 @@ def test_a_study_explains_itself(tmp_path, call):
     assert mean == pytest.approx(float(table[1]["mean_return"]), abs=1e-6)
     assert not (out / "training.csv").exists()
     assert str(tmp_path) not in report
-
-
-@pytest.mark.long
-def test_training_under_cheap_physics(tmp_path, call, refused):
-    out = tmp_path / "out"
-    tiny = ["num_envs=32", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=1024", "curve_episodes=4"]
-    arm = {"run": str(RUN), "cheap": "euler 20 ms"}
-    command = small(tmp_path, arm, train_seeds=2, train_overrides=tiny)
-    call(*command)
-    table = csv_rows(out / "training.csv")
-    assert [(r["trained_under"], r["train_seed"]) for r in table] == [
-        (under, seed) for seed in "01" for under in ("euler 20 ms", "preset")
-    ]
-    assert {r["stepping"] for r in table} == {"euler 20 ms", "rk8 to 1e-06 m"}
-    measures = [r["measure"] for r in csv_rows(out / "training_differences.csv")]
-    assert measures == ["hold_success", "mean_return"]
-    assert "2 policies against 2 are few" in (out / "report.md").read_text()
-    policy = out / "runs" / "rprp_euler_20_ms_seed1" / "policy.zip"
-    before = policy.stat().st_mtime_ns
-    call(*command)  # what is trained stays
-    assert policy.stat().st_mtime_ns == before
-    refused([*command, "train_overrides=[total_steps=2048]"], "study.yaml is of another study")
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Hold success over the strength of the motors: rows, files and the figure, without any training."""
 
 import copy
-import dataclasses
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from run_folders import ROOT, change, says, write_run
 from redundant_envs.control.holding import effort_limits, holding_load
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import load_scene, scene_data
-from redundant_envs.support.tables import write_rows
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import EVALUATION_SEED
 from studies import strength
@@ -59,20 +57,6 @@ def test_computed_torque_needs_strong_motors():
     )  # whose limits alone say what it can hold, within 2 % of 1 m
     loads = holding_load(weak, strength.frozen_goals("RPRP", 41), 0.02)
     assert held[0.3, HOLDABLE] == (loads <= 1.0).mean()
-
-
-@pytest.mark.parametrize("arm", ARMS)
-def test_the_published_rows_of_computed_torque_are_those_of_this_code(arm, monkeypatch):
-    published = strength.read_rows(ROOT / "docs" / "results" / "strength" / "strength.csv")
-    (expected,) = (row for row in published if (row.arm, row.factor, row.who) == (arm, 0.4, EXPERT))
-    loads = np.linspace(0.0, 1.0, 1000)
-    monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: loads)  # the search takes too long here
-    monkeypatch.delitem(strength.POSES, LIGHTEST)
-    could, row = strength.expert_rows(arm, (0.4,))
-    assert (could.who, could.hold_success) == (HOLDABLE, (loads <= 0.4).mean())
-    assert row.hold_success == pytest.approx(expected.hold_success, abs=0.003)  # a goal at the margin
-    assert row.touch_success == pytest.approx(expected.touch_success, abs=0.003)
-    assert row.touch_success > row.hold_success + 0.01
 
 
 def run_folder(path, arm="4R", seed=0, hold=0.5, **env_kwargs):
@@ -124,24 +108,6 @@ def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_j
     ):  # fmt: skip
         with says(*words):
             learner_rows(folders)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("hold_success", "holds", ["columns", "hold_success"]),
-        ("4R,1.0,can", "5R,1.0,can", ["line 2", "arm", "'5R'", "RPRP"]),
-        ("4R,0.8,can", "4R,-0.8,can", ["line 5", "factor", "-0.8", "positive"]),
-        (",0,1000", ",x,1000", ["seeds", "'x'"]),
-    ],
-)
-def test_rows_survive_their_file_and_damaged_ones_are_refused(tmp_path, old, new, words):
-    path = tmp_path / "new" / "strength.csv"
-    write_rows(map(dataclasses.asdict, ROWS), strength.COLUMNS, path)
-    assert strength.read_rows(path) == ROWS
-    path.write_text(path.read_text().replace(old, new, 1))
-    with says(str(path), *words):
-        strength.read_rows(path)
 
 
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):

@@ -3,7 +3,6 @@
 import math
 
 import pytest
-import yaml
 from run_folders import REFUSALS, csv_rows, says
 from short_trainings import TINY
 
@@ -185,13 +184,6 @@ def test_machines_share_a_study_in_a_storage(storage, tmp_path):
     assert rows(tmp_path / "b")[:2] == rows(tmp_path / "a")
     with says("sqlite:////nowhere/study.db cannot be used"):
         tune(CONFIG, tmp_path / "c", 2, GAMMA, storage="sqlite:////nowhere/study.db")
-
-
-def test_a_study_does_not_replace_the_configuration_that_it_searches(tmp_path, refused):
-    best = tmp_path / "best.yaml"
-    best.write_text(yaml.safe_dump(CONFIG.to_dict()))
-    refused(["tune", best, "--trials", "1", "--out", tmp_path], "best.yaml", "is what the command reads")
-    assert [*tmp_path.iterdir()] == [best]
 
 
 def test_among_trials_that_hold_nothing_or_do_not_tell_the_return_decides(monkeypatch, tmp_path):
