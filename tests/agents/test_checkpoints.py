@@ -11,6 +11,7 @@ import struct
 import sys
 import zipfile
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -36,33 +37,6 @@ def kill(folder, case, patch, steps=1900, **settings):
         kill_at(steps, inside)
         with pytest.raises(SystemExit):
             train(small_config(case, **settings), folder)
-
-
-def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, monkeypatch, refused):
-    shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
-    kill(tmp_path / "without", "ppo", monkeypatch, checkpoint_seconds=0)
-    before = kept(tmp_path)
-    refused(["resume", tmp_path / "exported"], "is an exported policy", "has no checkpoint")
-    refused(["resume", tmp_path / "without"], "was killed, or lacks its training.json, and has no checkpoint")
-    assert kept(tmp_path) == before
-
-
-@pytest.mark.quick("counters.num_timesteps-x")
-@pytest.mark.parametrize(
-    ("place", "value"),
-    [
-        ("counters.num_timesteps", "x"), ("counters.num_timesteps", -5), ("monitor.episode_returns", "x"),
-        ("last._last_obs", [1, 2]), ("learner.networks", {}), ("progress.seconds", "x"),
-        ("tables.monitor.csv", 10**9), ("run.simulator", "another"),
-    ],
-)  # fmt: skip
-def test_a_checkpoint_with_other_values_is_refused_and_nothing_is_changed(place, value, killed, refused):
-    first, name = place.split(".", 1)
-    with changed_state(killed) as state:
-        state[first][name] = value
-    before = kept(killed)
-    refused(["resume", killed], "checkpoint is damaged or of another run")
-    assert {path: kept(killed)[path][0] for path in before} == {path: before[path][0] for path in before}
 
 
 def table(folder, name, without):
@@ -139,6 +113,15 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
     assert_same_policy(whole, killed)
 
 
+def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, monkeypatch, refused):
+    shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
+    kill(tmp_path / "without", "ppo", monkeypatch, checkpoint_seconds=0)
+    before = kept(tmp_path)
+    refused(["resume", tmp_path / "exported"], "is an exported policy", "has no checkpoint")
+    refused(["resume", tmp_path / "without"], "was killed, or lacks its training.json, and has no checkpoint")
+    assert kept(tmp_path) == before
+
+
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):
     replace = os.replace
 
@@ -191,26 +174,28 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, tmp_path, refu
     assert not (tmp_path / "made").exists()
 
 
-@pytest.mark.quick("place0-x-")
+@pytest.mark.quick("counters.num_timesteps-x")
 @pytest.mark.parametrize(
-    ("place", "value", "word"),
+    ("place", "value"),
     [
-        (("counters", "num_timesteps"), "x", ""), (("counters", "num_timesteps"), -5, ""),
-        (("monitor", "episode_returns"), "x", ""), (("last", "_last_obs"), [1, 2], ""),
-        (("learner", "adams", "actor", "steps"), -1, ""), (("learner", "networks"), {}, ""),
-        (("learner", "networks", "actor", 0), np.nan, "not finite"),
-        (("progress", "seconds"), "x", ""), (("tables", "monitor.csv"), 10**9, ""),
-        (("tables", "monitor.csv"), -1, ""), (("run", "simulator"), "another", ""),
+        ("counters.num_timesteps", "x"), ("counters.num_timesteps", -5), ("monitor.episode_returns", "x"),
+        ("last._last_obs", [1, 2]), ("learner.networks", {}), ("progress.seconds", "x"),
+        ("tables.monitor.csv", 10**9), ("run.simulator", "another"),
     ],
 )  # fmt: skip
-def test_a_checkpoint_with_other_values_is_refused_in_one_line(place, value, word, killed, refused):
-    with changed_state(killed) as inner:
-        for name in place[:-1]:
-            inner = inner[name]
-        inner[place[-1]] = value
-    sizes = [(killed / name).stat().st_size for name in checkpoint.TABLES]
-    refused(["resume", killed], word)
-    assert [(killed / name).stat().st_size for name in checkpoint.TABLES] == sizes
+def test_a_checkpoint_with_other_values_is_refused_and_nothing_is_changed(place, value, killed, refused):
+    first, name = place.split(".", 1)
+    with changed_state(killed) as state:
+        state[first][name] = value
+    tables = [(killed / name).read_bytes() for name in checkpoint.TABLES]
+    refused(["resume", killed], "checkpoint is damaged or of another run")
+    assert [(killed / name).read_bytes() for name in checkpoint.TABLES] == tables
+
+
+def test_a_checkpoint_of_another_configuration_is_refused(killed, refused):
+    refused(["resume", change(killed / "config.yaml", seed=7)], "seed: 4, and config.yaml has 7")
+    settings = {**REPLAY, "gamma": 0.5}
+    refused(["resume", change(killed / "config.yaml", seed=4, sac=settings)], "sac.gamma: 0.9, and")
 
 
 def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
@@ -240,31 +225,16 @@ def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_pa
     assert {"start_run", "end_run"} <= set(calls)
 
 
-def fails(error):
-    def failed(*given, **more):
-        raise error
-
-    return failed
-
-
 @pytest.mark.parametrize("file", ["checkpoint", "monitor.csv"])
 def test_a_training_on_a_disk_that_fills_keeps_its_policy(file, tmp_path, monkeypatch):
     places = {
         "checkpoint": "redundant_envs_train.training.checkpoint.plain",
         "monitor.csv": "stable_baselines3.common.monitor.ResultsWriter.write_row",
     }
-    monkeypatch.setattr(places[file], fails(OSError(errno.ENOSPC, "No space left on device")))
+    monkeypatch.setattr(places[file], Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
     with pytest.raises(DiskFull) as error:
         train(small_config("ppo", checkpoint_seconds=1e-9 if file == "checkpoint" else 0), tmp_path)
     assert str(error.value).startswith(f"{tmp_path / file} cannot be written: the disk ")
     assert str(error.value).endswith(f"of 2048 steps the policy is kept in {tmp_path / 'policy.zip'}")
     assert all(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
     assert json.loads((tmp_path / "training.json").read_text())["stopped"]
-
-
-def test_a_checkpoint_of_another_configuration_is_refused(killed, refused):
-    refused(["resume", change(killed / "config.yaml", seed=7)], "seed: 4, and config.yaml has 7")
-    settings = {**REPLAY, "gamma": 0.5}
-    refused(
-        ["resume", change(killed / "config.yaml", seed=4, sac=settings)], "sac.gamma: 0.9, and config.yaml"
-    )

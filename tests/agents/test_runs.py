@@ -180,6 +180,28 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
     refused([*words, "ppo.gamma=0.5"], "many/seed0 holds a run of another configuration")
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("exported", [False, True])
+def test_reading_changes_nothing(exported, run, tmp_path, monkeypatch, call, refused):
+    """Neither in a run, whose scene file has changed, nor in an exported policy, which has no results."""
+    monkeypatch.setattr(stops, "DRAWS", 1)
+    if exported:
+        run = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
+        change(run / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
+        refused(["report", run], "is an exported policy; give --out FOLDER")
+    else:
+        write_scene_file(Path(), 8.0)
+    before = kept(run)
+    for name, words in readers(run, tmp_path).items():
+        if exported and name in {"export", "table", "table out", "curves"}:
+            refused(words, "is an exported policy")
+        elif exported or name not in {"export", "stops"}:  # of registered environments
+            _, error = call(*words)
+            assert exported or name == "report" or "scene.yaml differs from the scene 'mine.yaml'" in error
+        assert kept(run) == before, name
+    assert ("![learning_curve]" in (tmp_path / "b" / "report.md").read_text()) == (not exported)
+
+
 def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
     before = kept(run)
     for words in (["report", run], ["evaluate", run, "--out", run], ["report", run, "--out", run]):
@@ -363,25 +385,3 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
     assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, 2, "--seeds", "4,5")[0]
     assert (five / "report.md").is_file()
     assert data(four, "training.json")["env_steps"] == 1024
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("exported", [False, True])
-def test_reading_changes_nothing(exported, run, tmp_path, monkeypatch, call, refused):
-    """Neither in a run, whose scene file has changed, nor in an exported policy, which has no results."""
-    monkeypatch.setattr(stops, "DRAWS", 1)
-    if exported:
-        run = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
-        change(run / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
-        refused(["report", run], "is an exported policy; give --out FOLDER")
-    else:
-        write_scene_file(Path(), 8.0)
-    before = kept(run)
-    for name, words in readers(run, tmp_path).items():
-        if exported and name in {"export", "table", "table out", "curves"}:
-            refused(words, "is an exported policy")
-        elif exported or name not in {"export", "stops"}:  # of registered environments
-            _, error = call(*words)
-            assert exported or name == "report" or "scene.yaml differs from the scene 'mine.yaml'" in error
-        assert kept(run) == before, name
-    assert ("![learning_curve]" in (tmp_path / "b" / "report.md").read_text()) == (not exported)

@@ -110,6 +110,23 @@ def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_j
             learner_rows(folders)
 
 
+def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monkeypatch, call, refused):
+    command = ["study", "strength", "--seeds", "none", "--factors", "1", "--out", tmp_path, "--episodes"]
+    monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: np.zeros(len(goals)))
+    table, _ = call(*command, 2)
+    assert "| 4R | 1 | 100.0 % | 100.0 % | 100.0 % |" in table
+    assert (tmp_path / "strength.png").stat().st_size > 10_000
+    rows = strength.read_rows(tmp_path / "strength.csv")
+    assert {(row.arm, row.factor) for row in rows} == {(arm, 1.0) for arm in ARMS}
+    asked = []
+    monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or ROWS)
+    call(*command, 2)
+    refused([*command[:-1], "--runs", "nothing"], "nothing/config.yaml")
+    assert not asked  # what is finished stays, and mistakes come first
+    call(*command, 3)
+    assert [episodes for *_, episodes in asked] == [3, 3]  # of other goals it does not
+
+
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     trained = {}
 
@@ -131,20 +148,3 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     rows = [row for row in strength.read_rows(tmp_path / "study/strength.csv") if row.who == "PPO"]
     found = sorted((row.factor, row.hold_success, row.seeds) for row in rows)
     assert found == [(0.5, 0.25, 2), (1.0, 0.9, 1)]
-
-
-def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monkeypatch, call, refused):
-    command = ["study", "strength", "--seeds", "none", "--factors", "1", "--out", tmp_path, "--episodes"]
-    monkeypatch.setattr(strength, "goal_loads", lambda arm, goals: np.zeros(len(goals)))
-    table, _ = call(*command, 2)
-    assert "| 4R | 1 | 100.0 % | 100.0 % | 100.0 % |" in table
-    assert (tmp_path / "strength.png").stat().st_size > 10_000
-    rows = strength.read_rows(tmp_path / "strength.csv")
-    assert {(row.arm, row.factor) for row in rows} == {(arm, 1.0) for arm in ARMS}
-    asked = []
-    monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or ROWS)
-    call(*command, 2)
-    refused([*command[:-1], "--runs", "nothing"], "nothing/config.yaml")
-    assert not asked  # what is finished stays, and mistakes come first
-    call(*command, 3)
-    assert [episodes for *_, episodes in asked] == [3, 3]  # of other goals it does not
