@@ -117,15 +117,3 @@ def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, envs, st
     assert "Success rate: " in done.stdout
     saved.rename(saved.parent / "policy.zip")
     assert_same_policy(saved.parent, tmp_path / "ours")
-
-
-@without("rl_zoo3")
-def test_a_search_of_rl_zoo3_completes_trials_with_the_file_for_it(tmp_path):
-    given = ["--conf-file", "configs/zoo/ppo_optimize.yml", "--log-folder", tmp_path, "--num-threads", 1]
-    search = ["-optimize", "--n-trials", 1, "-n", 600, "--seed", 0]
-    done = python("docs/examples/rl_zoo.py", "--algo", "ppo", "--env", RPRP, *given, *search)
-    assert done.returncode == 0, done.stderr
-    assert "Trial 0 finished" in done.stdout + done.stderr
-    done = zoo(tmp_path, "averaged_sac", "--seed", 0, "--optimize-hyperparameters")
-    assert done.returncode == 1  # what would go wrong silently is refused
-    assert "--trained-agent and --optimize" in done.stderr.splitlines()[-1]

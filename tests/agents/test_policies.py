@@ -5,7 +5,6 @@ import hashlib
 import io
 import json
 import pickle
-import re
 import shutil
 import sys
 import warnings
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import POLICIES, ROOT, Evil, members, write_members, write_scene
+from run_folders import POLICIES, Evil, members, write_members, write_scene
 from short_trainings import TINY, assert_same_policy, small_config
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -95,12 +94,8 @@ def test_a_policy_loads_without_this_package_and_acts_the_same_however_it_is_rea
 
 
 @pytest.mark.parametrize("folder", sorted(POLICIES.iterdir()), ids=lambda folder: folder.name)
-def test_a_shipped_policy_loads_with_every_numpy_and_its_card_names_files_that_are_there(folder):
+def test_a_shipped_policy_names_no_module_that_only_one_version_of_numpy_has(folder):
     assert not [part for part in pickles(folder / "policy.zip") if b"numpy." in part]
-    card = (folder / "README.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"[\w./-]+\.(?:md|npz|onnx|py|yaml|zip)\b", card))
-    assert {"config.yaml", "policy.npz", "policy.onnx", "policy.zip", "docs/learners.md"} <= named
-    assert [name for name in named if not any((place / name).is_file() for place in (folder, ROOT))] == []
 
 
 def saved(weights):

@@ -9,7 +9,6 @@ import pytest
 from run_folders import change, write_run
 
 from redundant_envs.__main__ import main as core
-from redundant_envs.support.figures import literal, new_figure, save_figure
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.tables import Markdown, code, escaped, markdown
 from redundant_envs.support.values import printable, warn
@@ -91,12 +90,6 @@ def test_names_are_no_markup_of_progress(monkeypatch, tmp_path):
         bars.update(bars.add_task(f"[/b] {HIDDEN}", total=1, note="[/i] [red]x"), completed=1)
     assert "[/b]" in screen.getvalue()
     assert "\x1b]0;" not in screen.getvalue()
-
-
-def test_names_are_no_formulas_of_figures(tmp_path):
-    figure = new_figure(2, 2)
-    figure.suptitle(literal(r"$\frac{$ \x1b"))
-    save_figure(figure, tmp_path / "a.png")
 
 
 def test_every_message_passes_the_filter():
