@@ -38,7 +38,7 @@ def run(tmp_path):
 @pytest.fixture(scope="module")
 def published():
     """Evaluations of all published runs, by environment, learner, scene and seed."""
-    runs = read_runs(RESULTS / f"{table}.csv" for table in ("runs", "baselines", "weak"))
+    runs = read_runs([RESULTS / f"{table}.jsonl" for table in ("runs", "baselines", "weak")])
     scenes = [(run.settings.get("env_kwargs") or {}).get("scene") for run in runs]
     return {
         (run.env, run.settings["algo"], scene, run.evaluation["seed"]): run.evaluation
