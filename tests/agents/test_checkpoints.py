@@ -7,7 +7,6 @@ import io
 import json
 import os
 import shutil
-import signal
 import struct
 import sys
 import zipfile
@@ -17,18 +16,27 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import torch
-from run_folders import POLICIES, TUNES, Evil, change, kept, members, says, write_members
+from run_folders import POLICIES, TUNES, Evil, change, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.support.disk import DiskFull, alone, told
-from redundant_envs_train import command, policies
+from redundant_envs.support.disk import DiskFull, alone
+from redundant_envs_train import command
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
-from redundant_envs_train.training.pool import Stopped
-from redundant_envs_train.training.train import keep, resume, train
+from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
+
+LONG = pytest.mark.long
+
+
+def kill(folder, case, patch, steps=1900, **settings):
+    """A training that is killed at so many steps."""
+    with patch.context() as inside:
+        kill_at(steps, inside)
+        with pytest.raises(SystemExit):
+            train(small_config(case, **settings), folder)
 
 
 def table(folder, name, without):
@@ -50,20 +58,14 @@ def changed_state(folder):
 
 
 @pytest.mark.quick("ppo")
-@pytest.mark.parametrize(
-    "case", [c if c in ("ppo", "sac", "td3") else pytest.param(c, marks=pytest.mark.long) for c in CASES]
-)
+@pytest.mark.parametrize("case", [c if c in ("ppo", "sac") else pytest.param(c, marks=LONG) for c in CASES])
 def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monkeypatch):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(small_config(case), whole)
-    assert not find_checkpoint(whole)
     if case == "sac":
         shutil.copytree(begun, killed)
     else:
-        with monkeypatch.context() as patch:
-            kill_at({"her": 3800}.get(case, 1900), patch)
-            with pytest.raises(SystemExit):
-                train(small_config(case, checkpoint_seconds=1e-9), killed)
+        kill(killed, case, monkeypatch, {"her": 3800}.get(case, 1900), checkpoint_seconds=1e-9)
     with changed_state(killed) as state:
         state["elapsed"] += 1000.0
     np.random.rand()  # what happened in between does not matter
@@ -80,11 +82,8 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
 
 def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_path, monkeypatch):
     """The last one comes between the last checkpoint and the kill, at 1856 steps, and is measured again."""
-    case = small_config("ppo", checkpoint_seconds=1e-9, curve_every=370, telemetry=["tensorboard", "csv"])
-    with monkeypatch.context() as patch:
-        kill_at(1900, patch)
-        with pytest.raises(SystemExit):
-            train(case, tmp_path)
+    log = {"curve_every": 370, "telemetry": ["tensorboard", "csv"]}
+    kill(tmp_path, "ppo", monkeypatch, checkpoint_seconds=1e-9, **log)
     measured = table(tmp_path, "selection.csv", 1)
     resume(tmp_path)
     rows = table(tmp_path, "selection.csv", 1)
@@ -101,12 +100,8 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
 ):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(small_config("ppo"), whole)
-    with monkeypatch.context() as patch:
-        kill_at(1900, patch)
-        with pytest.raises(SystemExit):
-            train(small_config("ppo", checkpoint_seconds=600), killed)
+    kill(killed, "ppo", monkeypatch, checkpoint_seconds=600)
     (killed / "notes.txt").write_text("of the user")
-    assert not find_checkpoint(killed)
     with alone(killed, "trains"):
         refused(["resume", killed], f"another process trains in {killed}; wait for its end")
     resume(killed)
@@ -114,52 +109,17 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
     told = f"{killed} was stopped without a checkpoint, and begins again; what it had is in {before}"
     assert told in capsys.readouterr().err
     assert {"policy.zip", "selection.csv", "monitor.csv"} <= {path.name for path in before.iterdir()}
+    assert (killed / "notes.txt").is_file()
     assert_same_policy(whole, killed)
-    for name, times in (("selection.csv", 1), ("monitor.csv", 2)):
-        assert table(whole, name, times) == table(killed, name, times)
-    assert {path.name for path in killed.iterdir()} - {path.name for path in whole.iterdir()} == {
-        "notes.txt", "stopped_1"
-    }  # fmt: skip
 
 
-def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, killed, refused):
-    exported = shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
-    resume(killed)
-    (killed / "training.json").unlink()
-    (killed / "report.md").write_text("of the user")
-    bare = tmp_path / "bare"
-    bare.mkdir()
-    for name in ("config.yaml", "scene.yaml", "policy.zip"):
-        shutil.copy(killed / name, bare)
+def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, monkeypatch, refused):
+    shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
+    kill(tmp_path / "without", "ppo", monkeypatch, checkpoint_seconds=0)
     before = kept(tmp_path)
-    for folder, word in (
-        (exported, "is an exported policy"),
-        (killed, "lacks its tr"),
-        (bare, "lacks its tr"),
-    ):
-        refused(["resume", folder], word, "has no checkpoint")
+    refused(["resume", tmp_path / "exported"], "is an exported policy", "has no checkpoint")
+    refused(["resume", tmp_path / "without"], "was killed, or lacks its training.json, and has no checkpoint")
     assert kept(tmp_path) == before
-
-
-def test_a_training_without_checkpoints_is_not_begun_again_in_place_of_what_was_learned(
-    tmp_path, monkeypatch, refused
-):
-    kill_at(1900, monkeypatch)
-    with pytest.raises(SystemExit):
-        train(small_config("ppo", checkpoint_seconds=0), tmp_path / "killed")
-    before = kept(tmp_path)
-    refused(["resume", tmp_path / "killed"], "was killed, or lacks its training.json, and has no checkpoint")
-    assert kept(tmp_path) == before
-
-
-@pytest.mark.long
-def test_a_copy_by_links_of_files_is_not_changed_by_a_resume(killed, tmp_path):
-    for place in ("copy", "again"):  # the second time it has no checkpoint any more
-        copy = shutil.copytree(killed, tmp_path / place, copy_function=os.link)
-        tables = [(copy / name).read_bytes() for name in checkpoint.TABLES]
-        resume(killed)
-        assert [(copy / name).read_bytes() for name in checkpoint.TABLES] == tables
-        (killed / "training.json").unlink()
 
 
 def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monkeypatch, refused):
@@ -179,8 +139,8 @@ def test_a_kill_while_a_checkpoint_is_written_leaves_the_one_before(killed, monk
     assert resume(killed)["env_steps"] == 2400
 
 
-def test_a_checkpoint_in_which_readers_find_different_members_is_refused(tmp_path):
-    """They look for the directory at its offset, or before its end, and some take names for equal."""
+def test_a_checkpoint_in_which_readers_find_different_members_is_refused(killed, refused):
+    """They look for the directory of a zip file at its offset, or before its end."""
     archives = []
     for number in (1.0, 2.0):
         memory = io.BytesIO()
@@ -188,34 +148,19 @@ def test_a_checkpoint_in_which_readers_find_different_members_is_refused(tmp_pat
         with zipfile.ZipFile(memory) as archive:
             count, start = len(archive.namelist()), archive.start_dir
         whole = memory.getvalue()
-        size = whole.index(zipfile.stringEndArchive64) - start
-        archives.append((whole[:start], whole[start : start + size]))
+        archives.append((whole[:start], whole[start : whole.index(zipfile.stringEndArchive64)]))
     (first, its_directory), (second, directory) = archives
     assert len(first) == len(second)  # zipfile corrects the places of members: it finds those of the second
     data = b"".join([first, its_directory, second, directory])
     end = (zipfile.stringEndArchive, 0, 0, count, count, len(directory), len(first), 0)
-    path = tmp_path / "state.pt"
+    path = killed / "checkpoint" / "state.pt"
     path.write_bytes(data + struct.pack(zipfile.structEndArchive, *end))
     assert checkpoint.unplain(torch.load(path))["x"].tolist() == [1.0] * 3
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
-    with says("state.pt has something between its members and their directory"):
-        checkpoint._load(path, 10**6)
-    path.write_bytes(whole)
-    assert checkpoint._load(path, 10**6)["x"].tolist() == [2.0] * 3
-    for wrong in (whole + b"\0", whole[:-2] + b"\1\0\0", b"\0" + whole, whole[:-42] + whole[-22:]):
-        path.write_bytes(wrong)
-        with says("state.pt"):
-            checkpoint._load(path, 10**6)
-    with zipfile.ZipFile(io.BytesIO(whole)) as archive, zipfile.ZipFile(path, "w") as twice:
-        for name in archive.namelist():
-            twice.writestr(name, archive.read(name))
-        twice.writestr(archive.namelist()[0].upper(), b"")
-    with says("two members of one name"):
-        checkpoint._load(path, 10**6)
+    refused(["resume", killed], "state.pt has something between its members and their directory")
 
 
-@pytest.mark.long
 def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, tmp_path, refused):
     state = killed / "checkpoint" / "state.pt"
     whole = state.read_bytes()
@@ -229,38 +174,28 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, tmp_path, refu
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.quick("counters.num_timesteps-x")
 @pytest.mark.parametrize(
-    ("entries", "word"),
+    ("place", "value"),
     [
-        ({"seed": 7}, "seed: 4, and config.yaml has 7"), ({"total_steps": 9000}, "total_steps: 2400"),
-        ({"sac": {**REPLAY, "gamma": 0.5}}, "sac.gamma: 0.9, and config.yaml has 0.5"),
-        ({"sac": {**REPLAY, "activation": "relu"}}, "sac.activation"),
+        ("counters.num_timesteps", "x"), ("counters.num_timesteps", -5), ("monitor.episode_returns", "x"),
+        ("last._last_obs", [1, 2]), ("learner.networks", {}), ("progress.seconds", "x"),
+        ("tables.monitor.csv", 10**9), ("run.simulator", "another"),
     ],
 )  # fmt: skip
-def test_a_checkpoint_of_another_configuration_is_refused(entries, word, killed, refused):
-    refused(["resume", change(killed / "config.yaml", **entries)], word)
+def test_a_checkpoint_with_other_values_is_refused_and_nothing_is_changed(place, value, killed, refused):
+    first, name = place.split(".", 1)
+    with changed_state(killed) as state:
+        state[first][name] = value
+    tables = [(killed / name).read_bytes() for name in checkpoint.TABLES]
+    refused(["resume", killed], "checkpoint is damaged or of another run")
+    assert [(killed / name).read_bytes() for name in checkpoint.TABLES] == tables
 
 
-@pytest.mark.quick("place0-x-")
-@pytest.mark.parametrize(
-    ("place", "value", "word"),
-    [
-        (("counters", "num_timesteps"), "x", ""), (("counters", "num_timesteps"), -5, ""),
-        (("monitor", "episode_returns"), "x", ""), (("last", "_last_obs"), [1, 2], ""),
-        (("learner", "adams", "actor", "steps"), -1, ""), (("learner", "networks"), {}, ""),
-        (("learner", "networks", "actor", 0), np.nan, "not finite"),
-        (("progress", "seconds"), "x", ""), (("tables", "monitor.csv"), 10**9, ""),
-        (("tables", "monitor.csv"), -1, ""), (("run", "simulator"), "another", ""),
-    ],
-)  # fmt: skip
-def test_a_checkpoint_with_other_values_is_refused_in_one_line(place, value, word, killed, refused):
-    with changed_state(killed) as inner:
-        for name in place[:-1]:
-            inner = inner[name]
-        inner[place[-1]] = value
-    sizes = [(killed / name).stat().st_size for name in checkpoint.TABLES]
-    refused(["resume", killed], word)
-    assert [(killed / name).stat().st_size for name in checkpoint.TABLES] == sizes
+def test_a_checkpoint_of_another_configuration_is_refused(killed, refused):
+    refused(["resume", change(killed / "config.yaml", seed=7)], "seed: 4, and config.yaml has 7")
+    settings = {**REPLAY, "gamma": 0.5}
+    refused(["resume", change(killed / "config.yaml", seed=4, sac=settings)], "sac.gamma: 0.9, and")
 
 
 def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
@@ -273,68 +208,6 @@ def test_seeds_of_runs_have_goals_of_their_own(tmp_path, monkeypatch):
         env.reset()
         np.testing.assert_array_equal(goals[-1], env.goal)
     assert not set(map(tuple, goals[0].tolist())) & set(map(tuple, goals[1].tolist()))
-    with pytest.raises(AssertionError, match="log_std"):
-        assert_same_policy(tmp_path / "0", tmp_path / "1")
-
-
-def test_a_request_in_the_last_rollout_comes_too_late(tmp_path, monkeypatch, refused):
-    plain, folder = Watch.point, tmp_path / "run"
-
-    def point(self):
-        if self.num_timesteps >= 2048 and not self.stop.is_set():
-            os.kill(os.getpid(), signal.SIGTERM)
-        plain(self)
-
-    monkeypatch.setattr(Watch, "point", point)
-    with contextlib.suppress(Stopped):
-        train(small_config("ppo", curve_every=1024), folder)
-    facts = json.loads((folder / "training.json").read_text())
-    assert (facts["env_steps"], facts["stopped"]) == (2048, False)
-    refused(["resume", folder], "is finished and has no checkpoint; evaluate and report it with")
-
-
-# ---- a full disk ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("file", ["checkpoint", "monitor.csv", "policy.zip"])
-def test_a_training_on_a_disk_that_fills_keeps_its_policy_where_there_is_room(file, tmp_path, monkeypatch):
-    def no_space(*given, **more):
-        (folder / "mine.log").touch()  # as of an output of the shell
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    def no_policy(path, data):
-        if path.parent == folder:
-            with told(path):
-                no_space()
-        plain(path, data)
-
-    folder, elsewhere, plain = tmp_path / "run", tmp_path / "elsewhere", policies.write_bytes
-    elsewhere.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
-    if file == "checkpoint":
-        monkeypatch.setattr(checkpoint, "plain", no_space)
-    elif file == "monitor.csv":
-        monkeypatch.setattr("stable_baselines3.common.monitor.ResultsWriter.write_row", no_space)
-    else:
-        monkeypatch.setattr(policies, "write_bytes", no_policy)
-    config = small_config("ppo", checkpoint_seconds=1e-9 if file == "checkpoint" else 0)
-    with pytest.raises(DiskFull) as error:
-        train(config, folder)
-    kept = (elsewhere if file == "policy.zip" else folder).rglob("policy.zip")
-    assert str(error.value).startswith(f"{folder / file} cannot be written: the disk ")
-    assert str(error.value).endswith(f"of 2048 steps the policy is kept in {next(kept)}")
-    empty = [path.name for path in folder.rglob("*") if path.is_file() and not path.stat().st_size]
-    assert empty == ["mine.log"]
-    assert json.loads((folder / "training.json").read_text())["stopped"]
-
-
-def test_a_policy_that_can_be_kept_nowhere_leaves_no_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with pytest.raises(DiskFull) as limited, told(tmp_path):
-        raise OSError(errno.EFBIG, "File too large")
-    monkeypatch.setattr("redundant_envs_train.training.train.save_policy", Mock(side_effect=limited.value))
-    assert keep(None, tmp_path / "run") == "no policy could be kept"
-    assert not [*tmp_path.iterdir()]
 
 
 def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_path, refused, monkeypatch):
@@ -347,8 +220,21 @@ def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_pa
     for words in (["resume", killed], ["train", config, "--out", tmp_path / "a"], *others):
         refused(words, "add telemetry=[csv,mlflow], or telemetry=[tensorboard]")
     refused(["resume", killed, "telemetry=[csv]", "seed=3"], "only checkpoint_seconds and telemetry")
-    with pytest.raises(ValueError, match="has to ask"):
-        resume(killed)
     assert calls == []
     resume(killed, overrides=["telemetry=[mlflow]"])
     assert {"start_run", "end_run"} <= set(calls)
+
+
+@pytest.mark.parametrize("file", ["checkpoint", "monitor.csv"])
+def test_a_training_on_a_disk_that_fills_keeps_its_policy(file, tmp_path, monkeypatch):
+    places = {
+        "checkpoint": "redundant_envs_train.training.checkpoint.plain",
+        "monitor.csv": "stable_baselines3.common.monitor.ResultsWriter.write_row",
+    }
+    monkeypatch.setattr(places[file], Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
+    with pytest.raises(DiskFull) as error:
+        train(small_config("ppo", checkpoint_seconds=1e-9 if file == "checkpoint" else 0), tmp_path)
+    assert str(error.value).startswith(f"{tmp_path / file} cannot be written: the disk ")
+    assert str(error.value).endswith(f"of 2048 steps the policy is kept in {tmp_path / 'policy.zip'}")
+    assert all(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+    assert json.loads((tmp_path / "training.json").read_text())["stopped"]

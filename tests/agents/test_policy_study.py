@@ -1,44 +1,36 @@
 """The policy study: pairs, intervals, sentences that agree with its numbers, and small studies."""
 
 import dataclasses
-import json
-import shutil
 
 import numpy as np
 import pytest
 import yaml
 from run_folders import POLICIES, REFUSALS, csv_rows, says
 
-from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train.config import load
 from redundant_envs_train.rollout import STUDY_SEED, expert_act, random_act, run_episodes
 from studies.policy import episodes, words
-from studies.policy.episodes import compare, compare_groups, evaluate_under
-from studies.policy.run import describe
+from studies.policy.episodes import compare, evaluate_under
 from studies.policy.settings import Physics, Study, load_study
 
 PRESET = "configs/training/rprp_reach_ppo.yaml"
 SHIPPED = "configs/studies/policy.yaml"
+RUN = POLICIES / "RPRPReach-v0-ppo"
 EULER, EXACT = Physics(integrator="euler", substeps=1), Physics(accuracy="exact")
 STUDY = Study(physics={"exact": EXACT, "rk4": EULER}, arms={"A": {"preset": PRESET}}, train_seeds=0)
-
-# ---- configuration -------------------------------------------------------------------------------
 
 
 def test_the_shipped_study_loads_and_survives_a_round_trip(tmp_path):
     study = load_study(SHIPPED)
-    assert list(study.physics) == [
-        "euler 20 ms", "euler 5 ms", "euler 1 ms", "rk4 20 ms", "rk8 20 ms", "standard", "exact",
-    ]  # fmt: skip
     assert study.episodes >= 1000
     path = tmp_path / "again.yaml"
     path.write_text(yaml.safe_dump(study.to_dict()))
     assert load_study(path) == study
+    interval = 1000 * load_scene("rprp_reach").control_dt
     for name, physics in study.physics.items():
         if name.endswith("ms"):  # a name says what it is
             integrator, step, _ = name.split()
-            interval = 1000 * load_scene("rprp_reach").control_dt
             assert (physics.integrator, interval / physics.substeps) == (integrator, float(step))
 
 
@@ -46,24 +38,6 @@ def test_the_shipped_study_loads_and_survives_a_round_trip(tmp_path):
 def test_mistakes_name_the_key_and_what_is_valid(case):
     with says(*case["says"]):
         load_study(SHIPPED, case["given"])
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("physics", [Physics(integrator="euler", substeps=4), EXACT, Physics(accuracy=1e-5)])
-def test_only_the_stepping_of_a_scene_changes(physics):
-    config = load(PRESET, ["env_kwargs.accuracy=1e-4", "env_kwargs.max_episode_steps=7"])
-    env = make_sb3(config.env, 1, **physics.env_kwargs(config))
-    own, scene = load_scene("rprp_reach"), env.core.scene
-    stepping = {name: getattr(own, name) for name in ("integrator", "substeps", "tolerance")}
-    assert dataclasses.replace(scene, **stepping) == own
-    assert env.core.memory.read(("limit",))[0, 0] == 7
-    if physics.integrator:
-        assert (scene.integrator, scene.substeps, scene.tolerance) == ("euler", 4, None)
-    else:
-        assert scene.tolerance == {"exact": 1e-12}.get(physics.accuracy, 1e-5)
-
-
-# ---- pairs and intervals -------------------------------------------------------------------------
 
 
 @pytest.mark.long
@@ -75,16 +49,11 @@ def test_episodes_are_pairs_and_their_costs_are_told():
     )
     np.testing.assert_array_equal(euler.start, exact.start)
     np.testing.assert_array_equal(euler.goal, exact.goal)
-    assert len({tuple(g) for g in exact.goal.tolist()}) == 9
     assert (euler.returns != exact.returns).all()
-    assert exact.hold.all()
     result = compare(euler, exact, 200)
     assert result["return_difference"] == pytest.approx((euler.returns - exact.returns).mean())
     assert (euler.evaluations == euler.steps).all()
     assert (exact.evaluations >= 12 * exact.steps).all()
-    # Times are reported, not judged: tests share their machine.
-    assert all(0.0 < x.ns_per_step < np.inf for x in (euler, exact))
-    assert exact.flags == {}
     with says("no pairs"):
         compare(euler._replace(goal=euler.goal[::-1]), exact, 200)
     # flips are counted each way, and the same episodes are drawn for both measures
@@ -94,38 +63,17 @@ def test_episodes_are_pairs_and_their_costs_are_told():
     assert (result["won"], result["lost"], result["sign_test_p"]) == (3, 1, 0.625)
     assert result["hold_difference"] == pytest.approx(2 / 9)
     assert result["return_difference_low"] == pytest.approx(10 * result["hold_difference_low"])
-    assert result["median_abs_return_difference"] == 0.0
 
 
 def test_episodes_that_numerics_end_are_told_and_not_held():
     config = load("configs/training/four_r_reach_ppo.yaml", ["env_kwargs.task.speed_bound=20"])
     kwargs = EULER.env_kwargs(config)
     result = evaluate_under(config.env, random_act(0), 20, STUDY_SEED, repeats=1, **kwargs)
-    assert len(set(result.steps.tolist())) > 3
     assert result.ended.sum() > 5
     # the replay meets the same flags, each episode's up to its end
     assert result.flags == {"SPEED_BOUND": result.ended.sum()}
     outcome = run_episodes(config.env, random_act(0), 20, STUDY_SEED, **kwargs)
-    assert not (episodes.held(outcome) & outcome.ended).any()
     assert episodes.held(outcome._replace(hold=~outcome.hold | True)).tolist() == (~outcome.ended).tolist()
-
-
-@pytest.mark.parametrize(
-    ("differences", "count"), [([0, 0], 0), ([0, -9, 1, 1], 1), ([1, -1, 1, -1], 2), ([3, 3, 3], 2)]
-)
-def test_how_few_make_half_of_the_difference(differences, count):
-    assert episodes.half_from(np.array(differences, float)) == count
-
-
-def test_groups_are_resampled_apart():
-    result = compare_groups(np.arange(3.0), np.arange(3.0), 2000)
-    assert result["low"] < -0.5 < result["difference"] == 0.0 < 0.5 < result["high"]
-    apart = compare_groups(np.arange(5.0), np.arange(5.0) + 10.0, 2000)
-    assert (result["permutation_p"], apart["permutation_p"]) == (1.0, 2 / 252)
-    assert apart["high"] < 0.0
-
-
-# ---- sentences -------------------------------------------------------------------------------------
 
 
 def row(physics, hold, gain, **more):
@@ -145,69 +93,29 @@ ZERO = (0.0, 0.0, 0.0)
 REFERENCE = row("exact", ZERO, ZERO)
 SAME = row("rk8", (-0.002, -0.006, 0.002), (0.01, -0.02, 0.04))
 WORSE = row("euler", (-0.3, -0.33, -0.27), (-20.0, -22.0, -18.0), ended=250, numerics="SPEED_BOUND 250")
-FEW = row("rk4", (-0.005, -0.01, -0.001), ZERO, lost=5, won=0, sign_test_p=0.0625)
-ONE = row("rk8", ZERO, (0.02, 0.01, 0.06), half_from=3)
-OPEN = row("rk4", (0.005, -0.01, 0.02), (2.0, 0.9, 3.1))
-SMALL = row("rk4", (-0.003, -0.005, -0.001), ZERO)
 REFUSED = {"physics": "euler", "refused": "only rk8 finds stops"}
-NOTHING = {"hold_success": 0.0}
+SENTENCES = [
+    (SAME, ["Hold success: no measurable difference (-0.2 points", "0.8 points wide: it contains 0)",
+            "Return: no measurable difference", "held only under exact: 3, only here: 1."]),
+    ({**SAME, "lost": 0, "won": 0}, ["not one of 1000 episodes changes", "0.4 % of all could"]),
+    (WORSE, ["Hold success: lower by 30 points (95 % interval -33 to -27)", "Return: lower by 20 (",
+             "Numerics end 250 episodes early", "SPEED_BOUND 250"]),
+    (row("rk4", (-0.005, -0.01, -0.001), ZERO, lost=5, won=0, sign_test_p=0.0625),
+     ["no measurable difference (-0.5 points", "5 flips are few", "p = 0.06"]),
+    (row("rk8", ZERO, (0.02, 0.01, 0.06), half_from=3),
+     ["Return: no measurable difference (+0.02, ", "3 episodes make half of all"]),
+    (row("rk8", ZERO, (0.02, 0.01, 0.06), half_from=300), ["measurably higher"]),
+    (REFUSED, ["only rk8 finds stops"]),
+    (row("rk4", (0.005, -0.01, 0.02), (2.0, 0.9, 3.1)),
+     ["not resolved (+0.5 points, 95 % interval -1 to +2", "Return: higher by 2 (95 %"]),
+    (row("rk4", (-0.003, -0.005, -0.001), ZERO), ["measurably lower, but by less than 1 point (-0.3 points"]),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("here", "reference", "parts"),
-    [
-        (SAME, {}, ["Hold success: no measurable difference (-0.2 points", "0.8 points wide: it contains 0)",
-                    "Return: no measurable difference", "held only under exact: 3, only here: 1."]),
-        ({**SAME, "lost": 0, "won": 0}, {}, ["no measurable difference: not one of 1000 episodes changes",
-                                             "0.4 % of all could"]),
-        (WORSE, {}, ["Hold success: lower by 30 points (95 % interval -33 to -27)", "Return: lower by 20 (",
-                     "Numerics end 250 episodes early", "SPEED_BOUND 250"]),
-        (FEW, {}, ["no measurable difference (-0.5 points", "5 flips are few", "p = 0.06"]),
-        (ONE, {}, ["Return: no measurable difference (+0.02, ", "3 episodes make half of all"]),
-        ({**ONE, "half_from": 300}, {}, ["measurably higher"]), (REFUSED, {}, ["only rk8 finds stops"]),
-        (OPEN, {}, ["Hold success: not resolved (+0.5 points, 95 % interval -1 to +2: it contains 0 and rea",
-                    "Return: higher by 2 (95 % interval +0.9 to +3.1)"]),
-        (SMALL, {}, ["measurably lower, but by less than 1 point (-0.3 points, 95 % interval -0.5 to -0.1)",
-                     "Return: no measurable difference (0, 95 % interval 0 to 0, 0 wide: it contains 0)"]),
-        ({**SAME, **NOTHING}, NOTHING, ["the policy holds nothing under either, which says"]),
-    ],
-)  # fmt: skip
-def test_a_sentence_tells_what_a_physics_costs(here, reference, parts):
-    text = words.physics_sentence(here, {**REFERENCE, **reference}, STUDY)
+@pytest.mark.parametrize(("here", "parts"), SENTENCES)
+def test_a_sentence_tells_what_a_physics_costs(here, parts):
+    text = words.physics_sentence(here, REFERENCE, STUDY)
     assert [part for part in parts if part not in text] == []
-
-
-def test_the_conclusion_names_every_physics_that_was_not_refused():
-    text = words.conclusion([WORSE, SAME, REFERENCE], STUDY)
-    for measure in ("Hold success", "Return"):
-        assert f"{measure} against exact: no measurable difference: rk8; a difference: euler." in text
-    assert "makes no measurable difference to this policy between exact and rk8." in text
-    assert "So accuracy" not in words.conclusion([WORSE, REFERENCE], STUDY)
-    assert "euler" not in words.conclusion([REFUSED, SAME, REFERENCE], STUDY)
-
-
-@pytest.mark.parametrize(
-    ("entries", "parts"),
-    [
-        ({}, ["lower by 20 points", "5 policies against 5 are few"]),
-        ({"policies_each": 20, "permutation_p": ""}, []),
-        ({"permutation_p": 0.33}, ["not resolved (-20 points", "p = 0.33", "few"]),
-    ],
-)
-def test_few_seeds_are_called_few(entries, parts):
-    data = {
-        "measure": "hold_success", "cheap": "euler", "reference": "exact", "policies_each": 5,
-        "mean_preset": 0.98, "difference": -0.2, "low": -0.3, "high": -0.1, "permutation_p": 0.01, **entries,
-    }  # fmt: skip
-    text = words.training_sentence(data, STUDY)
-    assert [part for part in parts if part not in text] == []
-    assert ("few" in text) == (data["policies_each"] == 5)
-
-
-# ---- from YAML to report -------------------------------------------------------------------------
-
-
-RUN = POLICIES / "RPRPReach-v0-ppo"
 
 
 def small(folder, arm, **more):
@@ -232,56 +140,27 @@ def test_a_study_explains_itself(tmp_path, call):
         assert text in report
     for name in ("figures/rprp.png", "figures/rprp.svg", "scenes/rprp_euler_20_ms.yaml", "study.yaml"):
         assert (out / name).stat().st_size > 100
+    own, scene = load_scene("rprp_reach"), load_scene(out / "scenes" / "rprp_euler_20_ms.yaml")
+    assert (scene.integrator, scene.substeps, scene.tolerance) == ("euler", 1, None)
+    stepping = {name: getattr(own, name) for name in ("integrator", "substeps", "tolerance")}
+    assert dataclasses.replace(scene, **stepping) == own  # nothing else changes
     table = csv_rows(out / "physics.csv")
     assert [r["physics"] for r in table] == ["euler 20 ms", "standard", "exact"]
-    assert all(r["machine"] and r["date"] and r["torch"] and r["episodes"] == "20" for r in table)
     assert float(table[2]["hold_difference"]) == float(table[2]["return_difference"]) == 0.0
     found = csv_rows(out / "episodes_rprp.csv")
     assert [int(e["seed"]) for e in found] == list(range(STUDY_SEED, STUDY_SEED + 20))
     mean = np.mean([float(e["standard_return"]) for e in found])
     assert mean == pytest.approx(float(table[1]["mean_return"]), abs=1e-6)
-    assert describe(RUN) == "PPO, seed 130, trained under rk8 to 1e-06 m"
     assert not (out / "training.csv").exists()
     assert str(tmp_path) not in report
-    assert load_study(out / "study.yaml") == load_study(tmp_path / "study.yaml")
-
-
-@pytest.mark.long
-def test_training_under_cheap_physics(tmp_path, call, refused):
-    out = tmp_path / "out"
-    tiny = ["num_envs=32", "ppo.n_steps=16", "ppo.batch_size=512", "total_steps=1024", "curve_episodes=4"]
-    arm = {"run": str(RUN), "cheap": "euler 20 ms"}
-    command = small(tmp_path, arm, train_seeds=2, train_overrides=tiny)
-    call(*command)
-    table = csv_rows(out / "training.csv")
-    assert [(r["trained_under"], r["train_seed"]) for r in table] == [
-        (under, seed) for seed in "01" for under in ("euler 20 ms", "preset")
-    ]
-    assert {r["stepping"] for r in table} == {"euler 20 ms", "rk8 to 1e-06 m"}
-    measures = [r["measure"] for r in csv_rows(out / "training_differences.csv")]
-    assert measures == ["hold_success", "mean_return"]
-    assert "2 policies against 2 are few" in (out / "report.md").read_text()
-    policy = out / "runs" / "rprp_euler_20_ms_seed1" / "policy.zip"
-    before = policy.stat().st_mtime_ns
-    call(*command)  # what is trained stays
-    assert policy.stat().st_mtime_ns == before
-    refused([*command, "train_overrides=[total_steps=2048]"], "study.yaml is of another study")
 
 
 @pytest.mark.parametrize(
     ("arm", "word"),
     [
-        ({"run": "nowhere"}, "config.yaml"), ({"run": "bare"}, "policy.zip"),
-        ({"preset": "nowhere.yaml"}, "nowhere.yaml"),
-        ({"run": "run", "preset": "four_r_reach_ppo"}, "was trained on redundant_envs/RPRPReach"),
+        ({"run": "nowhere"}, "config.yaml"), ({"preset": "nowhere.yaml"}, "nowhere.yaml"),
+        ({"run": str(RUN), "preset": "four_r_reach_ppo"}, "was trained on redundant_envs/RPRPReach"),
     ],
 )  # fmt: skip
 def test_an_arm_that_cannot_be_taken_is_one_line(arm, word, tmp_path, refused):
-    (tmp_path / "bare").mkdir()  # a configuration alone
-    shutil.copy(RUN / "config.yaml", tmp_path / "bare")
-    shutil.copytree(RUN, tmp_path / "other")  # of another simulator
-    facts = {"env_steps": 5, "train_seconds": 1.0, "simulator": "0123456789abcdef"}
-    (tmp_path / "other" / "training.json").write_text(json.dumps(facts))
-    assert "by another simulator" in describe(tmp_path / "other")
-    places = {"run": str(RUN), "bare": str(tmp_path / "bare")}
-    refused(small(tmp_path, {name: places.get(value, value) for name, value in arm.items()}), word)
+    refused(small(tmp_path, arm), word)

@@ -1,21 +1,14 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
-import inspect
 import json
-import os
-import queue
 import re
 import shutil
 import signal
-import subprocess
 import sys
-import textwrap
 import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
-import gymnasium as gym
 import imageio.v2 as imageio
 import numpy as np
 import pytest
@@ -25,30 +18,27 @@ from run_folders import (
     REFUSALS,
     RPRP,
     change,
-    csv_rows,
     kept,
     readers,
     says,
     write_run,
     write_scene_file,
 )
-from short_trainings import SMALL, TINY, assert_same_policy
+from short_trainings import SMALL, assert_same_policy
 
-import redundant_envs as rde
 from redundant_envs import __main__ as library
 from redundant_envs.compiler.backends import llvm
-from redundant_envs.support.disk import alone
 from redundant_envs_train import play, report, run_folder
 from redundant_envs_train.__main__ import main
 from redundant_envs_train.config import load
 from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
-from redundant_envs_train.report import evaluate, summary
+from redundant_envs_train.report import summary
 from redundant_envs_train.rollout import Outcome
-from redundant_envs_train.run_folder import difference, find_checkpoint, read_evaluation
-from redundant_envs_train.training import many, pool
-from redundant_envs_train.training.pool import follow, seeds_of, stop_request
+from redundant_envs_train.run_folder import read_evaluation
+from redundant_envs_train.training import pool
+from redundant_envs_train.training.pool import seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
 from studies import stops
@@ -60,23 +50,16 @@ def data(folder, name="evaluation.json"):
     return json.loads((Path(folder) / name).read_text())
 
 
-# ---- one run, from YAML to report ----------------------------------------------------------------
-
-
 def test_a_run_explains_itself(home, refused):
     folder = home / "run"
-    result = data(folder)
+    result, facts = data(folder), data(folder, "training.json")
     promised = {
         "env", "algo", "seed", "episodes", "hold_success", "interval", "touch_success",
         "expert_hold_success", "env_steps", "train_seconds", "versions", "machine", "date",
         "time_to_hold", "effort", "smoothness", "expert_time_to_hold", "expert_effort", "expert_smoothness",
     }  # fmt: skip
     assert promised <= set(result)
-    assert (result["episodes"], result["env_steps"]) == (5, 1024)
-    facts = data(folder, "training.json")
-    assert facts["stopped"] is False
-    assert set(facts["split"]) == {"environment", "policy", "gradient", "rest"}
-    assert min(facts["split"].values()) > 0.0
+    assert (result["episodes"], result["env_steps"], facts["stopped"]) == (5, 1024, False)
     assert sum(facts["split"].values()) == pytest.approx(1.0, abs=0.002)
     for name in ("config.yaml", "scene.yaml", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
         assert (folder / name).stat().st_size > 0
@@ -85,21 +68,6 @@ def test_a_run_explains_itself(home, refused):
     again = load(folder / "config.yaml")
     assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
-    assert difference(folder) == ""  # its mine.yaml cannot be found from here
-
-
-def test_restless_are_the_goals_at_which_the_tip_ended_without_holding_them(tmp_path):
-    folder = Path(shutil.copytree(POLICIES / "RPRPReach-v0-td3", tmp_path / "run"))
-    result, episodes = evaluate(change(folder / "config.yaml", evaluation_episodes=100))
-    _, hold, _, distance, *_ = episodes.T
-    missed_there = ((hold == 0) & (distance <= 0.02)).sum()
-    assert 0 < missed_there < (hold == 0).sum() < 100
-    assert result["restless"] == missed_there
-    missed = int((hold == 0).sum())
-    assert f"Missed {missed} goals: in {missed_there} the tip arrived but was still moving, in " in summary(
-        result
-    )
-    assert result["better"]["hold_success"] is result["better"]["effort"] is False
 
 
 EQUAL = {
@@ -147,48 +115,21 @@ def test_a_report_says_why_goals_were_missed(counts, words):
     assert summary(EQUAL | none | counts).endswith(words)
 
 
-UNTOLD = dict.fromkeys(run_folder.UNTOLD | {"interval", "expert_touch_success"})
-
-
 def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_path, call):
     curve = [(k, 1.0 + k, "nan", "nan", 8.0 * k - 9.0) for k in (1, 2)]
-    settings = {"curve_episodes": 5}
-    facts = {"mean_return": -3.0, "metrics": {"highest": 0.87}, "stopped": 0, "better": {}}
-    folder = write_run(tmp_path / "run", curve=curve, settings=settings, **UNTOLD | facts)
-    result = read_evaluation(folder)
-    assert summary(result).splitlines() == [
-        "PPO on redundant_envs/RPRPReach-v0, seed 0: mean return -3.0 over 1000 episodes, highest 0.87 at "
-        "their end.",
-        "The task tells no is_success, so whether an episode succeeded is unknown. It has no goal, which "
-        "computed torque needs: the policy is compared with nothing.",
-    ]
+    facts = dict.fromkeys(run_folder.UNTOLD | {"interval", "expert_touch_success"})
+    facts |= {"mean_return": -3.0, "metrics": {"highest": 0.87}, "stopped": 0, "better": {}}
+    folder = write_run(tmp_path / "run", curve=curve, settings={"curve_episodes": 5}, **facts)
+    told = summary(read_evaluation(folder))
+    assert "mean return -3.0 over 1000 episodes, highest 0.87 at their end." in told
+    assert "tells no is_success" in told
+    assert "It has no goal, which computed torque needs: the policy is compared with nothing." in told
     out, _ = call("table", folder, "--out", tmp_path / "a.jsonl")
     assert "tells no success: the mean return of PPO is -3." in out
-    (again,) = read_groups([tmp_path / "a.jsonl"])
-    assert curves.told([again]) == ["return"]
-    ends = Outcome(None, None, None, *([np.ones(2)] * 5), None, np.ones(2), np.ones(2))
-    assert report.better(ends, ends).keys() == {"effort", "smoothness", "mean_return"}
+    assert curves.told(read_groups([tmp_path / "a.jsonl"])) == ["return"]
     change(folder / "evaluation.json", hold_success=0.5)  # an interval belongs to it
     with says("evaluation.json has None as 'interval'"):
         read_evaluation(folder)
-
-
-@pytest.mark.long
-def test_the_task_of_the_manual_trains_and_reports(tmp_path, monkeypatch, call):
-    monkeypatch.chdir(tmp_path)
-    example = inspect.cleandoc(rde.Task.__doc__).partition("step of an environment::\n")[2]
-    Path("raise_task.py").write_text(textwrap.dedent(example.partition("env = gym.make")[0]))
-    monkeypatch.syspath_prepend(tmp_path)
-    call("--import", "raise_task", "train", "rprp_reach_ppo", *TINY, "env=RPRPRaise-v0", "--out", "run")
-    assert "no is_success" in Path("run", "report.md").read_text()
-    assert data("run")["metrics"]["highest"] > 0.0
-    assert (data("run")["hold_success"], data("run")["expert_mean_return"]) == (None, None)
-    assert {p.name for p in Path("run", "plots").glob("*.png")} == {"learning_curve.png"}
-    env = gym.make("redundant_envs/RPRPRaise-v0")
-    told = play._episode(env, env.unwrapped.core, play.no_effort, 0, lambda step: None)
-    assert re.fullmatch(r"return [\d.]+ after 100 steps", told)
-    _, error = call("play", "RPRPRaise-v0", "--clip", "a.gif", status=2)
-    assert "the task Raise has no goal, which the expert needs; choose zero or random actions" in error
 
 
 def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monkeypatch):
@@ -202,22 +143,11 @@ def test_resume_of_a_finished_run_recommends_what_works(run, refused, call, monk
     assert data("more", "training.json")["env_steps"] == 1024
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("actions", ["expert", "zero", "random"])
-def test_play_works_without_a_policy(actions, tmp_path, monkeypatch, call):
-    monkeypatch.setattr(play, "CLIP_EVERY", 25)
-    call("play", "FourRReach-v0", "--actions", actions, "--episodes", 1, "--clip", tmp_path / "play.gif")
-    assert (tmp_path / "play.gif").stat().st_size > 1000
-
-
 def test_a_clip_has_as_many_frames_as_memory_has_room_for(tmp_path, monkeypatch, call):
     monkeypatch.setattr(play, "LARGEST_CLIP", 3 * 480 * 480 * 3 + 1)
     words = ["play", "FourRReach-v0", "--actions", "zero", "--episodes", 9, "--clip", tmp_path / "a.gif"]
     assert "a.gif show 3 frames alone" in call(*words)[1]
     assert len(imageio.mimread(tmp_path / "a.gif")) == 3
-
-
-# ---- the scene -----------------------------------------------------------------------------------
 
 
 def in_another_scene(folder):
@@ -228,12 +158,9 @@ def in_another_scene(folder):
 
 def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(run, call):
     own = data(run)
-    for changed in (False, True):
-        if changed:
-            write_scene_file(Path(), 8.0)
-        _, err = call("evaluate", run, "--out", f"again{changed}")
-        assert data(f"again{changed}") == own
-        assert err.count("\n") == changed
+    write_scene_file(Path(), 8.0)
+    _, err = call("evaluate", run, "--out", "again")
+    assert data("again") == own
     assert "ViscousFriction.coefficients [0.3, 0.3, 0.3, 0.3], not [8.0, 8.0, 8.0, 8.0]" in err
     for name in ("evaluation.json", "episodes.csv", "report.md"):
         (run / name).unlink()
@@ -245,34 +172,6 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
 
 
-@pytest.mark.quick("None")
-@pytest.mark.parametrize("damage", [None, "robot: {type: RPRP}", "[1, 2]", "robot: [", "- \x00"])
-def test_a_missing_or_damaged_scene_is_one_line(damage, run, tmp_path, refused):
-    (run / "scene.yaml").unlink()
-    if damage is not None:
-        (run / "scene.yaml").write_text(damage)
-    commands = [*readers(run, tmp_path).values(), ["resume", run]]
-    for words in commands if damage is None else commands[:1]:
-        refused(words, "scene.yaml")
-
-
-def test_runs_of_one_name_in_two_scenes_are_no_seeds_of_each_other(run):
-    other = Path(shutil.copytree(run, "other"))
-    in_another_scene(other)
-    for name in ("config.yaml", "evaluation.json"):
-        change(other / name, seed=1)
-    groups = read_groups([run, other])
-    assert [len(same.runs) for same in groups] == [1, 1]
-    assert all("scene=" in same.learner for same in groups)
-
-
-def test_one_command_at_a_time_trains_seeds_in_a_folder(tmp_path, refused):
-    with alone(tmp_path, "trains seeds"):
-        words = ["train", "rprp_reach_ppo", *SMALL, "--seeds", 0, "--out", tmp_path]
-        refused(words, f"another process trains seeds in {tmp_path}; wait for its end")
-    assert not [*tmp_path.iterdir()]
-
-
 def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, refused):
     shutil.copytree(run, "many/seed0")
     words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--seeds", 0, "--out", "many"]
@@ -281,42 +180,26 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
     refused([*words, "ppo.gamma=0.5"], "many/seed0 holds a run of another configuration")
 
 
-# ---- nothing is written --------------------------------------------------------------------------
-
-
 @pytest.mark.long
-def test_reading_changes_nothing_in_a_run_and_says_if_the_file_of_its_scene_changed(run, tmp_path, call):
-    write_scene_file(Path(), 8.0)
+@pytest.mark.parametrize("exported", [False, True])
+def test_reading_changes_nothing(exported, run, tmp_path, monkeypatch, call, refused):
+    """Neither in a run, whose scene file has changed, nor in an exported policy, which has no results."""
+    monkeypatch.setattr(stops, "DRAWS", 1)
+    if exported:
+        run = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
+        change(run / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
+        refused(["report", run], "is an exported policy; give --out FOLDER")
+    else:
+        write_scene_file(Path(), 8.0)
     before = kept(run)
     for name, words in readers(run, tmp_path).items():
-        if name not in ("export", "stops"):  # of registered environments
-            assert (
-                "moved/scene.yaml differs from the scene 'mine.yaml'" in call(*words)[1] or name == "report"
-            )
-            assert kept(run) == before, name
-    assert (tmp_path / "b" / "plots" / "learning_curve.png").is_file()
-
-
-@pytest.mark.long
-def test_reading_changes_nothing_in_an_exported_policy(tmp_path, monkeypatch, call, refused):
-    monkeypatch.setattr(stops, "DRAWS", 1)
-    exported = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "shipped"))
-    change(exported / "config.yaml", evaluation_episodes=20, env_kwargs={"max_episode_steps": 20})
-    before = kept(exported)
-    for name, words in readers(exported, tmp_path).items():
-        if name in {"export", "table", "table out", "curves"}:
+        if exported and name in {"export", "table", "table out", "curves"}:
             refused(words, "is an exported policy")
-        else:
-            out, _ = call(*words)
-            assert "% of 20 episodes" in out or not name.startswith("evaluate")
-    table = csv_rows(tmp_path / "stops.csv")
-    assert [row["states"] for row in table] == ["policy"] * 3 + ["random actions"] * 3
-    assert all(float(row["ratio"]) > 0.0 for row in table)
-    other = ["study", "stops", POLICIES / "FourRReach-v0-ppo", "--out", tmp_path / "other.csv"]
-    refused(other, "the study is of redundant_envs/RPRPReach-v0")
-    refused(["report", exported], "is an exported policy; give --out FOLDER")
-    assert kept(exported) == before
-    assert "![learning_curve]" not in (tmp_path / "b" / "report.md").read_text()
+        elif exported or name not in {"export", "stops"}:  # of registered environments
+            _, error = call(*words)
+            assert exported or name == "report" or "scene.yaml differs from the scene 'mine.yaml'" in error
+        assert kept(run) == before, name
+    assert ("![learning_curve]" in (tmp_path / "b" / "report.md").read_text()) == (not exported)
 
 
 def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
@@ -334,20 +217,6 @@ def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
         assert after[run / name][0] == before[run / name][0]  # to the same numbers
 
 
-# ---- a training that is stopped ------------------------------------------------------------------
-
-
-def assert_stopped(folder, message):
-    """A training that was stopped told so in one line, and its files are whole."""
-    assert message.count("\n") == 1
-    assert "stopped after" in message
-    assert f"Go on with: python -m agents resume {folder}" in message
-    assert data(folder, "training.json")["stopped"] is True
-    lines = [len(line.split(",")) for line in (folder / "monitor.csv").read_text().splitlines()[1:]]
-    assert len(set(lines)) == 1
-    assert not list(folder.glob("*.part"))
-
-
 def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
     home, tmp_path, monkeypatch, call, refused
 ):
@@ -357,7 +226,6 @@ def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
 
     def stop_at_first(self):
         points.append(self.num_timesteps)
-        assert not (folder / "evaluation.json").exists()  # an old one is of another policy
         write_scene_file(tmp_path, 8.0)  # while it runs
         if len(points) == 1:
             signal.raise_signal(signal.SIGTERM)
@@ -366,38 +234,19 @@ def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
     monkeypatch.setattr(Watch, "point", stop_at_first)
     words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--out", folder]
     _, message = call(*words, status=130)
-    assert_stopped(folder, message)
+    assert message.count("\n") == 1
+    assert "stopped after" in message
+    assert f"Go on with: python -m agents resume {folder}" in message
+    assert data(folder, "training.json")["stopped"] is True
+    assert not list(folder.glob("*.part"))
     (tmp_path / "mine.yaml").unlink()
     call("report", folder)  # of the policy so far
-    assert "![learning_curve]" in (folder / "report.md").read_text()
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
     refused(["table", folder], "was stopped")  # half a training is no result
     call("resume", folder)
     assert_same_policy(folder, whole)
-    curves = [np.loadtxt(f / "selection.csv", delimiter=",", skiprows=1) for f in (folder, whole)]
-    np.testing.assert_array_equal(*(np.delete(curve, 1, axis=1) for curve in curves))  # but for the seconds
     again, own = data(folder), data(whole)
     assert (again["hold_success"], again["mean_return"]) == (own["hold_success"], own["mean_return"])
-
-
-@pytest.mark.long
-def test_a_training_that_is_stopped_before_its_first_point_leaves_a_run(
-    tmp_path, monkeypatch, call, interrupts
-):
-    folder, plain = tmp_path / "run", Watch._on_step
-
-    def on_step(self):
-        if self.num_timesteps == 768 and not self.stop.is_set():
-            interrupts()
-        return plain(self)
-
-    monkeypatch.setattr(Watch, "_on_step", on_step)
-    more = ["total_steps=1000000000", "curve_every=1000000000"]
-    _, message = call("train", "rprp_reach_ppo", *SMALL, *more, "--out", folder, status=130)
-    assert_stopped(folder, message)
-    assert (folder / "selection.csv").read_text() == "env_steps,seconds,hold_success,touch_success,return\n"
-    call("report", folder)
-    assert "![learning_curve]" not in (folder / "report.md").read_text()
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
@@ -412,29 +261,6 @@ def test_a_second_request_interrupts_at_once(name, interrupts):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-AT_A_TERMINAL = """
-import signal, sys
-from redundant_envs_train.training.pool import stop_request
-with stop_request() as stop:
-    sys.stdin.readline()  # until the terminal is closed
-    for _ in range(2):  # a shell may send it, too
-        signal.raise_signal(signal.SIGHUP)
-    print("a bar of progress", file=sys.stderr, flush=True)
-    print("saved", file=open(sys.argv[1], "w"))
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no terminals to open")
-def test_a_training_whose_terminal_is_closed_is_saved(tmp_path):
-    ours, theirs = os.openpty()
-    command = [sys.executable, "-c", AT_A_TERMINAL, str(tmp_path / "saved")]
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=theirs, stderr=theirs)
-    os.close(ours)
-    os.close(theirs)
-    child.communicate(b"go\n")
-    assert (child.returncode, (tmp_path / "saved").exists()) == (0, True)
-
-
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -444,17 +270,6 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(library, "list_names", interrupted)
     assert library.main(["list"]) == 130
     assert capsys.readouterr().err.splitlines() == ["stopped", "stopped"]
-
-
-# ---- incomplete run folders ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("command", ["evaluate", "report", "play", "stops", "table"])
-def test_what_is_no_run_folder_is_named(command, tmp_path, refused):
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("text")
-    for name in ("nothing", "empty", "file"):
-        refused(readers(tmp_path / name, tmp_path)[command], f"/{name}", "run folder")
 
 
 @pytest.mark.parametrize("case", REFUSALS["damages"], ids=lambda case: f"{case['file']} {case['is'][:30]}")
@@ -482,34 +297,16 @@ def test_a_value_that_no_evaluation_has_is_refused_by_file_and_field(field, valu
         read_evaluation(folder)
 
 
-@pytest.mark.parametrize(
-    "told", [{}, {"hold_success": None, "interval": None}], ids=["success", "no success"]
-)
-def test_an_evaluation_of_an_older_version_is_reported(told, run, call):
-    path = run / "evaluation.json"
-    known = json.loads(path.read_text())
-    path.write_text(json.dumps({k: v for k, v in known.items() if k not in {*run_folder.UNSURE, "faults"}}))
-    change(path, **told)
-    call("report", run, "--force")
-    assert ("The task tells no is_success" in (run / "report.md").read_text()) == bool(told)
-
-
-def test_the_table_takes_runs_whose_training_is_unknown(run, call):
-    (run / "training.json").unlink()
-    call("evaluate", run, "--force")
-    assert "| - | - | - |" in call("table", run)[0]  # steps, seconds, steps per second
-
-
 def test_a_place_for_results_that_cannot_be_is_told_before_anything_begins(tmp_path, refused):
     (tmp_path / "file").write_text("mine")
     (tmp_path / "link").symlink_to("nowhere")
-    preset, alone = ["train", "rprp_reach_ppo"], ["study", "strength", "--seeds", "none"]
+    preset, study = ["train", "rprp_reach_ppo"], ["study", "strength", "--seeds", "none"]
     for out, word in (
         (tmp_path / "file", "is a file"), (tmp_path / "file" / "x", "is below the file"),
         (tmp_path / "link", "is a broken link"), (tmp_path / "link" / "x", "is below the broken link"),
     ):  # fmt: skip
-        for command in (preset, [*preset, "--seeds", "0..1"], alone):
-            program = "studies" if command is alone else "error"
+        for command in (preset, [*preset, "--seeds", "0..1"], study):
+            program = "studies" if command is study else "error"
             assert refused([*command, "--out", out]).startswith(f"{program}: out is {out}, which {word}")
     assert (tmp_path / "file").read_text() == "mine"
 
@@ -518,9 +315,6 @@ def test_a_command_can_be_pasted_although_its_folder_has_a_space(tmp_path, refus
     folder = write_run(tmp_path / "my run")
     (folder / "evaluation.json").unlink()
     refused(["table", folder], f"python -m agents evaluate '{folder}' --force")
-
-
-# ---- several runs --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", REFUSALS["seeds"], ids=lambda case: case["given"])
@@ -535,14 +329,13 @@ def test_seeds_are_read_as_they_are_written(case):
 WAITS = """
 import pathlib, time
 from redundant_envs_train import report
-from redundant_envs_train.training.pool import cores
 from redundant_envs_train.training.watch import Watch
 
-plain = Watch._on_step
+plain, begun = Watch._on_step, pathlib.Path("begun")
 
 def on_step(self):
-    if self.config.seed == 4 and self.num_timesteps == 512:
-        pathlib.Path("begun").write_text(str(cores()))
+    if self.config.seed == 4 and self.num_timesteps == 512 and not begun.exists():
+        begun.touch()
         while not self.stop.is_set():
             time.sleep(0.01)
             self._show()
@@ -571,49 +364,24 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
             time.sleep(0.05)
         interrupts()
 
-    with monkeypatch.context() as patch:
-        patch.setattr(pool, "IMPORTED", ["waits"])
-        user = threading.Thread(target=interrupt)
-        user.start()
-        _, error = call(*command, 1, "--seeds", "5,4", status=130)
-        user.join()
+    monkeypatch.setattr(pool, "IMPORTED", ["waits"])
+    user = threading.Thread(target=interrupt)
+    user.start()
+    _, error = call(*command, 1, "--seeds", "5,4", status=130)
+    user.join()
     assert error.splitlines()[-1] == "stopped; the same command with the same --out goes on"
     assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
-    assert find_checkpoint(four)
-    assert json.loads(Path("begun").read_text()) == pool.cores()[:1]  # a core of its own
-    assert pool.places(2, alone=True) == (pool.cores()[:2] if len(pool.cores()) > 1 else [None, None])
     before = kept(five)
     six.mkdir()
     (six / "mine").touch()
-
-    def in_thread(context, work, *given):  # another process would take seconds to begin
-        thread = threading.Thread(target=work, args=given)
-        thread.start()
-        return thread
-
-    monkeypatch.setattr(many, "start", in_thread)
-    monkeypatch.setattr(many, "settle", lambda core, modules: None)
     refused(
         [*command, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder"
     )
     assert kept(five) == before  # it is finished, and stays
     train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), Path("alone"))
     assert_same_policy(Path("alone"), four)
-    facts = (five / "training.json").read_bytes()
     (five / "report.md").unlink()  # and no more is missing
     change(four / "training.json", stopped=True, env_steps=5)  # without a checkpoint: it begins anew
     assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, 2, "--seeds", "4,5")[0]
     assert (five / "report.md").is_file()
-    assert (five / "training.json").read_bytes() == facts
     assert data(four, "training.json")["env_steps"] == 1024
-
-
-def test_a_run_whose_process_was_killed_is_named():
-    news, names = queue.Queue(), ["seed0", "seed1", "seed2"]
-    news.put(("seed0", 1.0, "holds 99.0 %", False))
-    news.put(("seed1", 0.3, "", False))
-    news.put(("seed2", 1.0, "no room", True))
-    ended = SimpleNamespace(exitcode=-9, is_alive=lambda: False)
-    words = r"^2 of 3 runs .*: seed2: no room; seed1: its process ended \(-9\)$"
-    with pytest.raises(ValueError, match=words):
-        follow(names, lambda stop: many._reports(names, [ended], news, threading.Event(), stop))
