@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import os
 import shlex
 import subprocess
@@ -20,7 +19,6 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
-from redundant_envs.support.modules import status_of
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.tables import markdown, table, write_rows
 
@@ -35,10 +33,8 @@ def rows(path):
 
 
 @pytest.mark.long
-def test_simulate_writes_numbers_and_pictures(tmp_path, capsys):
+def test_simulate_writes_numbers_and_pictures_of_all_presets(tmp_path):
     assert main(["simulate", "--seconds", "0.2", "--out", str(tmp_path)]) == 0
-    out, err = capsys.readouterr()
-    assert (out.count("relative drift"), err.count("simulate ")) == (4, 4)
     for name in ("rprp_report_spring", "rprp_stops", "rprp_limit_springs", "four_r_free"):
         for kind in ("energies", "total"):
             assert (tmp_path / f"{name}_{kind}.png").stat().st_size > 1000
@@ -49,22 +45,13 @@ def test_simulate_writes_numbers_and_pictures(tmp_path, capsys):
 
 
 @pytest.mark.long
-def test_simulate_takes_a_file_and_a_state_and_draws_a_clip(tmp_path):
-    imageio = pytest.importorskip("imageio.v3")
-    path, clip = tmp_path / "mine.yaml", tmp_path / "arm.gif"
+def test_simulate_takes_a_file_and_a_state(tmp_path):
+    path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(load_scene("four_r_free").to_dict()), encoding="utf-8")
-    words = f"simulate --scene {path} --out {tmp_path} --clip {clip} --seconds 0.2"
-    assert main(f"{words} --q 1 -0.5 0 0.25 --qd 0 0 -1 0".split()) == 0
+    words = f"simulate --scene {path} --out {tmp_path} --seconds 0.2 --q 1 -0.5 0 0.25 --qd 0 0 -1 0"
+    assert main(words.split()) == 0
     first = [float(x) for x in rows(tmp_path / "mine.csv")[0].values()]
     assert first[:9] == [0.0, 1.0, -0.5, 0.0, 0.25, 0.0, 0.0, -1.0, 0.0]
-    assert imageio.imread(clip, index=None).shape[:3] == (6, 480, 480)
-
-
-@pytest.mark.long
-def test_wasm_writes_a_module_and_its_host(tmp_path):
-    assert main(["wasm", "four_r_reach", "--out", str(tmp_path / "made")]) == 0
-    names = {path.name for path in (tmp_path / "made").iterdir()}
-    assert names == {"four_r_reach.json", "four_r_reach.wasm", "kernel.js"}
 
 
 def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
@@ -84,7 +71,6 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
         ("simulate --clip a.gif", "exactly one --scene"),
         ("simulate --scene four_r_free four_r_free", "same name twice"),
         ("simulate --scene four_r_free --seconds -1", "seconds is -1.0"),
-        ("simulate --scene four_r_free --out chain.yaml", "four_r_free.csv is chain.yaml, which"),
         ("study effects Wind --help", "not in the wheel; run there: python -m studies effects Wind --help"),
         ("scene nowhere", SCENES),
         ("scene chain.yaml --drawing chain.svg", "only RPRP and FourR have a drawing"),
@@ -93,10 +79,8 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
         ("verify --quick mine:arm --json ./mine.py --force", "mine.py would be replaced, and is what"),
         ("cache", "relative cannot be used (it is not an absolute path); set REDUNDANT_"),
         ("wasm four_r_free", "scene has no EffortLimits"),
-        ("wasm four_r_reach --out chain.yaml/inner", "chain.yaml"),
         ("export four_r_reach --format sdf --out a", "format is 'sdf'; choose mjcf, urdf, casadi, c"),
         ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are only soft there"),
-        ("export four_r_reach --format c --out .", "is a folder"),
         ("page --policies nowhere", "nowhere, which is no folder"),
     ],
 )
@@ -124,8 +108,7 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert load_scene(yaml.safe_load(printed(name))) == load_scene(name)
     assert printed("four_r_free", "--listing") == listing(load_scene("four_r_free"))
     head, *lines = [line.split() for line in printed(name, "--bill").splitlines()]
-    kinds = ["additions", "products", "divisions", "roots", "sine_pairs", "comparisons", "selections"]
-    assert head == ["of", *kinds, "bytes"]
+    assert (head[0], head[-1]) == ("of", "bytes")
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
@@ -142,16 +125,6 @@ def test_list_names_everything(capsys):
     assert {*registered, *scene_names(), *METHODS} <= {*capsys.readouterr().out.split()}
 
 
-PROGRAM = """
-from redundant_envs.support.progress import counted
-with counted("parts", 2) as done:
-    done("the first")
-    print("a result")
-    done("the second")
-"""
-HIDE = "import importlib.util as u; f = u.find_spec; u.find_spec = lambda n: None if n == 'rich' else f(n)\n"
-
-
 def test_without_a_terminal_progress_is_a_line_every_ten_seconds(capsys, monkeypatch):
     pytest.importorskip("rich", reason="rich is in the extras 'train' and 'verify'")
     now = [100.0]
@@ -166,31 +139,6 @@ def test_without_a_terminal_progress_is_a_line_every_ten_seconds(capsys, monkeyp
     first, second = capsys.readouterr().err.splitlines()
     assert first == "one: 20 %, holds 40 %, 10 s, 40 s left"
     assert second == "one: 40 %, holds 80 %, 20 s, 30 s left"
-
-
-@pytest.mark.long
-@NEEDS_UNIX
-@pytest.mark.parametrize("blocked", [False, True], ids=["rich", "without rich"])
-def test_a_terminal_has_a_bar_if_rich_is_installed(blocked):
-    if not blocked and importlib.util.find_spec("rich") is None:
-        pytest.skip("rich is in the extras 'train' and 'verify'")
-    import pty
-
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-c", HIDE * blocked + PROGRAM]
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, env=environment) as process:
-        os.close(theirs)
-        shown = b""
-        with open(ours, "rb", buffering=0) as terminal:
-            try:
-                while some := terminal.read(4096):
-                    shown += some
-            except OSError:  # the other end is closed
-                pass
-        assert process.stdout.read() == b"a result\n"
-    assert b"the second" in shown
-    assert (b"100 %" in shown) != blocked
 
 
 def test_tables_are_aligned_and_keep_bars_and_commas_in_their_columns(tmp_path):
@@ -237,11 +185,3 @@ def test_a_command_says_once_that_its_output_cannot_be_written():
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2
     assert done.stderr == "redundant_envs: [Errno 28] No space left on device\n"
-
-
-def test_a_pipe_of_other_processes_that_breaks_is_told(capsys):
-    def broken():
-        raise BrokenPipeError(32, "Broken pipe of a worker")
-
-    assert status_of(broken, "error") == 2
-    assert capsys.readouterr().err == "error: [Errno 32] Broken pipe of a worker\n"

@@ -21,14 +21,15 @@ FRAMES = [np.zeros((16, 16, 3), np.uint8)] * 2
 
 @pytest.fixture
 def full(monkeypatch):
-    """Nothing can be written: a file gets its first bytes, and then there is no space left."""
+    """Nothing can be written: a file is begun, and then there is no space left."""
     plain = Path.open
 
     def fail(path, mode="r", *given, **more):
-        if not set(mode) & set("wa"):
-            return plain(path, mode, *given, **more)
-        plain(path, mode, *given, **more).close()
-        raise OSError(errno.ENOSPC, "No space left on device")
+        found = plain(path, mode, *given, **more)
+        if set(mode) & set("wa"):
+            found.close()
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return found
 
     monkeypatch.setattr(Path, "open", fail)
     monkeypatch.setattr(Path, "write_bytes", lambda path, data: path.open("wb"))

@@ -30,8 +30,6 @@ for env_id in ids():
     env.step(env.action_space.sample())
     env.render()
 scenes = [rde.load_scene(name) for name in scene_names()]
-listing = rde.listing(scenes[0])
-assert ", redundant_envs/robots/" in listing and "site-packages" not in listing
 for module in ("torch", "stable_baselines3", "matplotlib", "scipy", "pygame", "mujoco"):
     assert module not in sys.modules
 for module in ("agents", "numba"):
@@ -39,7 +37,6 @@ for module in ("agents", "numba"):
 print(len(ids()), len(scenes))
 """
 USER = """
-import gymnasium as gym
 import numpy as np
 import redundant_envs as rde
 
@@ -50,9 +47,7 @@ energy: float = float(motion.kinetic_energy[-1])
 batch = rde.BatchSimulator(scene, num_envs=2)
 flags = batch.advance(np.zeros((2, 4))).numerics
 mass = arm.mass_matrix(np.zeros(4))
-reveal_type(mass)
 reveal_type(rde.load_scene("rprp_reach"))
-env = gym.make("redundant_envs/RPRPReach-v0")
 WRONG
 """
 
@@ -146,8 +141,7 @@ def test_users_programs_are_type_checked_against_the_wheel(core, tmp_path):
 
     right, bad = checked(""), checked("rde.Scene(arm, substeps='two')")
     assert right.returncode == 0, right.stdout
-    assert 'Revealed type is "redundant_envs.scenes.scene.Scene"' in right.stdout
-    assert "Any" not in right.stdout.splitlines()[1]
+    assert "Any" not in right.stdout
     assert bad.returncode == 1
     assert '"substeps" to "Scene"' in bad.stdout
 

@@ -22,22 +22,17 @@ FOUND = {command: (page.stem, whole) for page in MANUAL for command, whole in co
 QUICK = (
     "python -m redundant_envs list",
     "python -m redundant_envs scene four_r_free --bill",
-    "python -m redundant_envs scene four_r_free --listing",
     "python -m redundant_envs verify --quick four_r_reach",
     "python -m redundant_envs scene rprp_reach --drawing runs/arm.svg",
     "python -m agents table docs/results/runs.jsonl",
-    "python -m agents schema",
     "python docs/examples/play_with_numpy.py policies/RPRPReach-v0-sac",
 )
 SLOWER = (
     "python -m redundant_envs scene rprp_reach --cost",
-    "python -m redundant_envs verify --quick rprp_reach --json runs/found.json --markdown runs/found.md",
     "python -m redundant_envs verify --bits",
     "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",
-    "python -m redundant_envs simulate",
     "python -m redundant_envs verify rprp_reach",
     "python -m studies accuracy --redraw docs/results/accuracy",
-    "python -m agents play FourRReach-v0 --actions random --episodes 1 --clip runs/random.gif",
     "python -m agents curves docs/results/runs.jsonl --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",

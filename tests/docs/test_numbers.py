@@ -1,7 +1,5 @@
 """Tables of pages are those that programs wrote or that the code has now."""
 
-import contextlib
-import io
 import re
 import shlex
 
@@ -11,10 +9,8 @@ from catalogue import IDS
 from markdown import README, RESULTS, ROOT, blocks, rows, text
 
 from redundant_envs.scenes.scene import ACCURACIES
-from redundant_envs_train.config import WITHOUT_EFFECT
-from redundant_envs_train.evidence.runs import read_groups, read_runs
+from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import brief_table, table
-from redundant_envs_train.run_folder import read_config, read_scene
 from studies import strength as strength_run
 from studies.strength import learner_rows, read_rows
 
@@ -23,16 +19,10 @@ def page(name):
     return text(ROOT / "docs" / f"{name}.md")
 
 
-def printed(name, part=""):
-    """What the first Python block of a page with a part prints."""
-    program = next(b for *_, b in blocks(ROOT / "docs" / f"{name}.md", "python") if part in b)
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        exec(program, {})
-    return out.getvalue()
-
-
-def test_evaluations_of_a_control_step_are_those_that_the_page_measures():
-    measured = re.findall(r": ([\d.]+) evaluations per control step", printed("accuracy"))
+def test_evaluations_of_a_control_step_are_those_that_the_page_measures(capsys):
+    ((*_, program),) = blocks(ROOT / "docs" / "accuracy.md", "python")
+    exec(program, {})
+    measured = re.findall(r": ([\d.]+) evaluations per control step", capsys.readouterr().out)
     learned = {r["arm"]: r for r in rows("policy/physics.csv") if r["physics"] == "standard"}
     trained = [f"{float(learned[arm]['evaluations_per_step']):.1f}" for arm in ("RPRP", "4R")]
     for start, expected in (("random, ", measured), ("a trained policy ", trained)):
@@ -65,13 +55,6 @@ def test_figures_of_derived_equations_are_those_of_the_study():
         assert seconds == row["compile_seconds"]
 
 
-def test_what_an_episode_has_drawn_is_what_the_page_says():
-    told = re.search(r"^print\(info.*# what this episode has drawn: (.*)$", page("scenes"), re.M)[1]
-    said, drawn = (re.findall(r"\d+\.\d+", text) for text in (told, printed("scenes", told)))
-    assert len(said) == 2
-    assert [number[: len(x)] for number, x in zip(drawn, said, strict=False)] == said
-
-
 def test_the_accuracies_and_the_environments_are_those_of_the_code():
     stated = dict(re.findall(r'^\| `"(\w+)"` \| (\S+) m \|$', page("accuracy"), re.M))
     assert {name: float(tolerance) for name, tolerance in stated.items()} == ACCURACIES
@@ -96,9 +79,6 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
     made = [line for line in table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")]
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
-
-
-def test_later_seeds_are_those_of_their_table():
     assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")
 
 
@@ -128,19 +108,6 @@ def test_the_ablations_are_those_of_the_table_of_runs(setting):
         restless = f"{run.evaluation['restless']} of {missed}" if missed else "-"
         cells += [f"{100 * run.evaluation['hold_success']:.1f} %", restless]
     assert f"| {ABLATIONS[setting]} | {' | '.join(cells)} |" in page("learners")
-
-
-@pytest.mark.parametrize(("name", "policies"), [("ablations", 10), ("strength/runs", 18)])
-def test_a_row_of_a_study_has_the_policy_of_its_lowest_seed(name, policies):
-    groups = read_groups([RESULTS / f"{name}.jsonl"])
-    first = [same.runs[0] for same in groups if len(same.runs) < 10]  # PPO of full strength has none
-    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.jsonl"): run for run in first}
-    assert {path.parent for path in (RESULTS / name).rglob("policy.zip")} == lowest.keys()
-    assert len(lowest) == policies
-    for folder, run in lowest.items():
-        config = {k: v for k, v in read_config(folder).to_dict().items() if k not in WITHOUT_EFFECT}
-        assert config == {**run.settings, "seed": run.seed}
-        assert read_scene(folder).to_dict() == run.scene
 
 
 def test_results_stay_small():

@@ -3,56 +3,35 @@
 from __future__ import annotations
 
 import csv
-import os
 import shutil
 
-import numpy as np
 import pytest
 import yaml
 
-from redundant_envs import load_scene
 from redundant_envs.scenes.files import config_folder
 from redundant_envs_train.config import checked
 from studies import environments, stops, throughput
 from studies.__main__ import main
 
 CASE = {"arm": "RPRP", "integrator": "rk4", "bar_ns": 28}
-SPEEDS = {"lanes": 32, "repeats": 3, "bar_gflops": 53, "cases": [CASE]}
+UNDER_TOLERANCE = {
+    "arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50,
+}  # fmt: skip
+SPEEDS = {"lanes": 64, "repeats": 3, "bar_gflops": 53, "cases": [CASE, UNDER_TOLERANCE]}
 
 
 @pytest.mark.long
-def test_throughput_writes_columns_and_numbers(tmp_path, capsys):
+def test_throughput_writes_speeds_evaluations_and_true_errors(tmp_path):
     (tmp_path / "c.yaml").write_text(yaml.safe_dump(SPEEDS), encoding="utf-8")
-    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
     assert main(["throughput", "--config", str(tmp_path / "c.yaml"), "--out", str(tmp_path)]) == 0
-    if allowed is not None:
-        assert os.sched_getaffinity(0) == allowed
-    assert "ns_per_step_best" in capsys.readouterr().out
-    (cells,) = csv.DictReader((tmp_path / "throughput.csv").read_text(encoding="utf-8").splitlines())
-    row = {column: yaml.safe_load(cell) for column, cell in cells.items()}
+    lines = (tmp_path / "throughput.csv").read_text(encoding="utf-8").splitlines()
+    row, other = ({c: yaml.safe_load(cell) for c, cell in cells.items()} for cells in csv.DictReader(lines))
     assert tuple(row) == throughput.COLUMNS
     assert 0.0 < row["ns_per_step_best"] <= row["ns_per_step_median"]
     assert row["scaled_bar_ns"] == pytest.approx(28 * 53 / row["dgemm_gflops"], rel=1e-2)
     assert row["within_bar"] == (row["ns_per_step_best"] <= row["scaled_bar_ns"])
-
-
-@pytest.mark.long
-def test_throughput_of_error_control_counts_evaluations_and_true_errors():
-    case = {"arm": "FourR", "integrator": "rk8", "tolerance": 1e-9, "bar_ns": 700, "bar_evaluations": 50}
-    (row,) = throughput.run(checked(throughput.Study, SPEEDS | {"repeats": 1, "cases": [case]}))
-    assert 12.0 < row["evaluations_mean"] < 50.0
-    assert row["share_below_tolerance"] >= 0.98
-    assert row["tolerance"] == 1e-9
-
-
-def test_a_batch_is_filled_with_masses_within_ten_percent_and_its_kernel_is_vectorised():
-    scene = throughput.Case(**CASE).scene
-    batch, _ = throughput.filled_batch(scene, 20)
-    masses = batch._memory.read(("m1", "m2", "m3", "m4"))
-    assert np.ptp(masses[:, 0]) > 0.0
-    assert np.abs(masses / 0.5 - 1.0).max() <= 0.1
-    count, _ = throughput.packed_instructions(scene)
-    assert count is None or count > 100  # None where there is no x86 assembly
+    assert 12.0 < other["evaluations_mean"] < 50.0
+    assert other["share_below_tolerance"] >= 0.98
 
 
 @pytest.mark.parametrize(
@@ -90,14 +69,6 @@ def test_the_study_of_stops_times_both_scenes_at_the_shares_asked_for():
         assert set(row) == set(stops.COLUMNS)
         assert row["ratio"] == pytest.approx(row["ns_with"] / row["ns_without"], rel=0.02)
         assert row["evaluations_with"] > row["evaluations_without"]
-
-
-def test_touching_lanes_are_those_that_a_stop_concerns():
-    scene = load_scene("rprp_reach")
-    q = np.array([[0.0, 0.1, 0.0, 0.1], [0.0, 0.25, 0.0, 0.1], [0.0, 0.249, 0.0, 0.1], [0.0, 0.2, 0.0, 0.0]])
-    qd = np.array([[0.0] * 4, [0.0] * 4, [0.0, 1.0, 0.0, 0.0], [0.0] * 4])
-    got = stops.touching(scene, q, qd, np.zeros((4, 4)))
-    np.testing.assert_array_equal(got, [False, True, True, True])
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import re
 import shutil
 
@@ -85,9 +86,7 @@ def goal(tab):
     return tab.evaluate("app.seen.goal")
 
 
-def test_the_page_is_four_small_files(site):
-    files = sorted(path.name for path in site.iterdir())
-    assert files == ["data.js", "index.html", "kernel.js", "page.js"]
+def test_the_page_is_small(site):
     assert sum(path.stat().st_size for path in site.iterdir()) <= MAX_BYTES
 
 
@@ -142,33 +141,7 @@ def test_the_goal_is_dragged_and_stays_within_reach(opened):
     tab.wait_for_function("location.hash.includes('goal=0.95')")
 
 
-def test_the_goal_stays_within_reach_of_shorter_links(opened):
-    tab = opened("#arm=FourR&who=torque&goal=0.9,0.2")
-    tab.click("#pause")
-    tab.click("summary")
-    for k in range(4):
-        tab.fill(f"#length_{k + 1}", "0.1")
-    tab.wait_for_function("Math.abs(app.seen.reach - 0.4) < 1e-9")
-    assert tab.evaluate("Math.hypot(...app.goal)") == pytest.approx(0.38)
-
-
-def test_a_goal_that_is_moved_at_a_new_start_is_the_one_that_is_drawn(opened):
-    tab = opened("#arm=RPRP&who=torque")
-    tab.evaluate("app.begin(); app.aim([0.3, 0.4])")
-    tab.wait_for_timeout(500)
-    assert tab.evaluate("[app.goal, app.seen.goal]") == [[0.3, 0.4], [0.3, 0.4]]
-
-
-def test_a_goal_stays_held_while_a_slider_moves(opened):
-    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
-    tab.wait_for_function("app.seen.held[0] !== null")
-    first = tab.evaluate("app.seen.held[0]")
-    tab.fill("#gravity", "9.5")
-    tab.wait_for_timeout(500)
-    assert tab.evaluate("app.seen.held[0]") == first > 20
-
-
-def test_a_push_moves_the_tip_unless_it_is_off(opened):
+def test_a_push_moves_the_tip(opened):
     tab = opened("#arm=FourR&who=nobody&goal=0.3,0.4")
     tab.click("#switch_gravity")
     tab.wait_for_timeout(1500)
@@ -176,17 +149,11 @@ def test_a_push_moves_the_tip_unless_it_is_off(opened):
     tab.mouse.move(*screen(tab, (before[0], before[1] + 0.3)))
     tab.mouse.down()
     tab.wait_for_timeout(400)
-    push = tab.evaluate("app.push")
+    assert 0.0 < tab.evaluate("Math.hypot(...app.push)") <= 100.0001
     tab.mouse.up()
     after = tab.evaluate("app.seen.points[0].at(-1)")
-    assert 0.0 < sum(x * x for x in push) <= 100.0**2 * 1.000001
-    assert sum((a - b) ** 2 for a, b in zip(after, before, strict=True)) > 0.05**2
+    assert math.dist(after, before) > 0.05
     assert tab.evaluate("app.push") == [0, 0]
-    tab.click("#switch_tip_force")
-    tab.mouse.move(*screen(tab, (-0.5, -0.5)))
-    tab.mouse.down()
-    assert tab.evaluate("app.push") == [0, 0]
-    assert "Off: push" in tab.inner_text("#off").replace("gravity, ", "")
 
 
 def test_all_can_be_done_from_the_keyboard(opened):
@@ -266,61 +233,33 @@ def test_values_of_an_address_that_cannot_be_are_named(opened):
         assert tab.input_value("#arm") == "RPRP"
 
 
-@pytest.mark.parametrize(
-    ("init", "said"),
-    [
-        ("WebAssembly.validate = () => false;", "no WebAssembly vectors"),
-        ("delete globalThis.WebAssembly;", "no WebAssembly"),
-    ],
-)
-def test_a_browser_that_cannot_run_it_is_told(init, said, opened):
-    tab = opened(ready="trouble.textContent", init=init)
-    assert said in tab.inner_text("#trouble")
+def test_a_browser_without_webassembly_is_told(opened):
+    tab = opened(ready="trouble.textContent", init="delete globalThis.WebAssembly;")
+    assert "no WebAssembly" in tab.inner_text("#trouble")
 
 
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("kernel.js", lambda text: ""),
-        ("data.js", lambda text: text[: len(text) // 2]),
-        ("data.js", lambda text: re.sub("([A-Za-z])([A-Za-z])(?=[A-Za-z]{40000})", r"\2\1", text, count=1)),
-    ],
-    ids=["kernel away", "data cut", "data changed"],
-)
-def test_damaged_files_are_told(name, change, opened, site, tmp_path):
+@pytest.mark.parametrize("name", ["kernel.js", "data.js"])
+def test_a_damaged_file_is_told(name, opened, site, tmp_path):
     shutil.copytree(site, tmp_path / "page")
     file = tmp_path / "page" / name
-    file.write_text(change(file.read_text()))
+    text = file.read_text()
+    middle = len(text) // 2
+    changed = text[:middle] + ("A" if text[middle] != "A" else "B") + text[middle + 1 :]
+    file.write_text(changed if name == "data.js" else "")
     tab = opened(folder=tmp_path / "page", ready="trouble.textContent")
     assert f"{name} is damaged or missing" in tab.inner_text("#trouble")
     opened.told.clear()  # the browser itself says that the script is none
 
 
-HOPELESS = {
-    "an endless push": """app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", Infinity]]})""",
-    "an impossible accuracy": """const values = {...app.values(), tip_tolerance: 1e-16};
-      app.send({do: "set", values, order: app.order});
-      for (let k = 0; k < 3; k++) app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", 1e6]]})""",
-}
-
-
-@pytest.mark.parametrize("what", HOPELESS)
-def test_a_hopeless_step_is_named_and_a_new_episode_begins(what, opened):
+def test_a_hopeless_step_is_named_and_a_new_episode_begins(opened):
     tab = opened("#arm=RPRP&who=nobody&accuracy=12")
-    tab.evaluate(f"app.waiting = performance.now(); app.pictures = 0; {HOPELESS[what]}")
+    tab.evaluate("""app.waiting = performance.now(); app.pictures = 0;
+      app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", Infinity]]})""")
     tab.wait_for_timeout(300)
     assert tab.evaluate("app.pictures") >= 3  # it goes on drawing meanwhile
     tab.wait_for_function("trouble.textContent.startsWith('numerics: ')", timeout=30_000)
     tab.wait_for_function("app.seen.steps > 2", timeout=30_000)
     assert all(abs(x) < 2.0 for place in tab.evaluate("app.seen.points[0]") for x in place)
-
-
-def test_what_is_asked_for_during_a_hopeless_step_is_done(opened):
-    tab = opened("#arm=RPRP&who=nobody")
-    tab.evaluate(f"app.waiting = performance.now(); {HOPELESS['an endless push']}")
-    tab.evaluate("location.hash = '#arm=FourR&who=torque&goal=-0.5,0.2'")
-    tab.wait_for_function("app.seen.arm === 'FourR' && app.seen.steps > 5", timeout=30_000)
-    assert tab.evaluate("[app.goal, app.seen.goal]") == [[-0.5, 0.2], [-0.5, 0.2]]
 
 
 def test_a_failure_of_the_worker_is_told_and_does_not_stop_the_page(opened):
@@ -331,7 +270,7 @@ def test_a_failure_of_the_worker_is_told_and_does_not_stop_the_page(opened):
     tab.wait_for_function(f"app.seen.steps > {steps + 5}")
 
 
-@pytest.mark.parametrize("off", [[], ["gravity"], ["gravity", "tip_force"]], ids=str)
+@pytest.mark.parametrize("off", [[], ["gravity", "tip_force"]], ids=str)
 def test_switches_change_the_simulation_and_the_bill(off, opened):
     tab = opened("#arm=RPRP&who=nobody")
     tab.fill("#gravity", "3.7")
@@ -391,13 +330,3 @@ def test_a_choice_of_mover_keeps_the_numbers_that_were_set(opened):
     assert tab.evaluate("[app.values()['gravity.g'], [...app.off]]") == [1.62, ["viscous_friction"]]
     assert tab.input_value("#policy") == "PPO"
     assert not tab.is_checked("#next")
-
-
-def test_choices_work_after_a_long_drag(opened):
-    """Browsers let a page change its address only so often."""
-    tab = opened("#arm=RPRP&who=torque")
-    tab.evaluate("""new Promise((done) => { let k = 0; const timer = setInterval(() => {
-      app.aim([0.4 * Math.cos(0.05 * k), 0.4 * Math.sin(0.05 * k)]);
-      if (++k > 300) { clearInterval(timer); done(); } }, 15); })""")
-    tab.select_option("#arm", "FourR")
-    tab.wait_for_function("app.seen.arm === 'FourR' && location.hash.includes('arm=FourR')")
