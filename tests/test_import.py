@@ -13,11 +13,6 @@ MODULES = ("__main__", "algebra", "effects", "robots.arm", "tasks.reach", "model
 FIRST = {
     **{name: f"import redundant_envs.{name}; {LOAD}" for name in MODULES},
     "scene": LOAD,
-    "an unknown arm": (
-        "from redundant_envs.scenes.scene import Scene\n"
-        "try: Scene.from_dict({'robot': {'type': 'Delta'}})\n"
-        "except ValueError as error: assert 'valid: Chain, FourR, RPRP' in str(error)"
-    ),
     "symbols, also if one was tried before": (
         "import contextlib, sympy; from redundant_envs.algebra import sqrt\n"
         f"with contextlib.suppress(TypeError): sqrt({SYMPY})\n"
@@ -42,10 +37,3 @@ def test_a_module_works_as_the_first_import():
     program = [sys.executable, "-c", EACH.format(programs=FIRST)]
     run = subprocess.run(program, capture_output=True, text=True)
     assert (run.returncode, run.stdout) == (0, ""), run.stderr
-
-
-def test_the_name_of_the_first_core_says_what_took_its_place():
-    import redundant_envs
-
-    with pytest.raises(AttributeError, match=r"rde\.listing\(scene\).*rde\.bill\(scene\)"):
-        redundant_envs.evaluators  # noqa: B018

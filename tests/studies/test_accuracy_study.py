@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import importlib.util
-import math
 import re
 
 import numpy as np
@@ -57,26 +56,6 @@ def test_deviations_of_the_upright_arm_grow_with_the_known_exponent():
     start = q, 0.0 * q, 0.0 * q
     growth = [s * metrics.lyapunov(HANGING, start, s) for s in (1.0, 1.5)]
     np.testing.assert_allclose((growth[1] - growth[0]) / 0.5, np.sqrt(9.395070912301 * 9.81 / 0.5), rtol=1e-3)
-
-
-def row(peer, method, ns, p99):
-    return {"peer": peer, "method": method, "setting": "1 x 20 ms", "ns_best": ns, "tip_mm_p99": p99,
-            "evaluations": 4.0}  # fmt: skip
-
-
-def test_an_answer_is_the_cheapest_method_below_an_error():
-    rows = [
-        row("", "rk4", 40.0, 0.5),
-        row("", "rk8", 120.0, 1e-5),
-        row("", "lost", 1.0, math.inf),
-        row("mujoco", "MuJoCo RK4", 3600.0, 0.5),
-        row("mujoco", "MuJoCo Euler", 17000.0, 0.8),
-        row("scipy", "SciPy RK45", 10.0, 1e-9),
-    ]
-    first, second, third = accuracy.answers(rows, [1.0, 1e-4, 1e-8])
-    assert (first.ours["method"], first.mujoco["method"], first.ratio) == ("rk4", "MuJoCo RK4", 90.0)
-    assert (second.ours["method"], second.mujoco, third.ours) == ("rk8", None, None)
-    assert accuracy.cheapest(rows, "", 0.5) is rows[1]  # below, not at
 
 
 @pytest.mark.parametrize(

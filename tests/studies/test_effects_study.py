@@ -52,15 +52,6 @@ def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys, mo
         assert (tmp_path / f"effects.{kind}").stat().st_size > 1000
 
 
-def test_an_example_without_a_row_of_ceilings_is_told(tmp_path, monkeypatch):
-    page = effects.PAGES / "disc.md"
-    kept = [row for row in page.read_text(encoding="utf-8").splitlines() if "along_links=True" not in row]
-    (tmp_path / page.name).write_text("\n".join(kept), encoding="utf-8")
-    monkeypatch.setattr(effects, "PAGES", tmp_path)
-    with pytest.raises(ValueError, match=r"disc.md has ceilings of 1 examples of 2; give each a row"):
-        effects.ceilings_of(rde.effects.Disc)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

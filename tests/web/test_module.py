@@ -150,14 +150,6 @@ def test_the_example_of_the_manual_runs(node, written):
     assert [line.partition(":")[0] for line in lines[1:]] == [f"to {x} m" for x in tolerances]
 
 
-def test_the_description_is_json_without_infinities(written):
-    description = json.loads((written("chain") / "chain.json").read_text(), parse_constant=pytest.fail)
-    unlimited = module.environment_module(SCENES["chain"], ReachTask(), None).description
-    row = description["rows"]["parameter"]["limit"]
-    assert description["initial"]["parameter"][row] == STEPS
-    assert json.loads(module.as_json(unlimited))["initial"]["parameter"][row] == "Infinity"
-
-
 @pytest.mark.parametrize(("lacks", "said"), [(e.EffortLimits, "EffortLimits"), (e.PrismaticStop, "limit")])
 def test_a_scene_that_no_environment_has_is_refused(lacks, said, tmp_path):
     rest = tuple(one for one in SCENES["rprp_reach"].effects if not isinstance(one, lacks))
