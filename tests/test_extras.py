@@ -28,9 +28,8 @@ for call in {calls!r}:
         try:
             if "import" in call:
                 exec(call, {{}})
-            else:
-                module, *words = call.split()
-                told.append([importlib.import_module(f"{{module}}.__main__").main(words), err.getvalue()])
+            module, *words = call.split()
+            told.append([importlib.import_module(f"{{module}}.__main__").main(words), err.getvalue()])
         except ImportError as error:
             told.append([type(error).__name__, str(error)])
         except SystemExit as end:

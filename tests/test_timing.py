@@ -9,15 +9,7 @@ from redundant_envs.support.timing import Times, by_turns
 def samplers(**lengths):
     """Samplers with known times, and the order in which they are asked."""
     order = []
-
-    def sampler(name, length):
-        def sample():
-            order.append(name)
-            return length
-
-        return sample
-
-    return order, {name: sampler(name, length) for name, length in lengths.items()}
+    return order, {name: lambda name=name: order.append(name) or lengths[name] for name in lengths}
 
 
 def test_things_take_turns_and_those_with_fewer_have_them_at_equal_distances():

@@ -5,16 +5,11 @@ import pytest
 from catalogue import by_another_account
 
 from redundant_envs.effects import CommandDelay, CoulombFriction, JointStop
-from redundant_envs.robots import Chain, FourR
+from redundant_envs.robots import Chain
 from redundant_envs.scenes.scene import Scene
 from studies import drawn_families, intervals
 from studies.another_account import Account
 from studies.drawn_families import DrawnFamily, moving_effects
-
-
-def account_of(scene, efforts):
-    """Another account of the lanes of a scene."""
-    return Account(scene, {name: np.array([value]) for name, value in scene.parameters().items()}, efforts)
 
 
 def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():
@@ -29,8 +24,9 @@ def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():
 def test_another_account_crosses_an_instant():
     """A slider of 2 kg at 1 m/s: for 6 ms the command before acts, which pulls with 1 N, then 3 N."""
     scene = Scene(Chain("P", (2.0,)), (CommandDelay(0.006, 0.006),), control_dt=0.02)
-    sent = {"command_delay.sent[0]": np.array([-1.0])}
-    tip = account_of(scene, np.array([[3.0]])).after(np.zeros((1, 1)), np.ones((1, 1)), sent, 1e-13)
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    account, sent = Account(scene, numbers, np.array([[3.0]])), {"command_delay.sent[0]": np.array([-1.0])}
+    tip = account.after(np.zeros((1, 1)), np.ones((1, 1)), sent, 1e-13)
     first = 0.006 - 0.25 * 0.006**2
     assert tip[0, 0] == pytest.approx(first + (1.0 - 0.5 * 0.006) * 0.014 + 0.75 * 0.014**2, abs=1e-15)
 
@@ -47,16 +43,6 @@ def test_another_account_strikes_a_stop_slips_and_rests():
     scene = Scene(arm, (JointStop((None,), (end,), 0.5),), control_dt=0.7)
     q, qd = by_another_account(scene, np.full((1, 1), 0.05), np.zeros((1, 1)), np.full((1, 1), 5.0))[0]
     assert (q[0], qd[0]) == (end, 0.0)
-
-
-def test_another_account_knows_efforts_on_coordinates():
-    """4R of 2 kg in 20 ms: what acts at the joints, Q = B t, and the same on the coordinates."""
-    arm, efforts = FourR((0.5,) * 4, (0.4,) * 4), np.array([[3.0, -2.0, 1.0, 0.5]])
-    start, still, tips = np.array([[0.1, 0.5, 1.0, 2.0]]), np.zeros((1, 4)), []
-    for actuation, given in (("joint", efforts), ("generalized", efforts @ arm.motor_map.T)):
-        scene = Scene(arm, control_dt=0.02, actuation=actuation)
-        tips.append(account_of(scene, given).after(start, still, {}, 1e-13))
-    assert tips[0] == pytest.approx(tips[1], abs=1e-13)  # to which both are integrated
 
 
 class Loose(DrawnFamily):

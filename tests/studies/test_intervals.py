@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies import estimates, intervals
+from studies import intervals
 from studies.interval_families import FAMILIES
 
 
@@ -22,8 +22,7 @@ def only(monkeypatch):
     """Let the study have some families, and none that are drawn."""
 
     def of_names(*names):
-        for study in (intervals, estimates):
-            monkeypatch.setattr(study, "FAMILIES", [f for f in FAMILIES if f.name in names])
+        monkeypatch.setattr(intervals, "FAMILIES", [f for f in FAMILIES if f.name in names])
         monkeypatch.setitem(intervals.DRAWN, "intervals", 0)
 
     return of_names
@@ -44,14 +43,3 @@ def test_the_same_intervals_are_judged_at_several_tolerances(only):
     assert tight == own
     assert (loose["tolerance"], loose["family"]) == (1e-3, own["family"])
     assert loose["evaluations"] < tight["evaluations"]
-
-
-@pytest.mark.long
-def test_estimates_are_compared_with_errors_and_drawn(only):
-    only("4R, smooth")
-    rows = estimates.run(4096, seed=3)
-    assert [tuple(row) for row in rows] == [estimates.COLUMNS] * len(rows)
-    assert sum(row["steps"] for row in rows) > 2000
-    assert all(float(row["median"]) <= float(row["q999"]) <= float(row["estimate"]) for row in rows)
-    assert not any(row["beyond"] for row in rows)
-    assert estimates.figure(rows).axes
