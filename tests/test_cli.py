@@ -1,4 +1,4 @@
-"""The command line: files, output, refusals, progress and tables."""
+"""The command line: files, output and refusals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import shlex
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -19,8 +18,6 @@ from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
-from redundant_envs.support.progress import progress_bars
-from redundant_envs.support.tables import markdown, table, write_rows
 
 CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n"
 SCENES = ", ".join(scene_names())
@@ -123,31 +120,6 @@ def test_list_names_everything(capsys):
     assert main(["list"]) == 0
     registered = {i for i in gym.registry if i.startswith("redundant_envs/")}
     assert {*registered, *scene_names(), *METHODS} <= {*capsys.readouterr().out.split()}
-
-
-def test_without_a_terminal_progress_is_a_line_every_ten_seconds(capsys, monkeypatch):
-    pytest.importorskip("rich", reason="rich is in the extras 'train' and 'verify'")
-    now = [100.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    with progress_bars() as bars:
-        bars.get_time = lambda: now[0]
-        one = bars.add_task("one", total=200, note="")
-        bars.add_task("waits", total=1, note="", start=False)
-        for steps in range(0, 100, 4):
-            bars.update(one, completed=steps, note=f"holds {steps} %")
-            now[0] += 1.0
-    first, second = capsys.readouterr().err.splitlines()
-    assert first == "one: 20 %, holds 40 %, 10 s, 40 s left"
-    assert second == "one: 40 %, holds 80 %, 20 s, 30 s left"
-
-
-def test_tables_are_aligned_and_keep_bars_and_commas_in_their_columns(tmp_path):
-    head, lines = ("name", "x"), [("a", 1.5), ("a|b", None)]
-    assert table(head, lines).splitlines() == ["name     x", "   a   1.5", " a|b  None"]
-    assert markdown(head, lines).splitlines()[2:] == ["| a | 1.5 |", r"| a\|b | None |"]
-    path = tmp_path / "new" / "rows.csv"
-    write_rows([{"name": "a,b", "x": None}], head, path)
-    assert path.read_text(encoding="utf-8").splitlines() == ["name,x", '"a,b",']
 
 
 @pytest.mark.quick("list")

@@ -111,24 +111,14 @@ def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
     packages, empty = tmp_path / "packages", tmp_path / "empty"
     empty.mkdir()
     subprocess.run([*PIP, "install", "--no-deps", "--target", str(packages), str(wheel)], check=True)
+    begin = f"import sys; sys.path.insert(0, {str(packages)!r}); import redundant_envs_train.__main__ as m; "
+    begin += "print(m.__file__, file=sys.stderr); sys.exit(m.main(sys.argv[1:]))"
     small = "num_envs=64 ppo.n_steps=16 ppo.batch_size=512 total_steps=2048 curve_episodes=10"
     small += " evaluation_episodes=10 env_kwargs.max_episode_steps=20 --out run"
-    begin = f"""
-import sys
-sys.path.insert(0, {str(packages)!r})
-import redundant_envs
-from redundant_envs_train.__main__ import main
-print(redundant_envs.__file__, sys.modules["redundant_envs_train"].__file__, file=sys.stderr)
-assert main(["train", "nothing"]) == 2
-sys.exit(main(sys.argv[1:]))
-"""
     done = call(sys.executable, "-c", begin, "train", "rprp_reach_ppo", *small.split(), folder=empty)
     assert done.returncode == 0, done.stderr
-    assert "four_r_reach_sac" in done.stderr.splitlines()[1]  # of the presets that there are
-    assert all(Path(file).is_relative_to(packages) for file in done.stderr.splitlines()[0].split())
-    assert (empty / "run" / "clip.mp4").stat().st_size > 1000
-    text = (empty / "run" / "report.md").read_text()
-    assert "`redundant-envs-train train run/config.yaml`" in text
+    assert Path(done.stderr.splitlines()[0]).is_relative_to(packages)
+    assert "`redundant-envs-train train run/config.yaml`" in (empty / "run" / "report.md").read_text()
     assert json.loads((empty / "run" / "evaluation.json").read_text())["episodes"] == 10
 
 
@@ -158,7 +148,6 @@ def test_the_wheel_tells_what_it_is(wheel):
         if path.is_file() and path.suffix != ".pyc"
     }
     assert wanted - {*names} == set()
-    assert not [name for name in names if "studies" in name]
     roots = {name.partition("/")[0].partition("-")[0] for name in names}
     assert roots == {"redundant_envs", "redundant_envs_train"}
     core = {re.match(r"[\w-]+", d)[0] for d in about.get_all("Requires-Dist") if "extra ==" not in d}

@@ -54,7 +54,4 @@ def commands(page: Path) -> dict[str, bool]:
     in_blocks = [line for *_, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
     found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
     found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}
-    return {line: whole for line, whole in found.items() if line.startswith(COMMANDS)}
-
-
-COMMANDS = "python -m ", "python docs/examples"
+    return {line: whole for line, whole in found.items() if line.startswith(("python -m ", "python docs/examples"))}

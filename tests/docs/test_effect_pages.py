@@ -20,11 +20,6 @@ def page_of(name):
     return FOLDER / f"{snake_case(name)}.md"
 
 
-def entries_of(name):
-    """The examples of an effect, which the study times."""
-    return [entry for entry in STUDY.entries.values() if type(entry.effect).__name__ == name]
-
-
 def test_every_page_is_of_an_effect():
     pages = {path.stem for path in FOLDER.glob("*.md")} - {"README"}
     assert pages == {snake_case(name) for name in KINDS}
@@ -36,19 +31,9 @@ def test_the_numbers_of_a_page_are_those_of_the_effect_with_their_units(name):
     rows = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
     units = {re.match(r" `(?:\w+\.)*(\w+)", number)[1]: unit for number, unit in rows}
     assert set(units) == {field.name for field in dataclasses.fields(KINDS[name]) if field.init}
-    entry = entries_of(name)[0]
+    entry = STUDY.entries[name]
     for number, unit in entry.effect.units(entry.arm.robot).items():
         assert unit in units[number.partition("[")[0]], number
-
-
-@EVERY
-def test_the_costs_of_a_page_are_of_the_examples_that_are_timed(name):
-    for entry in entries_of(name):
-        fields = {f.name: f.default for f in dataclasses.fields(entry.effect)}
-        given = [(n, getattr(entry.effect, n)) for n in fields if getattr(entry.effect, n) != fields[n]]
-        call = f"{name}({', '.join(f'{n}={value!r}' for n, value in given)})"
-        costs = " | ".join(f"{most:g}" for _, most in entry.ceilings)
-        assert f"\n| `{call}` | {costs} |\n" in text(page_of(name))
 
 
 @pytest.mark.quick("Armature")

@@ -50,16 +50,3 @@ def test_the_study_writes_its_files_and_judges_its_ceilings(tmp_path, capsys, mo
     ]
     for kind in ("png", "svg"):
         assert (tmp_path / f"effects.{kind}").stat().st_size > 1000
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"lanes": 0}, "lanes is 0; give a whole number from 1"),
-        ({"scenes": {"nowhere": {"step": 1.0, "tolerance": 1.0}}}, "unknown key 'nowhere'; valid: cheap"),
-        ({"scenes": {"four_r_free": {"step": 1.0}}}, "scenes.four_r_free.tolerance is missing"),
-    ],
-)
-def test_a_wrong_config_is_refused(change, said):
-    with pytest.raises(ValueError, match=said):
-        checked(effects.Study, {**SHIPPED, **change})

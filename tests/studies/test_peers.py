@@ -91,15 +91,7 @@ def test_a_peer_refuses_what_it_cannot_express(change, said):
         peers.scipy_motion(scene, "RK45", 1e-3, states(scene.robot), DURATION)
 
 
-@pytest.mark.parametrize(
-    ("how", "said"),
-    [
-        ({"integrator": "rk4"}, "integrator is 'rk4'; choose Euler"),
-        ({"limits": {4: (0.0, 1.0)}}, "limits has the joint 4"),
-        ({"dt": 0.03}, "whole number of steps"),
-    ],
-)
-def test_a_wrong_method_step_or_limit_is_refused(how, said):
-    given = {"integrator": "RK4", "dt": 1e-3, "start": states(ROBOTS["FourR"]), **how}
-    with pytest.raises(ValueError, match=said):
-        mujoco_ends(scene_of("FourR"), **given)
+def test_a_method_or_a_step_that_mujoco_has_not_is_refused():
+    for integrator, dt, said in (("rk4", 1e-3, "integrator is 'rk4'; choose Euler"), ("RK4", 0.03, "whole")):
+        with pytest.raises(ValueError, match=said):
+            mujoco_ends(scene_of("FourR"), integrator, dt, states(ROBOTS["FourR"]))

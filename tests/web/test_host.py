@@ -126,27 +126,3 @@ def test_a_parameter_that_is_set_is_not_drawn_until_a_restart(told):
     assert first != other
     assert (fixed, mass) == ([1.62, 1.62], 0.7)
     assert drawn == first
-
-
-def test_kernels_write_into_their_arrays_alone(told):
-    """Between all arrays there are guards, which a whole episode leaves as they are."""
-    assert told("gears", """
-      class Guarded extends Simulator {
-        _sizes(width) {
-          const sizes = {};
-          for (const [name, size] of Object.entries(super._sizes(width))) {
-            sizes[name] = size; sizes[`guard of ${name}`] = ["u32", 256];
-          }
-          return sizes;
-        }
-      }
-      const s = new Guarded(description, code, 2);
-      const guards = Object.keys(s._arrays).filter((name) => name.startsWith("guard"));
-      for (const name of guards) s._arrays[name].fill(0xdeadbeef);
-      s.reset([1, 2, 3, 4]);
-      for (let k = 0; k < 100; k++) {
-        for (const lane of [0, 1]) s.actions(lane).fill(lane ? -1 : 1);
-        s.step(); s.arm(1); s.prepare();
-      }
-      tell(guards.length > 10 && guards.every((name) => s._arrays[name].every((x) => x === 0xdeadbeef)));
-    """)  # fmt: skip

@@ -148,12 +148,3 @@ def test_the_example_of_the_manual_runs(node, written):
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     tolerances = ("0.01", "0.0001", "0.000001", "1e-9", "1e-12")
     assert [line.partition(":")[0] for line in lines[1:]] == [f"to {x} m" for x in tolerances]
-
-
-@pytest.mark.parametrize(("lacks", "said"), [(e.EffortLimits, "EffortLimits"), (e.PrismaticStop, "limit")])
-def test_a_scene_that_no_environment_has_is_refused(lacks, said, tmp_path):
-    rest = tuple(one for one in SCENES["rprp_reach"].effects if not isinstance(one, lacks))
-    scene = dataclasses.replace(SCENES["rprp_reach"], effects=rest)
-    with pytest.raises(ValueError, match=said):
-        module.write(scene, ReachTask(), "arm", tmp_path / "arm")
-    assert not [*tmp_path.iterdir()]

@@ -1,4 +1,4 @@
-"""Trained policies in JavaScript: the actions of stable-baselines3, and of computed torque."""
+"""Trained policies in JavaScript: the actions of stable-baselines3."""
 
 import base64
 import json
@@ -8,8 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import redundant_envs as rde
-from redundant_envs.control import computed_torque
 from redundant_envs.web import module, page
 
 pytestmark = pytest.mark.long
@@ -24,25 +22,6 @@ const n = about.sizes[0], actions = [];
 for (let k = 0; k < all.length; k += n) actions.push(Array.from(policy.act(all.subarray(k, k + n))));
 console.log(JSON.stringify(actions));
 """
-PLAN = """
-const { Simulator, ComputedTorque } = require("./kernel.js"), fs = require("fs");
-const description = JSON.parse(fs.readFileSync("arm.json"));
-const code = new WebAssembly.Module(fs.readFileSync("arm.wasm"));
-const controller = new ComputedTorque(new Simulator(description, code));
-const actions = JSON.parse(fs.readFileSync(0)).map(({ q, goal, motion }) => {
-  controller.begin(q, goal);
-  return motion.map(([place, rate]) => controller.act(place, rate));
-});
-console.log(JSON.stringify(actions));
-"""
-
-
-def in_node(node, program, given, folder=None):
-    text = json.dumps(given)
-    done = subprocess.run(
-        [node, "-e", program], input=text, capture_output=True, text=True, check=True, cwd=folder
-    )
-    return np.array(json.loads(done.stdout))
 
 
 @pytest.mark.parametrize("learner", page.LEARNERS)
@@ -53,38 +32,19 @@ def test_policies_act_as_stable_baselines3_predicts(arm, learner, node):
 
     folder = ROOT / "policies" / f"{arm}Reach-v0-{learner}"
     envs = gym.make_vec(f"redundant_envs/{arm}Reach-v0", num_envs=100)
-    seen = envs.reset(seed=77)[0].astype("<f4")
+    envs.reset(seed=77)
+    envs.action_space.seed(1)
+    moving = [envs.step(envs.action_space.sample())[0] for _ in range(10)]
+    seen = np.concatenate(moving).astype("<f4")
     about, weights = page.policy(folder / "policy.npz", seen.shape[1], 4)
     coded = {name: base64.b64encode(x.astype("<f4").tobytes()).decode()
              for name, x in (("weights", weights), ("observations", seen))}  # fmt: skip
-    found = in_node(node, ACT, {**about, **coded})
+    given = json.dumps({**about, **coded})
+    done = subprocess.run([node, "-e", ACT], input=given, capture_output=True, text=True, check=True)
     model = getattr(sb3, learner.upper()).load(folder / "policy.zip", device="cpu")
     exact = layers.Exact(model.policy)(torch.as_tensor(seen)).detach().numpy()
     assert exact.std() > 0.1
-    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
-def test_computed_torque_acts_as_in_python(name, node, tmp_path):
-    scene, rng = rde.load_scene(name), np.random.default_rng(5)
-    module.write(scene, rde.ReachTask(), "arm", tmp_path)
-    count, steps = 20, 30
-    phi = rng.uniform(-2.0, 2.0, (count, 4))
-    phi[:, list(scene.robot.sliders())] = rng.uniform(0.02, 0.23, (count, len(scene.robot.sliders())))
-    q = phi @ np.linalg.inv(scene.robot.motor_map)
-    angle, radius = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.2, 0.9, count)
-    goals = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
-    motion = rng.uniform(-0.05, 0.05, (count, steps, 2, 4))
-    motion[:, :, 0] += q[:, None]
-    given = [
-        {"q": a.tolist(), "goal": b.tolist(), "motion": c.tolist()}
-        for a, b, c in zip(q, goals, motion, strict=True)
-    ]
-    found = in_node(node, PLAN, given, tmp_path)
-    expert = computed_torque.ComputedTorque(scene)
-    expert.begin(q, goals)
-    expected = [expert.action(k * scene.control_dt, motion[:, k, 0], motion[:, k, 1]) for k in range(steps)]
-    np.testing.assert_allclose(found, np.stack(expected, axis=1), rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(json.loads(done.stdout), exact, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
