@@ -43,18 +43,6 @@ def test_speeds_are_those_of_the_tables():
         assert f"{float(row['cartpole_us_per_step']):.1f} us" in what
 
 
-def test_figures_of_derived_equations_are_those_of_the_study():
-    measured = {
-        r["arm"]: r for r in rows("throughput.csv") if r["integrator"] == "rk8" and not r["tolerance"]
-    }
-    said = re.findall(r"^\| `(.+?)` \| .+? \| (\d+) \| ([\d.]+) s \|$", page("extending"), re.M)
-    assert len(said) == len(measured) == 4
-    for arm, nanoseconds, seconds in said:
-        row = measured[re.sub(r'\("(\w+)"\)', r" \1", arm)]
-        assert int(nanoseconds) == round(float(row["ns_per_step_best"]))
-        assert seconds == row["compile_seconds"]
-
-
 def test_the_accuracies_and_the_environments_are_those_of_the_code():
     stated = dict(re.findall(r'^\| `"(\w+)"` \| (\S+) m \|$', page("accuracy"), re.M))
     assert {name: float(tolerance) for name, tolerance in stated.items()} == ACCURACIES

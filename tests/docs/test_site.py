@@ -1,7 +1,6 @@
 """The site: the pages that are written from the code, and a build without warnings."""
 
 import re
-import shutil
 import subprocess
 import sys
 
@@ -15,35 +14,12 @@ from redundant_envs.scenes.tableaus import METHODS
 HERE = ROOT / "docs" / "site"
 
 
-@pytest.fixture(scope="module")
-def reference():
-    """The module that writes pages from the code."""
+def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monkeypatch, capsys):
     for needed in ("imageio", "matplotlib"):
         pytest.importorskip(needed)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(HERE))
-        import reference
+    monkeypatch.syspath_prepend(str(HERE))
+    import reference
 
-        yield reference
-
-
-def test_the_index_of_effects_has_the_sentence_of_each_page_and_those_that_no_group_links(
-    reference, tmp_path
-):
-    shutil.copytree(ROOT / "docs" / "effects", tmp_path, dirs_exist_ok=True)
-    (tmp_path / "wind.md").write_text("# Wind\n\nAir that moves.\n\n## Equation\n", encoding="utf-8")
-    index = reference.index_of_effects(tmp_path)
-    for page in {*tmp_path.glob("*.md")} - {tmp_path / "README.md"}:
-        title, sentence = page.read_text(encoding="utf-8").split("\n\n")[:2]
-        assert index.count(f"\n| [`{title[2:]}`]({page.name}) | {sentence} |\n") == 1
-    *_, others, _ = index.split("\n## ")
-    assert others.startswith("Others\n")
-    assert "](wind.md)" in others
-
-
-def test_pages_from_the_code_have_every_scene_method_and_public_name_and_their_blocks_run(
-    reference, monkeypatch, capsys
-):
     monkeypatch.setattr(reference, "bill_of_scene", lambda name: "")  # which takes seconds
     pages = reference.pages()
     assert {f"environments/{env_id.partition('/')[2]}.md" for env_id in reference.OWN_IDS} <= pages.keys()
