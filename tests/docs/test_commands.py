@@ -31,7 +31,6 @@ SLOWER = (
     "python -m redundant_envs verify --bits",
     "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",
     "python -m redundant_envs verify rprp_reach",
-    "python -m studies accuracy --redraw docs/results/accuracy",
     "python -m agents curves docs/results/runs.jsonl --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
@@ -91,9 +90,7 @@ def test_commands_run(command, tmp_path, monkeypatch, capsys):
     for name in ("policies", "configs", "docs/examples"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).symlink_to(ROOT / name)
-    if "accuracy" in command:
-        shutil.copytree(RESULTS / "accuracy", tmp_path / "docs" / "results" / "accuracy")
-    elif "RUN" in command.split():
+    if "RUN" in command.split():
         published_run("rprp_reach_sac/seed100", tmp_path / RUN)
         if "report" in command:
             (tmp_path / RUN / "evaluation.json").unlink()  # as where a training has just ended

@@ -92,15 +92,6 @@ def test_a_lane_goes_on_by_itself_with_its_own_parameters(told):
     assert heavy == beside != other
 
 
-def test_an_observation_follows_a_goal_that_was_set(told):
-    before, after = told("plain", """
-      const s = made(), at = description.observation.indexOf("goal_x_obs"); s.reset([1, 2, 3, 4]);
-      const before = s.observation()[at]; s.set("goal_x", 0.5); s.observe();
-      tell([before, s.observation()[at]]);
-    """)  # fmt: skip
-    assert before != after == pytest.approx(0.5 / np.sqrt(1.25), rel=1e-6)
-
-
 @pytest.mark.parametrize("options", [{}, {"q": [0.3, -0.2, 0.5, 0.1], "qd": [0.1] * 4, "goal": [0.4, 0.2]}])
 def test_starts_by_a_seed_and_by_options_are_those_of_python(options, told):
     env = gym.make("redundant_envs/FourRReach-v0", scene=SCENES["gears"].to_dict())
