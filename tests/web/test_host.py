@@ -80,16 +80,17 @@ def test_mistakes_are_explained(told):
     assert [text for text, part in zip(said, MISTAKES.values(), strict=True) if part not in text] == []
 
 
-def test_a_lane_goes_on_by_itself_with_its_own_parameters(told):
-    heavy, beside, other = told("stops", """
-      const one = made(), two = made(2), key = [5, 6, 7, 8];
-      one.set("m4", 1.5); one.prepare();
+def test_lanes_begin_and_go_on_by_themselves_with_their_own_parameters(told):
+    alone, beside = told("stops", """
+      const light = made(), heavy = made(), two = made(2), key = [5, 6, 7, 8];
+      heavy.set("m4", 1.5); heavy.prepare();
       two.set("m4", 1.5, 1); two.prepare();
-      one.reset(key); two.reset([9, 9, 9, 9], 0); two.reset(key, 1); two.actions(0).fill(-0.3);
-      play(one, 20); play(two, 20, 1); two.reset([8, 8, 8, 8], 0);
-      tell([play(one, 20), play(two, 20, 1), String(two.states(0))]);
+      light.reset(key); heavy.reset(key);
+      two.reset([9, 9, 9, 9], 0); two.reset(key, 1); two.actions(0).fill(-0.3);
+      play(two, 10, 1); two.reset(key, 0); two.actions(0).fill(0.5); play(two, 20, 1);
+      tell([[play(light, 20), play(heavy, 30)], [0, 1].map((lane) => String(two.states(lane)))]);
     """)  # fmt: skip
-    assert heavy == beside != other
+    assert alone == beside
 
 
 @pytest.mark.parametrize("options", [{}, {"q": [0.3, -0.2, 0.5, 0.1], "qd": [0.1] * 4, "goal": [0.4, 0.2]}])
