@@ -30,13 +30,11 @@ SLOWER = (
     "python -m redundant_envs scene rprp_reach --cost",
     "python -m redundant_envs verify --bits",
     "python -m redundant_envs simulate --scene four_r_free --seconds 3 --clip runs/falls.gif",
-    "python -m redundant_envs verify rprp_reach",
     "python -m agents curves docs/results/runs.jsonl --out runs/curves.png",
     "python -m agents evaluate RUN",
     "python -m agents report RUN",
     "python -m agents export RUN",
     "python -m agents dataset RUN --out runs/datasets/mine-v0",
-    "python -m agents dataset expert --env FourRReach-v0 --episodes 100 --out runs/datasets/expert-v0",
     "python -m agents play policies/FourRReach-v0-sac --clip four_r.gif",
 )
 """Of under a minute each. The others train, measure for minutes, open a window or need a reader's files."""

@@ -280,13 +280,3 @@ def test_it_is_paused_for_readers_who_ask_for_less_motion(opened):
     assert tab.evaluate("app.seen.steps") == 0
     tab.click("#pause")
     tab.wait_for_function("app.seen.steps > 3")
-
-
-def test_without_policies_it_has_no_learner_and_says_so(opened, tmp_path):
-    (tmp_path / "none").mkdir()
-    page.write(tmp_path / "page", tmp_path / "none")
-    tab = opened("#arm=FourR&goal=0.3,0.4", folder=tmp_path / "page")
-    assert tab.evaluate("app.seen.kinds") == ["torque"]
-    tab.wait_for_function("said.textContent.includes('it has no learner')")
-    options = tab.locator("#who option").all()
-    assert [option.inner_text() for option in options] == ["computed torque", "nobody"]
