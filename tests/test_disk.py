@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from redundant_envs import __main__ as library
 from redundant_envs.exports import files
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs.support import disk
-from redundant_envs.support.disk import DiskFull, alone, replacing, told, write_text
+from redundant_envs.support.disk import DiskFull, alone, replacing, write_text
 from redundant_envs.support.figures import new_figure, save_figure, write_clip
 from redundant_envs.support.tables import write_rows
 
@@ -22,14 +21,15 @@ FRAMES = [np.zeros((16, 16, 3), np.uint8)] * 2
 
 @pytest.fixture
 def full(monkeypatch):
-    """Nothing can be written: a file gets its first bytes, and then there is no space left."""
+    """Nothing can be written: a file is begun, and then there is no space left."""
     plain = Path.open
 
     def fail(path, mode="r", *given, **more):
-        if not set(mode) & set("wa"):
-            return plain(path, mode, *given, **more)
-        plain(path, mode, *given, **more).close()
-        raise OSError(errno.ENOSPC, "No space left on device")
+        found = plain(path, mode, *given, **more)
+        if set(mode) & set("wa"):
+            found.close()
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return found
 
     monkeypatch.setattr(Path, "open", fail)
     monkeypatch.setattr(Path, "write_bytes", lambda path, data: path.open("wb"))
@@ -38,7 +38,6 @@ def full(monkeypatch):
 
 WRITERS = {
     "a.csv": lambda path: write_rows([{"a": 1}], ["a"], path),
-    "a.svg": lambda path: save_figure(new_figure(1, 1), path),
     "a.png": lambda path: save_figure(new_figure(1, 1), path),
     "a.gif": lambda path: write_clip(path, FRAMES, 25),
     "a.xml": lambda path: files.write(load_scene("rprp_reach"), "mjcf", path, approximate=True),
@@ -58,7 +57,7 @@ def test_a_file_that_cannot_be_finished_is_not_there_and_the_old_one_is(name, tm
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no links without rights")
-def test_nothing_is_written_through_a_link_and_a_device_stays_one(tmp_path):
+def test_nothing_is_written_through_a_link(tmp_path):
     write_text(tmp_path / "file", "old")
     names = ["link", "broken", ".new.part", ".new.part.txt", "new.txt.part"]
     for name in names:
@@ -69,16 +68,6 @@ def test_nothing_is_written_through_a_link_and_a_device_stays_one(tmp_path):
     write_text(tmp_path / "new.txt", "new")  # the names of its parts cannot be guessed
     assert (tmp_path / "file").read_text() == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"file", "new.txt", *names}
-    write_text(Path("/dev/null"), "text")
-    assert not Path("/dev/null").is_file()
-    with pytest.raises(IsADirectoryError):
-        write_text(tmp_path, "text")
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_disk_that_fills_while_a_file_is_closed_is_told():
-    with pytest.raises(DiskFull, match="/dev/full cannot be written"):
-        write_text(Path("/dev/full"), "text")
 
 
 def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_path, monkeypatch):
@@ -95,18 +84,6 @@ def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_p
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_file_that_is_larger_than_files_may_be_is_told(tmp_path):
-    def fail():
-        with told(tmp_path / "a.zip"):
-            try:
-                raise OSError(errno.EFBIG, "File too large")
-            finally:
-                raise RuntimeError("unexpected pos 768 vs 662")  # as torch says it
-
-    with pytest.raises(DiskFull, match=r"a\.zip cannot be written: it would be larger .* raise the limit"):
-        fail()
-
-
 @pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")
 def test_one_process_at_a_time_works_in_a_folder(tmp_path):
     code = "import sys, redundant_envs.support.disk as d\nwith d.alone(sys.argv[1], 'trains'): pass"
@@ -117,11 +94,3 @@ def test_one_process_at_a_time_works_in_a_folder(tmp_path):
     with alone(tmp_path, "trains"):
         assert not [*tmp_path.iterdir()]
     assert subprocess.run(command).returncode == 0
-
-
-def test_a_command_tells_a_full_disk_in_one_line(tmp_path, full, capsys):
-    words = ["export", "rprp_reach", "--approximate", "--format", "mjcf", "--out", tmp_path / "a.xml"]
-    assert library.main([*map(str, words)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert f"{tmp_path / 'a.xml'} cannot be written: the disk" in error

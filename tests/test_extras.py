@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 from published_runs import published_run
 
-from redundant_envs.support.extras import MissingPackage, needs
-
 ROOT = Path(__file__).parents[1]
 PROGRAM = """
 import contextlib, importlib, io, json, sys
@@ -22,19 +20,16 @@ class Blocked:
 
 sys.meta_path.insert(0, Blocked())
 sys.path.insert(0, {root!r})
-from redundant_envs import *
 import redundant_envs
-assert all(name in globals() for name in redundant_envs.__all__) and BatchSimulator and load_scene
-assert "make_sb3" in dir(redundant_envs)
+assert all(hasattr(redundant_envs, name) for name in redundant_envs.__all__ if name != "make_sb3")
 told = []
 for call in {calls!r}:
     with contextlib.redirect_stderr(io.StringIO()) as err, contextlib.redirect_stdout(io.StringIO()):
         try:
             if "import" in call:
                 exec(call, {{}})
-            else:
-                module, *words = call.split()
-                told.append([importlib.import_module(f"{{module}}.__main__").main(words), err.getvalue()])
+            module, *words = call.split()
+            told.append([importlib.import_module(f"{{module}}.__main__").main(words), err.getvalue()])
         except ImportError as error:
             told.append([type(error).__name__, str(error)])
         except SystemExit as end:
@@ -42,31 +37,23 @@ for call in {calls!r}:
 print(json.dumps(told))
 """
 SIMULATE = "redundant_envs simulate --scene four_r_free --seconds 0.1"
-ACCURACY = "studies accuracy"
 AGENTS = "redundant_envs_train"
-TRAIN, PLAY, STUDY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0", "studies"
+TRAIN, PLAY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0"
 DATASET = f"{AGENTS} dataset random --env RPRPReach-v0 --out x"
-REPORT = f"{AGENTS} report RUN --out out"
 MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
 SCENE = f"{ARM} from studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 MISSING = {
-    "matplotlib": (
-        "plot", [SIMULATE, ACCURACY, TRAIN, f"{AGENTS} curves RUN", f"{STUDY} strength", f"{STUDY} policy"],
-    ),
-    "PIL": ("plot", [SIMULATE, ACCURACY]),
-    "imageio": ("plot", [f"{SIMULATE} --clip a.gif", TRAIN, REPORT, f"{PLAY} --clip a.gif"]),
-    "imageio_ffmpeg": ("plot", [f"{SIMULATE} --clip a.mp4", f"{PLAY} --clip a.mp4"]),
+    "matplotlib": ("plot", [SIMULATE, "studies accuracy", TRAIN, f"{AGENTS} curves RUN"]),
+    "PIL": ("plot", [SIMULATE]),
+    "imageio": ("plot", [f"{SIMULATE} --clip a.gif", TRAIN, f"{PLAY} --clip a.gif"]),
+    "imageio_ffmpeg": ("plot", [f"{SIMULATE} --clip a.mp4"]),
     "stable_baselines3": (
-        "train",
-        [
-            TRAIN, f"{AGENTS} evaluate RUN", REPORT, f"{AGENTS} play RUN --clip a.gif", f"{STUDY} stops RUN",
-            f"{STUDY} policy", MAKE, "import redundant_envs.envs.sb3",
-        ],
+        "train", [TRAIN, f"{AGENTS} evaluate RUN", "studies policy", "studies stops RUN", MAKE],
     ),
     "torch": ("train", [TRAIN, MAKE]),
     "typer": ("train", [TRAIN]),
-    "pydantic": ("train", [TRAIN, f"{AGENTS} table RUN"]),
+    "pydantic": ("train", [f"{AGENTS} table RUN"]),
     "rich": ("train", [TRAIN]),
     "wandb": ("wandb", [f"{TRAIN} telemetry=[wandb]"]),
     "mlflow": ("mlflow", [f"{TRAIN} telemetry=[mlflow]"]),
@@ -84,16 +71,11 @@ MISSING = {
 }  # fmt: skip
 """Package: the extra that has it; commands and programs that need it. RUN stands for a run folder."""
 TOGETHER = [
-    ("matplotlib",), ("imageio",), ("stable_baselines3",),
     ("sympy", "mujoco", "scipy", "casadi", "minari"),
-    *(
-        pytest.param(packages, marks=pytest.mark.long)
-        for packages in (
-            ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame", "h5py"), ("PIL",),
-            ("imageio_ffmpeg",), ("typer",), ("pydantic",), ("rich",), ("onnx",), ("torch",),
-        )
-    ),
-]  # fmt: skip
+    ("wandb", "mlflow", "ray", "optuna", "onnxruntime", "pygame", "h5py"),
+    *((one,) for one in ("matplotlib", "imageio", "stable_baselines3", "PIL", "imageio_ffmpeg", "typer")),
+    *((one,) for one in ("pydantic", "rich", "onnx", "torch")),
+]
 """Packages that are away in one process."""
 
 
@@ -124,8 +106,3 @@ def test_the_extras_have_what_they_are_named_for():
     for package, extra in named.items():
         name = {"PIL": "pillow"}.get(package, package).replace("_", "-")
         assert any(d.replace("_", "-").startswith(f"{name}>=") for d in extras[extra]), (package, extra)
-
-
-def test_a_package_that_is_there_but_broken_tells_why():
-    with pytest.raises(MissingPackage, match=r"libGL is lost; install .*\[plot\]"), needs("plot"):
-        raise ImportError("libGL is lost")

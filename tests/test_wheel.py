@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -31,8 +30,6 @@ for env_id in ids():
     env.step(env.action_space.sample())
     env.render()
 scenes = [rde.load_scene(name) for name in scene_names()]
-listing = rde.listing(scenes[0])
-assert ", redundant_envs/robots/" in listing and "site-packages" not in listing
 for module in ("torch", "stable_baselines3", "matplotlib", "scipy", "pygame", "mujoco"):
     assert module not in sys.modules
 for module in ("agents", "numba"):
@@ -40,7 +37,6 @@ for module in ("agents", "numba"):
 print(len(ids()), len(scenes))
 """
 USER = """
-import gymnasium as gym
 import numpy as np
 import redundant_envs as rde
 
@@ -51,9 +47,7 @@ energy: float = float(motion.kinetic_energy[-1])
 batch = rde.BatchSimulator(scene, num_envs=2)
 flags = batch.advance(np.zeros((2, 4))).numerics
 mass = arm.mass_matrix(np.zeros(4))
-reveal_type(mass)
 reveal_type(rde.load_scene("rprp_reach"))
-env = gym.make("redundant_envs/RPRPReach-v0")
 WRONG
 """
 
@@ -98,65 +92,46 @@ def test_wheel_with_core_dependencies_only(core, tmp_path):
 
 
 def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
-    version = f"redundant-envs {redundant_envs.__version__}\n"
-    for name in ("redundant-envs", "redundant-envs-train"):
-        assert call(program(core, name), "--version", folder=tmp_path).stdout == version
-    library = program(core, "redundant-envs")
-    named = call(library, "list", folder=tmp_path).stdout
-    assert "rprp_reach" in named
-    done = call(library, *["verify", "--quick", "--states", "64", "four_r_reach"], folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    done = call(library, *["wasm", "four_r_reach", "--out", "made"], folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert {path.suffix for path in (tmp_path / "made").iterdir()} == {".js", ".json", ".wasm"}
-    for name, words, said in (
-        ("redundant-envs-train", "train rprp_reach_ppo", "pip install '.[train]'"),
-        (
-            "redundant-envs",
-            "study accuracy --config mine.yaml",
-            "python -m studies accuracy --config mine.yaml",
-        ),
+    for words, status, said in (
+        ("redundant-envs --version", 0, f"redundant-envs {redundant_envs.__version__}\n"),
+        ("redundant-envs-train --version", 0, f"redundant-envs {redundant_envs.__version__}\n"),
+        ("redundant-envs list", 0, "rprp_reach"),
+        ("redundant-envs verify --quick --states 64 four_r_reach", 0, ""),
+        ("redundant-envs wasm four_r_reach --out made", 0, "kernel.js"),
+        ("redundant-envs-train train rprp_reach_ppo", 2, "pip install '.[train]'"),
+        ("redundant-envs study accuracy --out a", 2, "python -m studies accuracy --out a"),
     ):
-        done = call(program(core, name), *words.split(), folder=tmp_path)
-        assert done.returncode == 2
-        assert said in done.stderr
-        assert len(done.stderr.splitlines()) == 1
+        name, *rest = words.split()
+        done = call(program(core, name), *rest, folder=tmp_path)
+        assert done.returncode == status, done.stderr
+        assert said in (done.stderr if status else done.stdout)
 
 
 def test_a_wheel_trains_from_an_empty_folder(wheel, tmp_path):
     packages, empty = tmp_path / "packages", tmp_path / "empty"
     empty.mkdir()
     subprocess.run([*PIP, "install", "--no-deps", "--target", str(packages), str(wheel)], check=True)
+    begin = f"import sys; sys.path.insert(0, {str(packages)!r}); import redundant_envs_train.__main__ as m; "
+    begin += "print(m.__file__, file=sys.stderr); sys.exit(m.main(sys.argv[1:]))"
     small = "num_envs=64 ppo.n_steps=16 ppo.batch_size=512 total_steps=2048 curve_episodes=10"
     small += " evaluation_episodes=10 env_kwargs.max_episode_steps=20 --out run"
-    begin = (
-        f"import sys; sys.path.insert(0, {str(packages)!r}); import redundant_envs, redundant_envs_train; "
-    )
-    begin += "print(redundant_envs.__file__, redundant_envs_train.__file__, file=sys.stderr); "
-    begin += "from redundant_envs_train.__main__ import main; assert main(['train', 'nothing']) == 2; "
-    begin += "sys.exit(main(sys.argv[1:]))"
     done = call(sys.executable, "-c", begin, "train", "rprp_reach_ppo", *small.split(), folder=empty)
     assert done.returncode == 0, done.stderr
-    assert "four_r_reach_sac" in done.stderr.splitlines()[1]  # of the presets that there are
-    assert all(Path(file).is_relative_to(packages) for file in done.stderr.splitlines()[0].split())
-    assert (empty / "run" / "clip.mp4").stat().st_size > 1000
-    text = (empty / "run" / "report.md").read_text()
-    assert "`redundant-envs-train train run/config.yaml`" in text
+    assert Path(done.stderr.splitlines()[0]).is_relative_to(packages)
+    assert "`redundant-envs-train train run/config.yaml`" in (empty / "run" / "report.md").read_text()
     assert json.loads((empty / "run" / "evaluation.json").read_text())["episodes"] == 10
 
 
-@pytest.mark.long
 def test_users_programs_are_type_checked_against_the_wheel(core, tmp_path):
-    script = tmp_path / "user.py"
-    found = {}
-    for wrong in ("", "rde.Scene(arm, substeps='two')"):
-        script.write_text(USER.replace("WRONG", wrong))
-        command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", program(core, "python")]
-        found[wrong] = call(*command, "user.py", folder=tmp_path)
-    right, bad = found.values()
+    command = [sys.executable, "-m", "mypy", "--strict", "--python-executable", program(core, "python")]
+
+    def checked(wrong):
+        (tmp_path / "user.py").write_text(USER.replace("WRONG", wrong))
+        return call(*command, "user.py", folder=tmp_path)
+
+    right, bad = checked(""), checked("rde.Scene(arm, substeps='two')")
     assert right.returncode == 0, right.stdout
-    assert 'Revealed type is "redundant_envs.scenes.scene.Scene"' in right.stdout
-    assert "Any" not in right.stdout.splitlines()[1]
+    assert "Any" not in right.stdout
     assert bad.returncode == 1
     assert '"substeps" to "Scene"' in bad.stdout
 
@@ -173,24 +148,9 @@ def test_the_wheel_tells_what_it_is(wheel):
         if path.is_file() and path.suffix != ".pyc"
     }
     assert wanted - {*names} == set()
-    assert not [name for name in names if "studies" in name]
     roots = {name.partition("/")[0].partition("-")[0] for name in names}
     assert roots == {"redundant_envs", "redundant_envs_train"}
     core = {re.match(r"[\w-]+", d)[0] for d in about.get_all("Requires-Dist") if "extra ==" not in d}
     assert core == {"numpy", "llvmlite", "gymnasium", "pyyaml"}
-    pythons = {f"Programming Language :: Python :: 3.{minor}" for minor in (11, 12, 13)}
-    assert {"Typing :: Typed", *pythons} <= set(about.get_all("Classifier", []))
+    assert "Typing :: Typed" in about.get_all("Classifier", [])
     assert about["License-Expression"] == "MIT"
-    assert about.get_all("Project-URL") is None  # there is no address of it yet
-
-
-def test_an_editable_install_finds_the_application_under_the_same_name():
-    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    places = data["tool"]["hatch"]["build"]["targets"]["wheel"]["dev-mode-dirs"]
-    path = os.pathsep.join(str(ROOT / place) for place in places)
-    script = data["project"]["scripts"]["redundant-envs-train"]
-    find = f"import {script.partition(':')[0]} as m, redundant_envs_train as t; print(m.__file__, t.COMMAND)"
-    command, environment = [sys.executable, "-c", find], {**os.environ, "PYTHONPATH": path}
-    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment, cwd="/")
-    place = ROOT / "agents" / "redundant_envs_train" / "__main__.py"
-    assert done.stdout.split() == [str(place), "redundant-envs-train"]

@@ -10,8 +10,6 @@ ROOT = Path(__file__).parents[2]
 README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results"
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
 """Pages for users: without tutorials, effects and results."""
-EFFECTS = sorted((ROOT / "docs" / "effects").glob("*.md"))
-"""A page for each effect."""
 PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES += sorted((ROOT / "policies").glob("*/README.md"))
 
@@ -54,7 +52,5 @@ def commands(page: Path) -> dict[str, bool]:
     in_blocks = [line for *_, block in blocks(page, "") for line in re.sub(r"\\\n", " ", block).splitlines()]
     found = dict.fromkeys(re.findall(r"`([^`\n]+)`", prose(page)), False)
     found |= {re.sub(r"\s+#.*", "", line).strip(): True for line in in_blocks}
-    return {line: whole for line, whole in found.items() if line.startswith(COMMANDS)}
-
-
-COMMANDS = "python -m ", "python docs/examples"
+    ours = ("python -m ", "python docs/examples")
+    return {line: whole for line, whole in found.items() if line.startswith(ours)}

@@ -1,36 +1,28 @@
-"""Numbers and tables on pages agree with each other, with the code and with the measurements."""
+"""Tables of pages are those that programs wrote or that the code has now."""
 
-import contextlib
-import io
 import re
 import shlex
 
 import gymnasium as gym
-import numpy as np
 import pytest
 from catalogue import IDS
 from markdown import README, RESULTS, ROOT, blocks, rows, text
 
 from redundant_envs.scenes.scene import ACCURACIES
-from redundant_envs.simulator.events import contacts
-from redundant_envs.simulator.lane import step_control
-from redundant_envs_train.config import WITHOUT_EFFECT
-from redundant_envs_train.evidence.runs import read_groups, read_runs
+from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import brief_table, table
-from redundant_envs_train.run_folder import read_config, read_scene
 from studies import strength as strength_run
-from studies.strength import ARMS, FACTORS, learner_rows, read_rows
+from studies.strength import learner_rows, read_rows
 
 
 def page(name):
     return text(ROOT / "docs" / f"{name}.md")
 
 
-def test_evaluations_of_a_control_step_are_those_that_the_page_measures():
+def test_evaluations_of_a_control_step_are_those_that_the_page_measures(capsys):
     ((*_, program),) = blocks(ROOT / "docs" / "accuracy.md", "python")
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        exec(program, {})
-    measured = re.findall(r": ([\d.]+) evaluations per control step", out.getvalue())
+    exec(program, {})
+    measured = re.findall(r": ([\d.]+) evaluations per control step", capsys.readouterr().out)
     learned = {r["arm"]: r for r in rows("policy/physics.csv") if r["physics"] == "standard"}
     trained = [f"{float(learned[arm]['evaluations_per_step']):.1f}" for arm in ("RPRP", "4R")]
     for start, expected in (("random, ", measured), ("a trained policy ", trained)):
@@ -44,146 +36,54 @@ def test_speeds_are_those_of_the_tables():
     times = [float(r["ns_per_step_best"]) for r in steps if r["arm"] in ("RPRP", "FourR")]
     assert [v for _, v in stated if v.endswith(" ns")] == [f"{t:.{1 if t < 100 else 0}f} ns" for t in times]
     columns = ("vector_steps_per_s_best", "vector_one_rk8_step_best", "vector_renewed_actions_best")
-    assert [r["env"].rpartition("/")[2] for r in speeds] == ["RPRPReach-v0", "FourRReach-v0"]
     expected = [f"{float(r[c]) / 1e6:.1f} million steps/s" for c in columns for r in speeds]
     assert [value for _, value in stated if value.endswith("steps/s")] == expected
     for row, (what, value) in zip(speeds, [x for x in stated if x[1].endswith("us per step")], strict=True):
         assert value == f"{float(row['single_us_per_step']):.1f} us per step"
         assert f"{float(row['cartpole_us_per_step']):.1f} us" in what
-    (machine,) = {(r["machine"], r["date"]) for r in (*steps, *speeds)}
-    assert all(word in " ".join(page("speed").split()) for word in machine)
 
 
-def test_figures_of_derived_equations_are_those_of_the_study():
-    measured = {
-        row["arm"]: row
-        for row in rows("throughput.csv")
-        if row["integrator"] == "rk8" and not row["tolerance"]
-    }
-    said = re.findall(r"^\| `(.+?)` \| .+? \| (\d+) \| ([\d.]+) s \|$", page("extending"), re.M)
-    assert len(said) == len(measured) == 4
-    for arm, nanoseconds, seconds in said:
-        row = measured[re.sub(r'\("(\w+)"\)', r" \1", arm)]
-        assert int(nanoseconds) == round(float(row["ns_per_step_best"]))
-        assert seconds == row["compile_seconds"]
-
-
-def test_what_an_episode_has_drawn_is_what_the_page_says():
-    told = re.search(r"^print\(info.*# what this episode has drawn: (.*)$", page("scenes"), re.M)[1]
-    (program,) = (b for *_, b in blocks(ROOT / "docs" / "scenes.md", "python") if told in b)
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        exec(program, {})
-    said, drawn = (re.findall(r"\d+\.\d+", text) for text in (told, out.getvalue()))
-    assert len(said) == 2
-    assert [number[: len(x)] for number, x in zip(drawn, said, strict=False)] == said
-
-
-@pytest.mark.long
-def test_the_default_accuracy_is_what_every_id_has():
+def test_the_accuracies_and_the_environments_are_those_of_the_code():
     stated = dict(re.findall(r'^\| `"(\w+)"` \| (\S+) m \|$', page("accuracy"), re.M))
     assert {name: float(tolerance) for name, tolerance in stated.items()} == ACCURACIES
-    for env_id in IDS:
-        scene = gym.make(env_id).unwrapped.core.scene
-        assert (scene.integrator, scene.substeps) == ("rk8", 1)
-        assert scene.tolerance == ACCURACIES["standard"]
-
-
-def test_the_table_of_environments_is_what_they_are():
-    rows = re.findall(
-        r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \| ([^|]+) \|$", text(README), re.M
-    )
-    assert {env_id for env_id, _, _ in rows} == set(IDS)
-    for env_id, observation, reward in rows:
+    listed = re.findall(r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \|", text(README), re.M)
+    assert {env_id for env_id, _ in listed} == set(IDS)
+    for env_id, observation in listed:
         space = gym.make(env_id).observation_space
         assert observation == ("dictionary with goals" if "Goal" in env_id else f"{space.shape[0]} numbers")
-        assert reward == ("1 at the goal, else 0" if "Goal" in env_id else "dense, 0 to 1")
-
-
-def test_budgets_are_those_of_the_code():
-    (fault,) = re.findall(r"^\| 16 \| `EVENT_BUDGET` \| (.*?) \|", page("trouble"), re.M)
-    budgets = contacts.MAX_IMPACTS, step_control.MAX_TRIALS
-    assert all(f"{budget:.0f}" in fault.replace(" ", "") for budget in budgets)
 
 
 def test_what_an_error_costs_is_what_the_study_wrote():
-    lines = page("accuracy").splitlines()
-    start = next(i for i, line in enumerate(lines) if line.startswith("| arm | 99 %"))
-    copied = lines[start : lines.index("", start)]
-    assert len(copied) >= 10
+    copied = page("accuracy").partition("\n| arm | 99 %")[2].partition("\n\n")[0].splitlines()[2:]
+    assert len(copied) >= 8
     written = text(RESULTS / "accuracy" / "accuracy.md")
     assert [row for row in copied if row not in written] == []
 
 
-def test_the_tables_of_learners_are_made_from_the_tables_of_runs():
-    for name, source in (("learners", "runs"), ("learners", "baselines"), ("strength", "weak")):
-        made = [line for line in table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")]
-        assert len(made) >= 8
-        assert [row for row in made if row not in page(name)] == []
-
-
-def test_the_results_of_the_readme_are_those_of_the_table_of_runs():
-    brief = brief_table([RESULTS / "runs.jsonl"])
-    assert brief.count("\n") >= 7
-    again = "the table of results is not that of docs/results/runs.jsonl; run python docs/figures/remake.py"
-    assert f"-->\n{brief}\n<!--" in text(README), again
-
-
-def test_later_seeds_are_those_of_their_table_and_hold_as_many_goals():
+@pytest.mark.parametrize(
+    ("name", "source"), [("learners", "runs"), ("learners", "baselines"), ("strength", "weak")]
+)
+def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
+    made = [line for line in table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")]
+    assert len(made) >= 8
+    assert [row for row in made if row not in page(name)] == []
     assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")
-    held = {}
-    for run in read_runs([RESULTS / "runs_200.jsonl"]):
-        held.setdefault(run.folder.parent.name, {})[run.seed] = run.evaluation["hold_success"]
-    assert len(held) == 6
-    for preset, found in held.items():
-        assert sorted(found) == list(range(200, 210))
-        worst, median = (0.98, 0.993) if preset.endswith("her") else (0.99, 0.997)
-        assert min(found.values()) >= worst
-        assert np.median(list(found.values())) >= median
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
     found = read_rows(RESULTS / "strength" / "strength.csv")
-    assert {(row.arm, row.factor) for row in found} >= {(a, f) for a in ARMS for f in FACTORS}
     assert strength_run.table(found) in page("strength")
     (command,) = re.findall("^python -m studies strength --seeds none --runs .*", page("strength"), re.M)
     kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in found if row.seeds)
 
 
-ABLATIONS = {
-    "": "all parts",
-    ".average=0": "without the average",
-    ".smoothness=0": "without the smoothness term",
-    ".policy_delay=1": "with an actor step for every critic step (`sac.policy_delay=1`)",
-    ".activation=tanh": "with tanh instead of SiLU",
-}
-
-
 def test_the_ablations_are_those_of_the_table_of_runs():
-    for setting, name in ABLATIONS.items():
+    for setting in ("", ".average=0", ".smoothness=0", ".policy_delay=1", ".activation=tanh"):
         cells = []
         for arm in ("four_r", "rprp"):
             (run,) = read_runs([RESULTS / "ablations.jsonl" / f"{arm}_sac{setting}" / "seed0"])
             missed = round((1 - run.evaluation["hold_success"]) * run.evaluation["episodes"])
             restless = f"{run.evaluation['restless']} of {missed}" if missed else "-"
             cells += [f"{100 * run.evaluation['hold_success']:.1f} %", restless]
-        assert f"| {name} | {' | '.join(cells)} |" in page("learners")
-
-
-@pytest.mark.parametrize(("name", "runs", "policies"), [("ablations", 10, 10), ("strength/runs", 34, 18)])
-def test_a_row_of_a_study_has_the_policy_of_its_lowest_seed(name, runs, policies):
-    groups = read_groups([RESULTS / f"{name}.jsonl"])
-    assert sum(len(same.runs) for same in groups) == runs
-    first = [same.runs[0] for same in groups if len(same.runs) < 10]  # PPO of full strength has none
-    lowest = {RESULTS / name / run.folder.relative_to(RESULTS / f"{name}.jsonl"): run for run in first}
-    assert {path.parent for path in (RESULTS / name).rglob("policy.zip")} == lowest.keys()
-    assert len(lowest) == policies
-    for folder, run in lowest.items():
-        config = {k: v for k, v in read_config(folder).to_dict().items() if k not in WITHOUT_EFFECT}
-        assert config == {**run.settings, "seed": run.seed}
-        assert read_scene(folder).to_dict() == run.scene
-
-
-def test_results_stay_small():
-    sizes = [path.stat().st_size for path in RESULTS.rglob("*") if path.is_file()]
-    assert (len(sizes) <= 150, sum(sizes) <= 6_000_000) == (True, True)
+        assert f" | {' | '.join(cells)} |\n" in page("learners")

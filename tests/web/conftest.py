@@ -14,15 +14,13 @@ FLAGS = [
 """Of Chromium: it asks for nothing by itself."""
 
 
+def missing(what):
+    (pytest.fail if os.environ.get(REQUIRED) else pytest.skip)(f"make test-page requires {what}")
+
+
 def program(*names):
     """The path of the first of some programs that is installed; without any the test is skipped."""
-    for name in names:
-        if path := shutil.which(name):
-            return path
-    missing = f"none of {', '.join(names)} is installed, which make test-page requires"
-    if os.environ.get(REQUIRED):
-        pytest.fail(missing)
-    pytest.skip(missing)
+    return next(filter(None, map(shutil.which, names)), None) or missing(f"one of {', '.join(names)}")
 
 
 @pytest.fixture(scope="session")
@@ -38,10 +36,7 @@ def chromium():
     try:
         from playwright.sync_api import sync_playwright
     except ModuleNotFoundError:
-        missing = "playwright is not installed, which make test-page installs"
-        if os.environ.get(REQUIRED):
-            pytest.fail(missing)
-        pytest.skip(missing)
+        missing("playwright, which it installs")
     with sync_playwright() as playwright:
         # Playwright's flag would let a page change its address as often as it likes; browsers do not.
         own = ["--disable-ipc-flooding-protection"]

@@ -28,15 +28,3 @@ keys.forEach((ofLanes, episode) => {
 });
 told.push(...Object.keys(description.rows.parameter).map((field) => simulator.get(field)), ...simulator.arm());
 fs.writeFileSync(output, Float64Array.from(told));
-
-const times = [], steps = actions.flat(), batch = 50;
-for (let k = 0; k < 40; k++) {
-  const start = performance.now();
-  for (let i = 0; i < batch; i++) {
-    if (i % 25 === 0) simulator.reset(keys[0][0]);
-    simulator.actions().set(steps[(k * batch + i) % steps.length][0]);
-    simulator.step();
-  }
-  times.push((performance.now() - start) / batch);
-}
-console.log(JSON.stringify({ milliseconds: times.sort((a, b) => a - b)[20], bytes: simulator.bytes }));

@@ -11,9 +11,6 @@ from gymnasium.utils.seeding import np_random
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.envs.core import Core
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.fields import PARAMETER
 from redundant_envs.tasks import ReachTask
 from redundant_envs.web import module
 
@@ -31,16 +28,13 @@ const play = (simulator, steps, lane = 0) => {
 const tell = (value) => console.log(JSON.stringify(value));
 """
 REACH = rde.load_scene("four_r_reach")
+RANGES = {"gravity.g": {"uniform": [8.0, 12.0]}, "masses": {"scale": {"uniform": [0.5, 2.0]}}}
+GEARS = e.GearBacklash(gap=0.01, stiffness=200.0, inertia=0.01, damping=1.0)
 SCENES = {
     "plain": REACH,
     "stops": rde.load_scene("rprp_reach"),
-    "drawn": dataclasses.replace(
-        REACH, randomize={"gravity.g": {"uniform": [8.0, 12.0]}, "masses": {"scale": {"uniform": [0.5, 2.0]}}}
-    ),
-    "gears": dataclasses.replace(
-        REACH, effects=(*REACH.effects, e.GearBacklash(gap=0.01, stiffness=200.0, inertia=0.01, damping=1.0))
-    ),
-    "motors": rde.load_scene("slow_motors"),
+    "drawn": dataclasses.replace(REACH, randomize=RANGES),
+    "gears": dataclasses.replace(REACH, effects=(*REACH.effects, GEARS)),
 }
 
 
@@ -66,115 +60,54 @@ MISTAKES = {
     "new Simulator({...description, format: 2}, code)": "format 2; this kernel.js reads 1",
     "new Simulator({...description, identity: 'x'}, code)": "the description is of another module",
     "made(3)": "lanes is 3; give 1 to 2",
-    "made(1.5)": "lanes is 1.5",
     "made().step()": "a lane has no episode yet",
-    "made(2).reset([1, 2, 3, 4], 0); s = made(2); s.reset([1, 2, 3, 4], 1); s.step()": "no episode yet",
     "made().reset([1, 2])": "key is 1, 2; give 4 whole numbers from 0 to 2^32 - 1",
-    "made().reset([1, 2, 3, -1])": "key is 1, 2, 3, -1",
-    "made().reset([1, 2, 3, 2 ** 32])": "key is 1, 2, 3, 4294967296",
-    "made().reset('abcd')": "key is a, b, c, d",
-    "made().reset([1, 2, 3, 4], 1)": "lane is 1; give 0",
     "made(2).reset([1, 2, 3, 4], 2)": "lane is 2; give 0 to 1",
     "made().reset([1, 2, 3, 4], null, {q: [1, 2]})": "q is 1,2; give 4 finite numbers",
-    "made().reset([1, 2, 3, 4], null, {goal: [NaN, 0]})": "goal is NaN,0; give 2 finite numbers",
     "made().get('mass')": "field is mass; this environment has theta1, ",
-    "made().get('constructor')": "field is constructor",
-    "made().get('theta1', 1)": "lane is 1",
-    "made(2).get('theta1', 1.5)": "lane is 1.5",
-    "made().set('theta1', 9, 4)": "lane is 4",
-    "made().set('theta1', -1, -1)": "lane is -1",
-    "made().set('gravity.g')": "gravity.g is undefined; give a number",
     "made().set('gravity.g', '3')": "gravity.g is 3; give a number",
-    "made().set('gravity.g', NaN)": "gravity.g is NaN; give a number",
     "made().set('inverse_l1', 2)": "inverse_l1 follows from others",
     "made().output('rewards')": "output is rewards; this environment has ",
-    "made().output('__proto__')": "output is __proto__",
-    "made().output('reward', 2)": "lane is 2",
-    "made().actions(1)": "lane is 1",
-    "made().observation(-1)": "lane is -1",
-    "made().states(3)": "lane is 3",
-    "made().arm(1)": "lane is 1",
 }
 
 
 def test_mistakes_are_explained(told):
     program = "".join(
-        f"try {{ let s; {mistake}; said.push('nothing'); }} catch (error) {{ said.push(error.message); }}\n"
+        f"try {{ {mistake}; said.push('nothing'); }} catch (error) {{ said.push(error.message); }}\n"
         for mistake in MISTAKES
     )
     said = told("plain", f"const said = [];\n{program} tell(said);")
     assert [text for text, part in zip(said, MISTAKES.values(), strict=True) if part not in text] == []
 
 
-def test_a_seed_of_python_is_a_key_here(told):
-    key = np_random(7)[0].bit_generator.random_raw(2).view("<u4").tolist()
-    observation, _ = gym.make("redundant_envs/FourRReach-v0").reset(seed=7)
-    found = told("plain", f"const s = made(); s.reset({key}); tell([...s.observation()]);")
-    assert np.array(found, np.float32).tobytes() == observation.tobytes()
-
-
-def test_lanes_begin_and_go_on_by_themselves(told):
-    alone, beside, again, both = told("plain", """
-      const one = made(), two = made(2), key = [5, 6, 7, 8];
-      one.reset(key); two.reset([1, 1, 1, 1], 0); two.reset(key, 1);
-      two.actions(0).fill(-0.3);
-      const alone = play(one, 10), beside = play(two, 10, 1);
-      two.reset([9, 9, 9, 9], 0);
-      one.actions().fill(0.5); one.step(); two.step();
-      const again = [String(one.states()), String(two.states(1))];
-      two.reset(key);
-      const names = ["theta1", "theta4", "w1", "goal_x", "steps"];
-      const begun = (lane) => names.map((name) => two.get(name, lane));
-      tell([alone, beside, again, [begun(0), begun(1), one.get("theta1")]]);
+def test_lanes_begin_and_go_on_by_themselves_with_their_own_parameters(told):
+    alone, beside = told("stops", """
+      const light = made(), heavy = made(), two = made(2), key = [5, 6, 7, 8];
+      heavy.set("m4", 1.5); heavy.prepare();
+      two.set("m4", 1.5, 1); two.prepare();
+      light.reset(key); heavy.reset(key);
+      two.reset([9, 9, 9, 9], 0); two.reset(key, 1); two.actions(0).fill(-0.3);
+      play(two, 10, 1); two.reset(key, 0); two.actions(0).fill(0.5); play(two, 20, 1);
+      tell([[play(light, 20), play(heavy, 30)], [0, 1].map((lane) => String(two.states(lane)))]);
     """)  # fmt: skip
     assert alone == beside
-    assert again[0] == again[1]
-    assert both[0] == both[1]
-    assert both[0][0] != both[2]
 
 
-def test_lanes_may_have_different_parameters(told):
-    heavy, beside = told("stops", """
-      const one = made(), two = made(2), key = [5, 6, 7, 8];
-      one.set("m4", 1.5); one.prepare();
-      two.set("m4", 1.5, 1); two.prepare();
-      one.reset(key); two.reset(key);
-      for (let k = 0; k < 40; k++) {
-        for (const s of [one, two]) for (let lane = 0; lane < s.lanes; lane++) s.actions(lane).fill(-1);
-        one.step(); two.step();
-      }
-      tell([String(one.states()), [0, 1].map((lane) => String(two.states(lane)))]);
-    """)  # fmt: skip
-    assert heavy == beside[1] != beside[0]
-
-
-def test_an_observation_follows_a_goal_that_was_set(told):
-    before, after = told("plain", """
-      const s = made(), at = description.observation.indexOf("goal_x_obs"); s.reset([1, 2, 3, 4]);
-      const before = s.observation()[at]; s.set("goal_x", 0.5); s.observe();
-      tell([before, s.observation()[at]]);
-    """)  # fmt: skip
-    assert before != after == pytest.approx(0.5 / np.sqrt(1.25), rel=1e-6)
-
-
-@pytest.mark.parametrize("name", ["plain", "gears"])
-def test_starts_that_are_given_are_those_of_python(name, told):
-    options = {"q": [0.3, -0.2, 0.5, 0.1], "qd": [0.1, 0.0, -0.2, 0.3], "goal": [0.4, 0.2]}
-    env = gym.make("redundant_envs/FourRReach-v0", scene=SCENES[name].to_dict())
+@pytest.mark.parametrize("options", [{}, {"q": [0.3, -0.2, 0.5, 0.1], "qd": [0.1] * 4, "goal": [0.4, 0.2]}])
+def test_starts_by_a_seed_and_by_options_are_those_of_python(options, told):
+    env = gym.make("redundant_envs/FourRReach-v0", scene=SCENES["gears"].to_dict())
     key = np_random(3)[0].bit_generator.random_raw(2).view("<u4").tolist()
-    ours = [
-        env.reset(seed=3, options=options)[0],
-        *(env.step(np.full(4, 0.5, np.float32))[0] for _ in range(5)),
-    ]
-    theirs = told(name, f"""
+    ours = [env.reset(seed=3, options=options)[0]]
+    ours += [env.step(np.full(4, 0.5, np.float32))[0] for _ in range(5)]
+    theirs = told("gears", f"""
       const s = made(), seen = []; s.reset({key}, null, {json.dumps(options)});
       seen.push([...s.observation()]);
       for (let k = 0; k < 5; k++) {{ play(s, 1); seen.push([...s.observation()]); }} tell(seen);
     """)  # fmt: skip
-    assert np.array(theirs, np.float32).tobytes() == np.array(ours).tobytes()
+    np.testing.assert_array_equal(np.array(theirs, np.float32), ours)  # JSON has no -0.0
 
 
-def test_a_parameter_that_is_set_is_not_drawn(told):
+def test_a_parameter_that_is_set_is_not_drawn_until_a_restart(told):
     first, other, fixed, mass, drawn = told("drawn", """
       const s = made(), g = () => s.get("gravity.g");
       s.reset([1, 2, 3, 4]); const first = g(); s.reset([2, 2, 3, 4]); const other = g();
@@ -185,61 +118,3 @@ def test_a_parameter_that_is_set_is_not_drawn(told):
     assert first != other
     assert (fixed, mass) == ([1.62, 1.62], 0.7)
     assert drawn == first
-
-
-def test_a_restart_is_the_beginning(told):
-    first, other, again, actions = told("stops", """
-      const s = made(), played = () => { s.reset([1, 2, 3, 4]); return play(s, 30); };
-      const first = played(); s.set("gravity.g", 1.6); s.prepare(); const other = played();
-      s.restart(); tell([first, other, played(), (s.restart(), [...s.actions()])]);
-    """)  # fmt: skip
-    assert first == again != other
-    assert actions == [0, 0, 0, 0]
-
-
-@pytest.mark.parametrize("name", ["stops", "gears"])
-def test_kernels_write_into_their_arrays_alone(name, told):
-    """Between all arrays there are guards, which a whole episode leaves as they are."""
-    assert told(name, """
-      class Guarded extends Simulator {
-        _sizes(width) {
-          const sizes = {};
-          for (const [name, size] of Object.entries(super._sizes(width))) {
-            sizes[name] = size; sizes[`guard of ${name}`] = ["u32", 256];
-          }
-          return sizes;
-        }
-      }
-      const s = new Guarded(description, code, 2);
-      const guards = Object.keys(s._arrays).filter((name) => name.startsWith("guard"));
-      for (const name of guards) s._arrays[name].fill(0xdeadbeef);
-      s.reset([1, 2, 3, 4]);
-      for (let k = 0; k < 100; k++) {
-        for (const lane of [0, 1]) s.actions(lane).fill(lane ? -1 : 1);
-        s.step(); s.arm(1); s.prepare();
-      }
-      tell(guards.length > 10 && guards.every((name) => s._arrays[name].every((x) => x === 0xdeadbeef)));
-    """)  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["stops", "motors"])
-def test_what_follows_from_parameters_has_the_bits_of_python(name, told):
-    scene, rng = SCENES[name], np.random.default_rng(21)
-    dynamics, one = Dynamics(scene), lambda: rng.uniform(0.7, 9.0)
-    nominal = {dynamics.parameters.field_of(n): v for n, v in scene.parameters().items()}
-    sets = [{n: v * one() for n, v in nominal.items()} for _ in range(100)]
-    found = told(name, f"""
-      const s = made();
-      tell({json.dumps(sets)}.map((set) => {{
-        for (const [name, value] of Object.entries(set)) s.set(name, value);
-        s.prepare();
-        return Object.keys(description.rows.parameter).map((name) => String(s.get(name)));
-      }}));
-    """)  # fmt: skip
-    core = Core(scene, 1, ReachTask())
-    columns = core.memory.layout.rows[PARAMETER]
-    for row, numbers in zip(found, sets, strict=True):
-        core.memory.write([*numbers], [*numbers.values()])
-        core.memory.prepare()
-        theirs = dict(zip(columns, map(float, row), strict=True)) | {"limit": np.inf}
-        assert {n: core.memory.column(n)[0, 0] for n in columns} == theirs

@@ -19,12 +19,15 @@ from redundant_envs.web import module
 
 pytestmark = pytest.mark.long
 
-REACH = ("rprp_reach", "four_r_reach")
+ROOT = module.HOST.parents[2]
 LARGEST = {"rprp_reach": 130_000, "four_r_reach": 85_000}
 """Bytes of a module."""
-LANES, EPISODES, STEPS = 2, 10, 100
+LANES, STEPS = 2, 100
+LIMITS = e.EffortLimits((20.0, 30.0, 10.0, 10.0))
+SPRINGS = rde.load_scene("rprp_limit_springs")
 SCENES = {
-    **{name: rde.load_scene(name) for name in REACH},
+    **{name: rde.load_scene(name) for name in (*LARGEST, "everything")},
+    "springs": dataclasses.replace(SPRINGS, effects=(*SPRINGS.effects, LIMITS)),
     "chain": rde.Scene(
         rde.Chain("RPR", (1.0, 0.5, 0.5), (0.3, 0.2)),
         (
@@ -51,26 +54,8 @@ def written(tmp_path_factory):
     return write
 
 
-def draws(seed, joints, episodes=EPISODES, steps=STEPS):
-    """Keys of episodes and actions, some of which saturate."""
-    rng = np.random.default_rng(seed)
-    keys = rng.integers(0, 2**32, (episodes, LANES, 4), np.uint32)
-    return keys, rng.uniform(-1.2, 1.2, (episodes, steps, LANES, joints)).astype(np.float32)
-
-
-def in_node(node, folder, name, keys, actions, changed=None):
-    """States and outputs of Node, the rest of what it tells, and what it prints."""
-    given, told = folder / "input.json", folder / "output.bin"
-    given.write_text(json.dumps({
-        "lanes": LANES, "parameters": changed or {}, "keys": keys.tolist(), "actions": actions.tolist(),
-    }))  # fmt: skip
-    command = [node, str(module.HOST.parents[2] / "tests" / "web" / "play.js"), folder, name, given, told]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return np.fromfile(told), json.loads(done.stdout)
-
-
 def here(core, keys, actions):
-    """The same of the processor's code, one row for each step and lane."""
+    """States and outputs of the processor's code, one row for each step and lane."""
     rows = []
     for k, steps in zip(keys, actions, strict=True):
         core.keys[:], core.waiting[:] = k, True
@@ -82,119 +67,84 @@ def here(core, keys, actions):
     return np.concatenate(rows)
 
 
-def compared(node, folder, name, seed, scene=None, changed=None, **size):
-    """Rows of both, the rest of Node's numbers, what it prints, and the core."""
-    core = Core(scene or SCENES[name], LANES, ReachTask(), STEPS)
-    keys, actions = draws(seed, len(core.actions), **size)
-    theirs, printed = in_node(node, folder, name, keys, actions, changed)
-    ours = here(core, keys, actions)
-    return ours, theirs[: ours.size].reshape(ours.shape), theirs[ours.size :], printed, core
+@pytest.fixture
+def compared(node, written):
+    """Compare episodes of some keys and actions, some of which saturate: rows of states and outputs must have
+    the bits of the processor. Returns these rows, the other numbers that Node tells, and the core."""
+
+    def compare(name, seed, episodes=2, steps=40, scene=None, changed=None):
+        core = Core(scene or SCENES[name], LANES, ReachTask(), STEPS)
+        if changed:
+            values = parameters.lane_values(core.scene, core.memory, np.arange(LANES), {}, True, core.task)
+            values |= {n: np.full(LANES, value) for n, value in changed.items()}
+            parameters.write(core.scene, core.memory, np.arange(LANES), values)
+        rng, folder = np.random.default_rng(seed), written(name)
+        keys = rng.integers(0, 2**32, (episodes, LANES, 4), np.uint32)
+        actions = rng.uniform(-1.2, 1.2, (episodes, steps, LANES, len(core.actions))).astype(np.float32)
+        given = {"lanes": LANES, "parameters": changed or {}, "keys": keys.tolist()}
+        (folder / "input.json").write_text(json.dumps({**given, "actions": actions.tolist()}))
+        told = folder / "output.bin"
+        command = [node, ROOT / "tests" / "web" / "play.js", folder, name, folder / "input.json", told]
+        subprocess.run(command, capture_output=True, text=True, check=True)
+        ours, found = here(core, keys, actions), np.fromfile(told)
+        theirs = found[: ours.size].reshape(ours.shape)
+        different = np.flatnonzero((ours.view(np.int64) != theirs.view(np.int64)).any(axis=1))
+        assert not len(different), f"first in step {different[:1] // LANES}"
+        return ours, found[ours.size :], core
+
+    return compare
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_state_reward_and_observation_has_the_bits_of_the_processor(name, node, written):
-    ours, theirs, *_, core = compared(node, written(name), name, seed=len(name))
-    different = np.flatnonzero((ours.view(np.int64) != theirs.view(np.int64)).any(axis=1))
-    assert not len(different), f"first in step {different[:1] // LANES}"
-    if "rprp" in name:  # with many impacts
-        width, events = (
-            core.memory.layout.size(module.STATE),
-            core.episode.tables["counts"].index("events_sum"),
-        )
-        column = width + core.obs_size + len(core.episode.tables["flags"]) + events
+def test_every_state_reward_and_observation_has_the_bits_of_the_processor(name, compared, written):
+    ours, _, core = compared(name, len(name), episodes=10, steps=STEPS)
+    if name == "rprp_reach":  # with many impacts
+        width, tables = core.memory.layout.size(module.STATE), core.episode.tables
+        column = width + core.obs_size + len(tables["flags"]) + tables["counts"].index("events_sum")
         assert ours[STEPS * LANES - 1 :: STEPS * LANES, column].sum() > 50
+    if name in LARGEST:
+        assert (written(name) / f"{name}.wasm").stat().st_size <= LARGEST[name]
 
 
-@pytest.mark.parametrize("name", REACH)
-def test_a_module_is_small(name, written):
-    folder = written(name)
-    assert (folder / f"{name}.wasm").stat().st_size <= LARGEST[name]
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-12])
+def test_other_accuracies_have_the_bits_of_the_processor_too(tolerance, compared):
+    scene = scene_at(SCENES["rprp_reach"], tolerance)
+    compared("rprp_reach", 8, scene=scene, changed={"tip_tolerance": tolerance})
 
 
-@pytest.mark.parametrize("name", REACH)
-def test_other_accuracies_have_the_bits_of_the_processor_too(name, node, written):
-    for tolerance in (1e-2, 1e-12):
-        scene, changed = scene_at(SCENES[name], tolerance), {"tip_tolerance": tolerance}
-        ours, theirs, *_ = compared(node, written(name), name, 8, scene, changed, episodes=2, steps=40)
-        assert ours.tobytes() == theirs.tobytes()
-
-
-@pytest.mark.parametrize("name", REACH)
-def test_parameters_that_are_set_change_what_follows_from_them(name, node, written):
+@pytest.mark.parametrize("name", LARGEST)
+def test_parameters_that_are_set_change_what_follows_from_them(name, compared):
     """Masses, lengths, gravity, friction: to the bits of a scene with these numbers."""
-    rng, scene = np.random.default_rng(11), SCENES[name]
-    names = [n for n in scene.parameters() if n.startswith(("m", "l", "gravity.g", "viscous"))]
-    changed = {n: float(scene.parameters()[n] * rng.uniform(0.7, 1.4)) for n in names}
-    keys, actions = draws(12, 4, episodes=2, steps=40)
-    theirs, _ = in_node(node, written(name), name, keys, actions, changed)
-    core = Core(scene, LANES, ReachTask(), STEPS)
-    values = parameters.lane_values(scene, core.memory, np.arange(LANES), {}, True, core.task)
-    values |= {n: np.full(LANES, value) for n, value in changed.items()}
-    parameters.write(scene, core.memory, np.arange(LANES), values)
-    ours = here(core, keys, actions)
-    assert ours.tobytes() == theirs[: ours.size].tobytes()
+    rng, numbers = np.random.default_rng(11), SCENES[name].parameters()
+    names = [n for n in numbers if n.startswith(("m", "l", "gravity.g", "viscous"))]
+    changed = {n: float(numbers[n] * rng.uniform(0.7, 1.4)) for n in names}
+    _, rest, core = compared(name, 12, changed=changed)
     prepared = core.memory.arrays["parameter"][0][:, 0]
-    assert prepared.tobytes() == theirs[ours.size :][: len(prepared)].tobytes()
+    assert prepared.tobytes() == rest[: len(prepared)].tobytes()
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["everything", "rprp_limit_springs"])
-def test_scenes_with_other_effects_have_the_bits_of_the_processor(name, node, tmp_path):
-    scene = rde.load_scene(name)
-    if not any(isinstance(one, e.EffortLimits) for one in scene.effects):
-        scene = dataclasses.replace(scene, effects=(*scene.effects, e.EffortLimits((20.0, 30.0, 10.0, 10.0))))
-    module.write(scene, ReachTask(), name, tmp_path)
-    ours, theirs, *_ = compared(node, tmp_path, name, 14, scene, episodes=2)
-    assert ours.tobytes() == theirs.tobytes()
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_the_arm_is_that_of_the_equations(name, node, written):
-    _, _, rest, _, core = compared(node, written(name), name, 13, episodes=1, steps=7)
+@pytest.mark.parametrize("name", ["rprp_reach", "chain"])
+def test_the_arm_is_that_of_the_equations(name, compared):
+    _, rest, core = compared(name, 13, episodes=1, steps=7)
     scene, names = SCENES[name], arm_quantities(SCENES[name].robot)
-    masses, lengths = (
-        core.memory.read([f"{letter}{k + 1}" for k in range(len(getattr(scene.robot, of)))], np.array([0]))[0]
-        for letter, of in (("m", "masses"), ("l", "lengths"))
-    )
+
+    def read(fields):
+        return core.memory.read(fields, np.array([0]))[0]
+
+    masses = read([f"m{k + 1}" for k in range(len(scene.robot.masses))])
+    lengths = read([f"l{k + 1}" for k in range(len(scene.robot.lengths))])
     arm = dataclasses.replace(scene.robot, masses=masses, lengths=lengths)
-    motion = core.memory.read((*arm.coordinates, *arm.rates), np.array([0]))[0]
     gravity = next(one for one in scene.effects if isinstance(one, e.Gravity))
-    field = -gravity.g * np.array(gravity.down)
+    field, motion = -gravity.g * np.array(gravity.down), (*arm.coordinates, *arm.rates)
     known = {**arm.parameter_values(), "ax": field[0], "ay": field[1]}
-    known |= zip((*arm.coordinates, *arm.rates), motion, strict=True)
+    known |= zip(motion, read(motion), strict=True)
     expected = np.array(np.broadcast_arrays(*arm.evaluate(names, known)))
     np.testing.assert_allclose(rest[-len(names) :], expected, rtol=1e-12, atol=1e-12)
 
 
 def test_the_example_of_the_manual_runs(node, written):
-    example = module.HOST.parents[2] / "docs" / "examples" / "reach_in_node.js"
+    example = ROOT / "docs" / "examples" / "reach_in_node.js"
     command = [node, example, str(written("four_r_reach") / "four_r_reach")]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert [line.partition(":")[0] for line in lines[1:]] == [
-        f"to {x} m" for x in ("0.01", "0.0001", "0.000001", "1e-9", "1e-12")
-    ]
-
-
-def test_equal_scenes_give_equal_bytes():
-    one, other = (module.environment_module(SCENES["chain"], ReachTask()) for _ in range(2))
-    assert one.code == other.code
-    assert module.as_json(one.description) == module.as_json(other.description)
-
-
-def test_the_description_is_json_without_infinities(written):
-    text = (written("chain") / "chain.json").read_text()
-    description = json.loads(text, parse_constant=pytest.fail)
-    unlimited = module.environment_module(SCENES["chain"], ReachTask(), None).description
-    row = description["rows"]["parameter"]["limit"]
-    assert description["initial"]["parameter"][row] == STEPS
-    assert json.loads(module.as_json(unlimited))["initial"]["parameter"][row] == "Infinity"
-
-
-def test_scenes_and_tasks_that_no_environment_has_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="scene has no EffortLimits"):
-        module.write(rde.load_scene("four_r_free"), ReachTask(), "free", tmp_path / "free")
-    unlimited = tuple(one for one in SCENES["rprp_reach"].effects if not isinstance(one, e.PrismaticStop))
-    scene = dataclasses.replace(SCENES["rprp_reach"], effects=unlimited)
-    with pytest.raises(ValueError, match="limit"):
-        module.write(scene, ReachTask(), "endless", tmp_path / "endless")
-    assert not [*tmp_path.iterdir()]
+    tolerances = ("0.01", "0.0001", "0.000001", "1e-9", "1e-12")
+    assert [line.partition(":")[0] for line in lines[1:]] == [f"to {x} m" for x in tolerances]

@@ -1,6 +1,8 @@
 """The page in a browser: a file, without a network."""
 
 import dataclasses
+import json
+import math
 import re
 import shutil
 
@@ -14,9 +16,8 @@ from redundant_envs.web import page
 pytestmark = pytest.mark.long
 
 MAX_BYTES = 250_000
-MAX_WORK = 4.0  # ms a picture, in the thread of the page
 MIN_HELD = {"torque": 100, "learner": 98}
-BLUE, RED, GREEN = "#0072b2", "#d55e00", "#009e73"
+BLUE, RED, GREEN = [0, 114, 178], [213, 94, 0], [0, 158, 115]
 READY = "app.seen && app.seen.steps > 2 && app.seen.costs"
 
 
@@ -61,17 +62,14 @@ def opened(chromium, site):
     assert told == []
 
 
-def colours(tab):
-    """How many pixels of the picture have each colour."""
-    return tab.evaluate("""() => {
-      const view = document.getElementById("view"), counts = {};
-      const { data } = view.getContext("2d").getImageData(0, 0, view.width, view.height);
-      for (let k = 0; k < data.length; k += 4) {
-        const name = "#" + [0, 1, 2].map((j) => data[k + j].toString(16).padStart(2, "0")).join("");
-        counts[name] = (counts[name] || 0) + 1;
-      }
-      return counts;
-    }""")
+def pixels(tab, *colours):
+    """How many pixels of the picture have each of some colours, [red, green, blue]."""
+    return tab.evaluate(f"""(() => {{
+      const {{ data }} = view.getContext("2d").getImageData(0, 0, view.width, view.height);
+      const places = [...Array(data.length / 4).keys()];
+      const count = (colour) => places.filter((k) => colour.every((x, j) => data[4 * k + j] === x)).length;
+      return {[*colours]}.map(count);
+    }})()""")
 
 
 def screen(tab, point):
@@ -85,9 +83,7 @@ def goal(tab):
     return tab.evaluate("app.seen.goal")
 
 
-def test_the_page_is_four_small_files(site):
-    files = sorted(path.name for path in site.iterdir())
-    assert files == ["data.js", "index.html", "kernel.js", "page.js"]
+def test_the_page_is_small(site):
     assert sum(path.stat().st_size for path in site.iterdir()) <= MAX_BYTES
 
 
@@ -111,28 +107,16 @@ def test_only_its_own_files_run(opened):
     opened.told.clear()
 
 
-def test_a_long_goal_of_an_address_is_refused_at_once(opened):
-    tab = opened()
-    for digits in ("1" * 300_000, "1." + "1" * 300_000):  # a pattern that goes back takes hours
-        tab.evaluate("(text) => { location.hash = `goal=${text},${text}x`; }", digits)
-        tab.wait_for_function("document.getElementById('trouble').textContent.includes('two numbers')")
-        tab.evaluate("location.hash = 'goal=0.3,0.4'")
-        tab.wait_for_function("document.getElementById('trouble').textContent === ''")
-
-
 @pytest.mark.parametrize("arm", page.ARMS)
 def test_its_steps_have_the_bits_of_the_processor(arm, opened):
     tab = opened(f"#arm={arm}")
     tab.click("#check")
     tab.wait_for_function("checked.textContent.includes('digest')")
     expected = page.digest(page.page_scene(arm))
-    assert tab.inner_text("#checked") == (
-        f"1000 steps: digest {expected}, as on the processor that wrote this page."
-    )
+    assert f"digest {expected}, as on the processor" in tab.inner_text("#checked")
 
 
-@pytest.mark.parametrize("policy", ["SAC", "PPO"])
-@pytest.mark.parametrize("arm", page.ARMS)
+@pytest.mark.parametrize(("arm", "policy"), [("RPRP", "SAC"), ("FourR", "PPO")])
 def test_its_movers_hold_random_goals(arm, policy, opened):
     tab = opened(f"#arm={arm}&who=race&policy={policy}")
     tab.click("#trial")
@@ -141,18 +125,12 @@ def test_its_movers_hold_random_goals(arm, policy, opened):
     held = {name: int(count) for name, count in re.findall(r"(\w[\w ]*) holds (\d+) of 100", text)}
     assert held["computed torque"] >= MIN_HELD["torque"]
     assert held[policy] >= MIN_HELD["learner"]
-    assert f"goals ({arm})" in text
-    tab.select_option("#who", "nobody")
-    assert tab.inner_text("#tried") == ""
 
 
 def test_the_goal_is_dragged_and_stays_within_reach(opened):
     tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
     tab.mouse.move(*screen(tab, (0.3, 0.4)))
     tab.mouse.down()
-    tab.mouse.move(*screen(tab, (-0.2, 0.5)), steps=5)
-    tab.wait_for_function("Math.abs(app.seen.goal[0] + 0.2) < 0.01")
-    assert goal(tab) == pytest.approx([-0.2, 0.5], abs=0.01)
     tab.mouse.move(*screen(tab, (1.05, 0.0)), steps=5)
     tab.wait_for_function("app.seen.goal[0] > 0.9")
     assert goal(tab) == pytest.approx([0.95, 0.0], abs=0.01)
@@ -168,22 +146,11 @@ def test_a_push_moves_the_tip(opened):
     tab.mouse.move(*screen(tab, (before[0], before[1] + 0.3)))
     tab.mouse.down()
     tab.wait_for_timeout(400)
-    push = tab.evaluate("app.push")
+    assert 0.0 < tab.evaluate("Math.hypot(...app.push)") <= 100.0001
     tab.mouse.up()
     after = tab.evaluate("app.seen.points[0].at(-1)")
-    assert 0.0 < sum(x * x for x in push) <= 100.0**2 * 1.000001
-    assert sum((a - b) ** 2 for a, b in zip(after, before, strict=True)) > 0.05**2
+    assert math.dist(after, before) > 0.05
     assert tab.evaluate("app.push") == [0, 0]
-
-
-def test_a_push_that_is_off_does_nothing(opened):
-    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
-    tab.click("#switch_tip_force")
-    tab.mouse.move(*screen(tab, (-0.5, -0.5)))
-    tab.mouse.down()
-    assert tab.evaluate("app.push") == [0, 0]
-    assert "Off: push" in tab.inner_text("#off")
-    tab.mouse.up()
 
 
 def test_all_can_be_done_from_the_keyboard(opened):
@@ -193,17 +160,16 @@ def test_all_can_be_done_from_the_keyboard(opened):
         tab.keyboard.press(key)
     tab.wait_for_function("Math.abs(app.seen.goal[1] - 0.42) < 1e-3")
     assert goal(tab) == pytest.approx([0.26, 0.42], abs=1e-3)
-    tab.keyboard.down("Shift")
-    tab.keyboard.down("ArrowRight")
+    for key in ("Shift", "ArrowRight", "ArrowUp"):
+        tab.keyboard.down(key)
+    assert tab.evaluate("app.push") == [50, 50]
+    tab.keyboard.up("Shift")
+    tab.keyboard.up("ArrowUp")
     assert tab.evaluate("app.push") == [50, 0]
     tab.keyboard.up("ArrowRight")
     assert tab.evaluate("app.push") == [0, 0]
-    tab.keyboard.up("Shift")
     tab.keyboard.press("Space")
     assert tab.inner_text("#pause") == "Go on"
-    steps = tab.evaluate("app.seen.steps")
-    tab.wait_for_timeout(200)
-    assert tab.evaluate("app.seen.steps") <= steps + 5
     tab.keyboard.press("n")
     tab.wait_for_function("app.seen.steps === 0")
     reached = set()
@@ -211,40 +177,22 @@ def test_all_can_be_done_from_the_keyboard(opened):
     for _ in range(30):
         reached.add(tab.evaluate("document.activeElement.id || document.activeElement.tagName"))
         tab.keyboard.press("Tab")
-    wanted = {
-        "arm",
-        "who",
-        "pause",
-        "new",
-        "next",
-        "accuracy",
-        "switch_gravity",
-        "gravity",
-        "SUMMARY",
-        "check",
-        "trial",
-    }
-    assert wanted <= reached
+    assert {"arm", "who", "pause", "new", "next", "accuracy", "switch_gravity", "gravity"} <= reached
+    assert {"SUMMARY", "check", "trial"} <= reached
 
 
-def test_every_control_has_a_label(opened):
-    tab = opened()
+def test_every_control_has_a_label_and_fits_a_narrow_screen(opened):
+    tab = opened(viewport={"width": 360, "height": 640})
     unnamed = tab.evaluate("""[...document.querySelectorAll("input, select, button, canvas")].filter(
       (one) => !(one.labels && one.labels.length) && !one.textContent.trim() && !one.ariaLabel).length""")
     assert unnamed == 0
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 360
 
 
-def test_the_picture_shows_links_and_goal_and_takes_little_work(opened):
+def test_the_picture_shows_both_arms_and_the_goal(opened):
     tab = opened("#arm=RPRP&who=race&goal=0.3,0.4")
-    seen = colours(tab)
-    assert all(seen.get(colour, 0) > 100 for colour in (BLUE, RED, GREEN))
-    tab.evaluate("app.work = app.pictures = 0")
-    tab.wait_for_timeout(2000)
-    pictures, work = tab.evaluate("[app.pictures, app.work]")
-    print(f"{pictures / 2:.0f} pictures a second, {work / pictures:.2f} ms of work each")
-    assert work / pictures <= MAX_WORK
-    seen = colours(opened("#arm=RPRP&who=nobody"))
-    assert seen.get(BLUE, 0) + seen.get(RED, 0) == 0
+    assert min(pixels(tab, BLUE, RED, GREEN)) > 100
+    assert pixels(opened("#arm=RPRP&who=nobody"), BLUE, RED) == [0, 0]
 
 
 def test_the_address_restores_a_view(opened):
@@ -258,34 +206,24 @@ def test_the_address_restores_a_view(opened):
     assert tab.input_value("#who") == "torque"
 
 
-@pytest.mark.parametrize(
-    ("address", "named"),
-    [
-        ("#arm=Scara", "arm=Scara (known: RPRP, FourR)"),
-        ("#who=me", "who=me (known: learner, torque, nobody, race)"),
-        ("#policy=DQN", "policy=DQN (known: SAC, PPO)"),
-        ("#accuracy=99", "accuracy=99 (known: 2, 3, "),
-        ("#accuracy=six", "accuracy=six"),
-        ("#goal=5,0", "goal=5,0 (two numbers, 0.1 to 0.95 m from the base)"),
-        ("#goal=0.3", "goal=0.3"),
-        ("#goal=0.3,", "goal=0.3,"),
-        ("#goal=%20,0.4", "goal= ,0.4"),
-        ("#goal=NaN,x", "goal=NaN,x"),
-        ("#speed=2", "speed (no such word)"),
-        ("#who=me&accuracy=0", "who=me (known: learner, torque, nobody, race); accuracy=0"),
-        ("#%E0%A4%A&arm=<b>", "arm=<b>"),
-    ],
-)
-def test_values_of_an_address_that_cannot_be_are_named(address, named, opened):
-    tab = opened(address)
-    assert named in tab.inner_text("#trouble")
-    assert "the default is used" in tab.inner_text("#trouble")
-    assert tab.input_value("#arm") == "RPRP"
+LONG = "1." + "1" * 300_000  # a pattern that goes back takes hours
+REFUSED = {
+    "#arm=Scara": "arm=Scara (known: RPRP, FourR)",
+    "#accuracy=99": "accuracy=99 (known: 2, 3, ",
+    "#goal=5,0": "goal=5,0 (two numbers, 0.1 to 0.95 m from the base)",
+    f"#goal={LONG},{LONG}x": "two numbers",
+    "#who=me&accuracy=0": "who=me (known: learner, torque, nobody, race); accuracy=0",
+    "#%E0%A4%A&arm=<b>": "arm=<b>",
+}
 
 
-def test_a_browser_without_vectors_is_told(opened):
-    tab = opened(ready="trouble.textContent", init="WebAssembly.validate = () => false;")
-    assert "no WebAssembly vectors" in tab.inner_text("#trouble")
+def test_values_of_an_address_that_cannot_be_are_named(opened):
+    tab = opened()
+    for address, named in REFUSED.items():
+        tab.evaluate("(address) => { location.hash = address; }", address)
+        tab.wait_for_function(f"trouble.textContent.includes({json.dumps(named)})")
+        assert "the default is used" in tab.inner_text("#trouble")
+        assert tab.input_value("#arm") == "RPRP"
 
 
 def test_a_browser_without_webassembly_is_told(opened):
@@ -293,238 +231,52 @@ def test_a_browser_without_webassembly_is_told(opened):
     assert "no WebAssembly" in tab.inner_text("#trouble")
 
 
-def test_a_page_without_its_kernel_is_told(opened, site, tmp_path):
-    folder = tmp_path / "page"
-    shutil.copytree(site, folder)
-    (folder / "kernel.js").unlink()
-    tab = opened(folder=folder, ready="trouble.textContent")
-    assert "kernel.js is damaged or missing" in tab.inner_text("#trouble")
-    opened.told.clear()  # the browser itself says that the script is none
-
-
-@pytest.mark.parametrize("damage", ["changed", "cut", "missing"])
-def test_damaged_data_is_told(damage, opened, site, tmp_path):
-    folder = tmp_path / "page"
-    shutil.copytree(site, folder)
-    text = (folder / "data.js").read_text()
+@pytest.mark.parametrize("name", ["kernel.js", "data.js"])
+def test_a_damaged_file_is_told(name, opened, site, tmp_path):
+    shutil.copytree(site, tmp_path / "page")
+    file = tmp_path / "page" / name
+    text = file.read_text()
     middle = len(text) // 2
-    if damage == "changed":
-        text = text[:middle] + ("A" if text[middle] != "A" else "B") + text[middle + 1 :]
-    (folder / "data.js").write_text(text if damage == "changed" else text[:middle])
-    if damage == "missing":
-        (folder / "data.js").unlink()
-    tab = opened(folder=folder, ready="trouble.textContent")
-    assert "data.js is damaged or missing" in tab.inner_text("#trouble")
+    changed = text[:middle] + ("A" if text[middle] != "A" else "B") + text[middle + 1 :]
+    file.write_text(changed if name == "data.js" else "")
+    tab = opened(folder=tmp_path / "page", ready="trouble.textContent")
+    assert f"{name} is damaged or missing" in tab.inner_text("#trouble")
     opened.told.clear()  # the browser itself says that the script is none
 
 
-HOPELESS = {
-    "an endless push": """app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", Infinity]]})""",
-    "an impossible accuracy": """const values = {...app.values(), tip_tolerance: 1e-16};
-      app.send({do: "set", values, order: app.order});
-      for (let k = 0; k < 3; k++) app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", 1e6]]})""",
-}
-
-
-@pytest.mark.parametrize("what", HOPELESS)
-def test_a_hopeless_step_is_named_and_a_new_episode_begins(what, opened):
+def test_a_hopeless_step_is_named_and_a_new_episode_begins(opened):
     tab = opened("#arm=RPRP&who=nobody&accuracy=12")
-    tab.evaluate(f"app.waiting = performance.now(); app.pictures = 0; {HOPELESS[what]}")
-    tab.wait_for_timeout(300)
-    assert tab.evaluate("app.pictures") >= 3  # it goes on drawing meanwhile
+    tab.evaluate("""app.waiting = performance.now(); app.pictures = 0;
+      app.send({do: "advance", steps: 1, push: [["tip_force.step[0]", Infinity]]})""")
+    tab.wait_for_function("app.pictures >= 3")  # it goes on drawing meanwhile
     tab.wait_for_function("trouble.textContent.startsWith('numerics: ')", timeout=30_000)
-    assert re.search(r"numerics: [A-Z_]+: ", tab.inner_text("#trouble"))
     tab.wait_for_function("app.seen.steps > 2", timeout=30_000)
     assert all(abs(x) < 2.0 for place in tab.evaluate("app.seen.points[0]") for x in place)
 
 
-def test_sliders_and_switches_change_the_simulation_and_the_bill(opened):
+def test_switches_change_the_simulation_and_the_bill(opened):
     tab = opened("#arm=RPRP&who=nobody")
-    tab.click("#pause")
     tab.fill("#gravity", "3.7")
-    assert tab.evaluate("app.values()['gravity.g']") == 3.7
     tab.fill("#motor_strength", "0.5")
-    assert tab.evaluate("app.values()['effort_limits.limits[1]']") == 16.0
-    tab.click("summary")
-    tab.fill("#length_2", "0.4")
-    tab.wait_for_function("Math.abs(app.seen.reach - 1.15) > -1")
-    tab.click("#new")
-    tab.wait_for_function("Math.abs(app.seen.reach - 1.15) < 1e-9")
+    assert tab.evaluate("app.values()['gravity.g']") == 3.7
+    tab.set_checked("#switch_gravity", False)
     scene = page.page_scene("RPRP")
-    for off in ([], ["gravity"], ["gravity", "tip_force"]):
-        for key in ("gravity", "viscous_friction", "tip_force"):
-            tab.set_checked(f"#switch_{key}", key not in off)
-        rest = tuple(effect for effect in scene.effects if effect.key not in off)
-        expected = rde.bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
-        shown = tab.evaluate(
-            "[...bill.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
-        )
-        assert {name: [*map(int, counts)] for name, *counts in shown[:-1]} == {
-            owner.replace("_", " "): [*counts] for owner, counts in expected.items()
-        }
-        assert tab.evaluate("app.values()['gravity.g']") == (0 if off else 3.7)
-        assert tab.is_disabled("#gravity") == bool(off)
-
-
-def test_accuracy_costs_evaluations_and_errors_are_small(opened):
-    found = {}
-    for accuracy in (2, 12):
-        tab = opened(f"#arm=FourR&who=nobody&accuracy={accuracy}")
-        tab.wait_for_function("app.seen.steps > 15 && app.seen.steps < 60")
-        found[accuracy] = tab.evaluate("app.seen.costs[0]")
-        assert found[accuracy]["error"] <= 10.0**-accuracy
-    assert found[2]["evaluations"] == 12 < found[12]["evaluations"]
+    rest = tuple(effect for effect in scene.effects if effect.key != "gravity")
+    expected = rde.bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
+    shown = tab.evaluate(
+        "[...bill.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
+    assert {name: [*map(int, counts)] for name, *counts in shown[:-1]} == {
+        owner.replace("_", " "): [*counts] for owner, counts in expected.items()
+    }
+    assert tab.evaluate("app.values()['gravity.g']") == 0
+    assert tab.evaluate("app.values()['effort_limits.limits[1]']") == 16.0
+    assert tab.is_disabled("#gravity")
 
 
 def test_it_is_paused_for_readers_who_ask_for_less_motion(opened):
     tab = opened(ready="app.seen", reduced_motion="reduce")
     tab.wait_for_timeout(300)
     assert tab.evaluate("app.seen.steps") == 0
-    assert tab.inner_text("#pause") == "Go on"
     tab.click("#pause")
     tab.wait_for_function("app.seen.steps > 3")
-
-
-def test_it_fits_a_narrow_screen(opened):
-    tab = opened(viewport={"width": 360, "height": 640})
-    assert tab.evaluate("document.documentElement.scrollWidth") <= 360
-
-
-def test_without_policies_it_has_no_learner_and_says_so(opened, tmp_path):
-    empty = tmp_path / "none"
-    empty.mkdir()
-    _, learners = page.write(tmp_path / "page", empty)
-    assert learners == []
-    tab = opened("#arm=FourR&goal=0.3,0.4", folder=tmp_path / "page")
-    assert tab.evaluate("app.seen.kinds") == ["torque"]
-    tab.wait_for_function("said.textContent.includes('it has no learner')")
-    assert [option.inner_text() for option in tab.locator("#who option").all()] == [
-        "computed torque",
-        "nobody",
-    ]
-
-
-def test_a_choice_of_mover_keeps_the_numbers_that_were_set(opened):
-    tab = opened("#arm=RPRP&who=learner&policy=PPO")
-    tab.fill("#gravity", "1.62")
-    tab.set_checked("#switch_viscous_friction", False)
-    tab.set_checked("#next", False)
-    for who in ("torque", "learner"):
-        tab.select_option("#who", who)
-        tab.wait_for_function(f"app.seen.kinds[0] === '{who}' && app.seen.steps > 1")
-    assert tab.evaluate("[app.values()['gravity.g'], [...app.off]]") == [1.62, ["viscous_friction"]]
-    assert tab.input_value("#policy") == "PPO"
-    assert not tab.is_checked("#next")
-
-
-def test_choices_work_after_a_long_drag(opened):
-    tab = opened("#arm=RPRP&who=torque")
-    tab.evaluate("""new Promise((done) => { let k = 0; const timer = setInterval(() => {
-      app.aim([0.4 * Math.cos(0.05 * k), 0.4 * Math.sin(0.05 * k)]);
-      if (++k > 300) { clearInterval(timer); done(); } }, 15); })""")
-    tab.select_option("#arm", "FourR")
-    tab.wait_for_function("app.seen.arm === 'FourR'")
-    tab.wait_for_function("location.hash.includes('arm=FourR')")
-    assert tab.input_value("#arm") == "FourR"
-
-
-def test_a_goal_that_is_moved_at_a_new_start_is_the_one_that_is_drawn(opened):
-    tab = opened("#arm=RPRP&who=torque")
-    tab.evaluate("app.begin(); app.aim([0.3, 0.4])")
-    tab.wait_for_timeout(500)
-    assert tab.evaluate("[app.goal, app.seen.goal]") == [[0.3, 0.4], [0.3, 0.4]]
-
-
-def test_what_is_asked_for_during_a_hopeless_step_is_done(opened):
-    tab = opened("#arm=RPRP&who=nobody")
-    tab.evaluate(f"app.waiting = performance.now(); {HOPELESS['an endless push']}")
-    tab.evaluate("location.hash = '#arm=FourR&who=torque&goal=-0.5,0.2'")
-    tab.wait_for_function("app.seen.arm === 'FourR' && app.seen.steps > 5", timeout=30_000)
-    assert tab.evaluate("[app.goal, app.seen.goal]") == [[-0.5, 0.2], [-0.5, 0.2]]
-
-
-def test_the_goal_stays_within_reach_of_shorter_links(opened):
-    tab = opened("#arm=FourR&who=torque&goal=0.9,0.2")
-    tab.click("#pause")
-    tab.click("summary")
-    for k in range(4):
-        tab.fill(f"#length_{k + 1}", "0.1")
-    tab.wait_for_function("Math.abs(app.seen.reach - 0.4) < 1e-9")
-    assert tab.evaluate("Math.hypot(...app.goal)") == pytest.approx(0.38)
-    for k in range(4):
-        tab.fill(f"#length_{k + 1}", "0.5")
-    tab.wait_for_function("Math.abs(app.seen.reach - 2) < 1e-9")
-
-
-def test_a_goal_that_is_held_was_not_held_at_once_because_a_slider_moved(opened):
-    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
-    tab.wait_for_function("app.seen.held[0] !== null")
-    first = tab.evaluate("app.seen.held[0]")
-    tab.fill("#gravity", "9.5")
-    tab.wait_for_timeout(500)
-    assert tab.evaluate("app.seen.held[0]") == first > 20
-
-
-def test_the_table_of_costs_is_of_what_is_shown(opened):
-    tab = opened("#arm=RPRP&who=race")
-    # The time is shown when enough steps were measured.
-    tab.wait_for_function("cost.tBodies[0].rows.length === 2 && cost.innerText.includes('for both')")
-    tab.click("#pause")
-    tab.select_option("#who", "nobody")
-    tab.wait_for_function("app.seen.kinds[0] === 'nobody'")
-    assert tab.evaluate("cost.tBodies[0].rows.length") == 0
-    tab.click("#pause")
-    tab.wait_for_function("cost.tBodies[0].rows.length === 1")
-    assert tab.inner_text("#cost tbody th") == "nobody"
-
-
-def test_a_failure_of_the_worker_is_told_and_does_not_stop_the_page(opened):
-    tab = opened("#arm=RPRP&who=torque")
-    tab.evaluate("app.waiting = performance.now(); app.send({do: 'aim', goal: null})")
-    tab.wait_for_function("trouble.textContent.startsWith('The simulator failed in aim')")
-    steps = tab.evaluate("app.seen.steps")
-    tab.wait_for_function(f"app.seen.steps > {steps + 5}")
-
-
-def test_pushes_of_keys_add_and_end_with_them(opened):
-    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
-    tab.focus("#view")
-    tab.keyboard.down("Shift")
-    tab.keyboard.down("ArrowRight")
-    tab.keyboard.down("ArrowUp")
-    assert tab.evaluate("app.push") == [50, 50]
-    tab.keyboard.up("Shift")
-    tab.keyboard.down("ArrowUp")
-    assert goal(tab) == [0.3, 0.4]
-    tab.keyboard.up("ArrowUp")
-    assert tab.evaluate("app.push") == [50, 0]
-    tab.focus("#new")
-    assert tab.evaluate("app.push") == [0, 0]
-
-
-def test_other_buttons_and_fingers_do_not_push(opened):
-    tab = opened("#arm=RPRP&who=torque&goal=0.3,0.4")
-    tab.mouse.move(*screen(tab, (-0.5, -0.5)))
-    tab.mouse.down(button="right")
-    assert tab.evaluate("[app.drag, app.push]") == [None, [0, 0]]
-    tab.mouse.up(button="right")
-    tab.mouse.move(*screen(tab, (0.3, 0.4)))
-    tab.mouse.down()
-    tab.evaluate("""view.dispatchEvent(new PointerEvent("pointerdown",
-      {pointerId: 9, isPrimary: false, button: 0, clientX: 5, clientY: 5}));
-      view.dispatchEvent(new PointerEvent("pointerup", {pointerId: 9, isPrimary: false}))""")
-    assert tab.evaluate("app.drag") == "goal"
-    tab.mouse.up()
-
-
-def test_every_column_of_the_bill_is_seen(opened):
-    tab = opened(viewport={"width": 1200, "height": 900})
-    wide, box = tab.evaluate("[bill.scrollWidth, bill.parentElement.clientWidth]")
-    assert wide <= box
-    assert tab.get_by_label("sine pairs").count() == 1
-
-
-def test_the_picture_is_as_fine_as_the_screen(opened):
-    tab = opened(device_scale_factor=2)
-    assert tab.evaluate("view.width === Math.round(2 * view.clientWidth)")
-    assert colours(tab).get(BLUE, 0) > 100
