@@ -10,8 +10,8 @@ import redundant_envs as rde
 ID, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 GOAL_IDS, PLAIN_IDS = [i for i in IDS if "Goal" in i], [i for i in IDS if "Goal" not in i]
 MODES = ("next_step", "same_step", "disabled")
-STEPS, COUNT = 6, 11
-"""Control steps of a short episode, and environments of a vector: more than one block of lanes."""
+STEPS = 6
+"""Control steps of a short episode."""
 RANGES = {
     "masses": {"scale": {"log_uniform": [0.8, 1.25]}, "shared": True},
     "lengths": {"scale": {"uniform": [0.9, 1.1]}},

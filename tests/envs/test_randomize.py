@@ -227,12 +227,10 @@ def test_observations_end_with_the_numbers_that_are_asked_for(kind):
     np.testing.assert_array_equal(space.low[-11:-5], np.float32([9.0, *[0.4] * 4, 3.0]))
     np.testing.assert_array_equal(space.high[-11:-5], np.float32([10.0, *[0.625] * 4, 8.0]))
     np.testing.assert_array_equal(space.high[-5:-1], np.inf)  # options may set a number without a range
+    lanes = 1 if kind == "single" else 3
     for seed in range(2):
         observation, other = begin(env, seed=seed), begin(plain, seed=seed)
-        found = {
-            name: np.reshape(p.value, (len(env.q) // 4 or 1, -1))
-            for name, p in env.unwrapped.parameters.items()
-        }
+        found = {name: np.reshape(p.value, (lanes, -1)) for name, p in env.unwrapped.parameters.items()}
         found[OBSERVED[-1]] = found["viscous_friction.coefficients"][:, [2]]
         rows = np.hstack([found[name] for name in OBSERVED]).astype(np.float32)
         np.testing.assert_array_equal(np.atleast_2d(observation)[:, -11:], rows)
