@@ -17,7 +17,7 @@ DRAWS = (np.arange(20000) + 0.5) / 20000
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
 EFFECTS = (
     e.Gravity(), e.ViscousFriction(0.1), e.EffortLimits(20.0), e.PrismaticStop((0.0, None), (0.3, 0.3)),
-    e.LimitSpring("joint1", -2.0, 2.0), e.LimitSpring("joint3", -2.0, -1.0),
+    e.LimitSpring("joint1", -2.0, -1.0),
 )  # fmt: skip
 ALL_FORMS = {
     "masses": {"scale": {"log_uniform": [0.8, 1.25]}, "shared": True},
@@ -172,10 +172,7 @@ REFUSED = [
     ),
     (
         "lower is -2.0, upper is -3.0; lower must be below",  # a larger factor of a negative number
-        {
-            "limit_spring.joint3.lower": {"uniform": [-4, -2]},
-            "limit_spring.joint3.upper": {"scale": {"uniform": [0.5, 3]}},
-        },
+        {f"{SPRING}.lower": {"uniform": [-4, -2]}, f"{SPRING}.upper": {"scale": {"uniform": [0.5, 3]}}},
     ),
     ("spans a ratio of 1.0e[+]14", {"masses": {"log_uniform": [1e-7, 1e7]}}),
     ("is -inf, and a factor", {f"{STOP}.lower": {"scale": {"uniform": [1, 2]}}}),
