@@ -17,7 +17,6 @@ import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.scenes.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
 from redundant_envs.scenes.scene import scene_data, scene_names
-from redundant_envs_train.__main__ import main as agents_main
 from redundant_envs_train.config import load
 from studies import accuracy_config, throughput
 
@@ -91,13 +90,6 @@ def test_a_bad_file_is_one_error_with_file_and_line(content, words, tmp_path, ca
     for command in (["scene", str(path)], ["verify", str(path)], ["simulate", "--scene", str(path)]):
         assert main(command) == 2
         assert words in capsys.readouterr().err
-
-
-def test_a_bad_training_file_exits_with_2(tmp_path, capsys):
-    path = tmp_path / "mine.yaml"
-    path.write_text("config_version: 2\nenv: redundant_envs/RPRPReach-v0\nppo:\n  gamma: [1]\n")
-    assert agents_main(["train", str(path)]) == 2
-    assert f"{path}, line 4: ppo.gamma is [1]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -257,16 +249,6 @@ def test_what_is_no_sequence_of_finite_numbers_or_of_effects_is_refused_by_name(
 
 # ---- anything at all -----------------------------------------------------------------------------
 
-SYNTAX = "ab:-[]{}&*!|>'\"%@`#,? \n\t019.e<\x00\ufeff"
-
-
-@pytest.mark.long
-@ANYTHING
-@given(st.text(alphabet=SYNTAX, max_size=60) | st.text(max_size=30))
-def test_text_is_plain_data_or_a_value_error(text):
-    message = refusal(parse_yaml, text, "text")
-    assert message is None or (message.startswith("text, line ") and short(message))
-
 
 @ANYTHING
 @given(st.binary(max_size=60))
@@ -276,34 +258,3 @@ def test_bytes_are_plain_data_or_a_value_error(tmp_path_factory, raw):
     message = refusal(rde.load_scene, path)
     assert str(path) in message
     assert short(message)
-
-
-NUMBERS = st.one_of(st.integers(), st.floats(), st.integers(min_value=10**400), st.booleans())
-PLAIN = st.recursive(
-    st.one_of(st.none(), NUMBERS, st.text(max_size=5), st.sampled_from(["FourR", "RPRP", "Gravity", "rk8"])),
-    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
-    max_leaves=10,
-)
-FOUR = st.lists(NUMBERS, min_size=4, max_size=4)
-FIELDS = ("g", "down", "coordinate", "lower", "upper", "stiffness", "limits", "coefficients", "restitution")
-ARM = st.fixed_dictionaries(
-    {"type": st.sampled_from(["FourR", "RPRP"]) | PLAIN, "masses": FOUR | PLAIN},
-    optional={"lengths": FOUR | PLAIN},
-)
-EFFECT = st.fixed_dictionaries(
-    {"type": st.sampled_from(sorted(e.REGISTRY)) | PLAIN}, optional=dict.fromkeys(FIELDS, PLAIN)
-)
-SCENE = st.fixed_dictionaries(
-    {"robot": ARM | PLAIN},
-    optional={
-        "effects": st.lists(EFFECT | PLAIN, max_size=3) | PLAIN,
-        **dict.fromkeys(("integrator", "control_dt", "substeps", "tolerance", "actuation", "x"), PLAIN),
-    },
-)
-
-
-@pytest.mark.long
-@ANYTHING
-@given(SCENE | PLAIN)
-def test_plain_data_makes_a_scene_or_a_value_error(data):
-    assert short(refusal(rde.Scene.from_dict, data) or "")

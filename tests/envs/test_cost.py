@@ -3,12 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pytest
-from catalogue import ARMS, FOUR_R, FRICTION, GRAVITY, LIMITS, e, every_effect, springs
+from catalogue import FOUR_R, FRICTION, GRAVITY, LIMITS, e, springs
 
 import redundant_envs as rde
 from redundant_envs.envs import cost
-from redundant_envs.tasks.base import hard_stops
 
 BARE = rde.Scene(FOUR_R, (GRAVITY, FRICTION, LIMITS))
 FIRST, LAST = springs(FOUR_R)
@@ -28,16 +26,6 @@ def test_an_effect_is_compared_with_the_bare_arm_and_one_of_the_bare_arm_with_th
         "effort_limits": (bare, replace(bare, effects=(GRAVITY, FRICTION))),
         "whole scene": (scene, bare),
     }
-
-
-@pytest.mark.parametrize("arm", [ARMS["RPRP"], ARMS["PRPRP"]], ids=["RPRP", "PRPRP"])
-def test_motions_start_between_the_stops(arm):
-    scene = rde.Scene(arm, every_effect(arm))
-    values = scene.parameters()
-    q = cost.starts(scene, np.random.default_rng(0).random((64, len(arm.joints))))
-    for k, lower, upper in hard_stops(scene):
-        assert ((q[:, k] >= values[lower]) & (q[:, k] <= values[upper])).all()
-    assert (np.ptp(q @ arm.motor_map, axis=0) > 0.1).all()
 
 
 def test_motors_without_limits_take_the_commands_of_the_scene_beside_them():
@@ -75,20 +63,6 @@ def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_th
     assert {row["ns"] for row in rows if row["of"] == strong.key} == {200.0}
 
 
-@pytest.mark.long
-def test_the_table_has_every_scene_at_both_accuracies():
-    scene = rde.Scene(FOUR_R, (*BARE.effects, FIRST))
-    rows = cost.costs(cost.parts(scene), lanes=8, turns=2, most=1e-9)
-    names = ["bare", "gravity", "viscous_friction", "effort_limits", FIRST.key, "whole scene"]
-    assert [(row["at"], row["of"]) for row in rows] == [(at, of) for at in cost.TOLERANCES for of in names]
-    of = {(row["at"], row["of"]): row for row in rows}
-    for at in cost.TOLERANCES:
-        bare, sprung = of[at, "bare"], of[at, FIRST.key]
-        assert sprung["times_bare"] == pytest.approx(sprung["ns"] / bare["ns"], rel=1e-2)
-        assert (sprung["operations"] > bare["operations"], sprung["bytes"] > bare["bytes"]) == (True, True)
-    assert of["one rk8 step", FIRST.key]["evaluations"] == 12.0 < of["1e-6 m", FIRST.key]["evaluations"]
-
-
 def test_a_motion_is_the_same_in_every_turn():
     made = cost.Timed.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 128, 1e9)
     made.sample()
@@ -97,11 +71,3 @@ def test_a_motion_is_the_same_in_every_turn():
     made.sample()
     assert (made.batch.q == ends).all()
     assert made.evaluations == evaluations
-
-
-@pytest.mark.long
-def test_readings_of_sensors_are_timed_where_an_environment_can_have_them():
-    sensor = e.SensorBias(0.1)
-    scene = rde.Scene(FOUR_R, (*BARE.effects, sensor))
-    assert [core.scene.effects for core in cost.observers(scene, 8)] == [scene.effects, BARE.effects]
-    assert cost.observers(BARE, 8) == cost.observers(rde.Scene(FOUR_R, (sensor,)), 8) == ()

@@ -159,21 +159,6 @@ def test_single_environments_in_vectors_of_others_take_them():
     assert sync.get_attr("goal_tolerance") == (0.1, 0.2)
 
 
-def test_a_number_that_is_set_is_drawn_no_more_and_others_are():
-    ranges = {"gravity.g": {"uniform": [9, 10]}, "masses": {"uniform": [0.4, 0.6]}}
-    env = running("sb3", FOUR_R, scene={**rde.load_scene("four_r_reach").to_dict(), "randomize": ranges})
-    env.set_attr("gravity.g", 3.0)
-    seen = []
-    for _ in range(2):
-        env.reset()
-        assert np.unique(env.get_attr("gravity.g")) == [3.0]
-        seen.append(env.parameters["masses"].value)
-    assert (seen[0] != seen[1]).all()
-    env.set_options({"parameters": {}})
-    env.reset()
-    assert (np.array(env.get_attr("gravity.g")) != 3.0).all()
-
-
 REFUSED = {
     "an unknown name": ("goal_tolerence", 0.1, "'goal_tolerence'.* no effect.* goal_tolerance"),
     "a start": ("q", (0.0,) * 4, "'q'.*set_options"),
@@ -192,15 +177,3 @@ def test_what_can_have_no_effect_is_refused(kind, name, value, words):
     env = running(kind, FOUR_R)
     refused(env, lambda env: env.set_attr(name, value), words)
     assert not env.core.waiting_options
-
-
-def test_options_that_fit_only_what_waits_with_them(face):
-    env = running(face)
-    begin(env, {"parameters": {"prismatic_stop.upper": 0.1}})
-    refused(env, lambda env: env.set_options({"q": (0.0, 0.2, 0.0, 0.0)}), "r1 is 0.2 m; its stops")
-    env.set_options({"q": (0.0, 0.09, 0.0, 0.0)})
-    refused(env, lambda env: setattr(env, "prismatic_stop.upper", 0.05), "r1 is 0.09 m; its stops")
-    env.set_options({"parameters": {}})  # the scene's own travel: the start fits again
-    env.set_options({"q": (0.0, 0.2, 0.0, 0.0)})
-    env.reset()
-    assert np.unique(np.atleast_2d(env.q)[:, 1]) == [0.2]

@@ -322,24 +322,6 @@ def test_obstacles_cables_loads_and_stops_are_where_they_are():
             assert (with_it == colour).all(axis=2).sum() > (without == colour).all(axis=2).sum() + 20
 
 
-def test_an_object_is_a_ring_until_it_is_grasped_and_a_base_moves_over_the_ground():
-    for mass, seen, unseen in ((0.0, "WAITING", "LOAD"), (0.5, "LOAD", "WAITING")):
-        picture, _ = posed(e.PickUp(0.5, 1.0), carried=mass)
-        assert (picture == getattr(rendering, seen)).all(axis=2).any()
-        assert not (picture == getattr(rendering, unseen)).all(axis=2).any()
-    still, moved = (posed(e.MovingBase((0.1, 0.0), 3.0), angle=angle)[0] for angle in (0.0, 1.0))
-    assert (still != moved).any()
-
-
-def test_no_far_obstacle_makes_the_arm_small():
-    alone, _ = posed()
-    for effect in (e.Disc((50.0, 3.0), 4.0), e.Tether(4, (1e9, -1e12), 1.0), e.HalfPlane((0.0, -1e9))):
-        assert (posed(effect)[0] != alone).any(axis=2).sum() < 2000
-    large, _ = posed(e.Disc((0.0, 101.0), 100.0))
-    links = [(x == rendering.LINKS[0]).all(axis=2).sum() for x in (alone, large)]
-    assert links[1] > 0.5 * links[0]
-
-
 @dataclasses.dataclass(frozen=True)
 class Flag(e.Effect):
     """Nothing but a mark on a link, at a number of it, with a pole to the tip."""
@@ -396,14 +378,3 @@ def test_energies_of_a_run_and_their_figures():
     run = energy.energy_run(lossy, 0.5, (0.5, 0.1, 0.0, 0.1))
     assert run.total[-1] < run.total[0] - 0.01
     assert run.drift < 1e-5
-
-
-def test_starts_of_runs():
-    assert energy.default_start("mine", rde.load_scene("rprp_reach")) == (0.0, 0.125, 0.0, 0.125)
-    for seconds, q, name in (
-        (0.0, (0.0,) * 4, "seconds"),
-        (1.0, (0.0,) * 3, "q"),
-        (1.0, (0.0, np.inf, 0.0, 0.0), "q"),
-    ):
-        with pytest.raises(ValueError, match=f"^{name} is"):
-            energy.energy_run(rde.load_scene("four_r_free"), seconds, q)

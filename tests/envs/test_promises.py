@@ -88,25 +88,6 @@ def test_copies_of_wrapped_environments(way):
     assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
 
 
-@pytest.mark.long
-def test_copies_and_new_environments_in_spawned_workers_equal_those_here():
-    def make():
-        import redundant_envs  # noqa: F401  # a worker knows the ids only then
-
-        return gym.make("redundant_envs/FourRReach-v0", max_episode_steps=6)
-
-    copied = make()
-    copied.reset(seed=1)
-    copied.step(np.full(4, 0.5, np.float32))
-    worker = gym.vector.AsyncVectorEnv([make, lambda: copied], context="spawn")
-    here = gym.vector.SyncVectorEnv([make, lambda: copy.deepcopy(copied)])
-    try:
-        assert flat(worker.reset(seed=[2, None])) == flat(here.reset(seed=[2, None]))
-        assert motion(worker, actions(worker, STEPS + 2)) == motion(here, actions(here, STEPS + 2))
-    finally:
-        worker.close()
-
-
 # ---- vectors, and single environments ----------------------------------------------------------------------
 
 
@@ -238,16 +219,6 @@ def test_generators_of_a_vector_are_those_of_single_environments(seeds):
     assert native.np_random_seed == sync.np_random_seed
     assert [one.random() for one in native.np_random] == [one.random() for one in sync.np_random]
     np.testing.assert_array_equal(native.reset()[0], sync.reset()[0])  # whoever draws from them
-
-
-def test_generators_before_the_first_reset_are_those_of_the_first_episodes():
-    env = made("next_step", FOUR_R)
-    seeds = env.np_random_seed
-    obs, _ = env.reset()
-    assert env.np_random_seed == seeds
-    np.testing.assert_array_equal(made("next_step", FOUR_R).reset(seed=[*seeds])[0], obs)
-    env.set_state(env.get_state())
-    assert env.np_random_seed == (-1,) * 3  # unknown, as Gymnasium's vectors say it
 
 
 # ---- states ------------------------------------------------------------------------------------------------

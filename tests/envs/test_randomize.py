@@ -3,17 +3,14 @@
 That a distribution has its quantiles is tested in ``tests/test_ranges.py``.
 """
 
-import dataclasses
 import hashlib
 
 import numpy as np
 import pytest
-from catalogue import SCENES
 from faces import FOUR_R, ID, MODES, RANGES, actions, begin, drawing, flat, made, motion, refused, running
 from gymnasium.utils import seeding
 
 import redundant_envs as rde
-from redundant_envs.envs.core import Core
 from redundant_envs.scenes.ranges import ranges
 from redundant_envs.simulator.batch.environment import philox
 
@@ -84,20 +81,6 @@ def test_an_episode_is_that_of_the_fixed_scene_with_these_numbers_to_the_last_bi
         assert flat(observation) == flat(fixed.reset(seed=seed, options={"parameters": present})[0])
         for action in actions(env, 5):
             assert flat(env.step(action)[:4]) == flat(fixed.step(action)[:4])
-
-
-@pytest.mark.long
-def test_what_follows_from_drawn_numbers_has_the_bits_of_numbers_that_options_set():
-    """Here also what bounds the mobility of the joints of a chain, with sums of products."""
-    numbers = {name: {"scale": {"uniform": [0.5, 2.0]}} for name in ("masses", "lengths")}
-    scene = dataclasses.replace(SCENES["RRR every effect 1e-6"], randomize=numbers)
-    core = Core(scene, 40, rde.ReachTask())
-    core.begin(np.ones(40, bool), {})
-    prepared = core.memory.dynamics.parameters.prepared
-    found = core.memory.read(prepared)
-    assert len(np.unique(found[:, prepared.index("least_step_rate")])) == 40
-    core.memory.prepare()
-    np.testing.assert_array_equal(found, core.memory.read(prepared))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -284,30 +267,12 @@ def test_numbers_that_no_environment_can_draw_or_show(face, words, given):
 # ---- states and programs -----------------------------------------------------------------------------------
 
 
-def test_a_state_brings_back_numbers_ranges_and_what_options_fixed(kind):
-    env = running(kind, FOUR_R, scene=drawing())
-    begin(env, {"parameters": {"hold_steps": 4}}, seed=3)
-    state, before, first = env.get_state(), env.parameters, motion(env)
-    begin(env, {"parameters": {}}, seed=8)
-    env.set_state(state)
-    for name in RANGES:
-        np.testing.assert_array_equal(env.parameters[name].value, before[name].value)
-    assert motion(env) == first
-    assert (env.parameters["hold_steps"].value == 4.0).all()
-
-
 def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():
     env = running("next_step", FOUR_R, 8, scene=drawing())
     begin(env, {"parameters": {"gravity.g": 9.5}}, seed=3)
     env.set_state(env.get_state())
     begin(env, {"parameters": {}}, seed=3)
     assert len(np.unique(env.parameters["gravity.g"].value)) == 8
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["next_step", "sb3"])
-def test_the_checker_of_vectors_finds_nothing(kind):
-    rde.check_vec_env(made(kind, FOUR_R, scene=drawing(), observe_parameters=("gravity.g", "masses")))
 
 
 def test_other_ranges_of_the_same_kinds_compile_nothing_anew():

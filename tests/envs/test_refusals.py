@@ -1,13 +1,12 @@
 """What users may not give: refused by one short message, in every kind of environment; nothing changes."""
 
-import copy
 import itertools
 import re
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FACES, FOUR_R, MODES, actions, begin, drawing, flat, made, refused, running
+from faces import FACES, FOUR_R, MODES, actions, begin, drawing, made, refused, running
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
@@ -29,7 +28,6 @@ BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "t
 VECTORS = ("next_step", "sb3")
 ARGUMENTS = [
     ("scene is 'nowhere'; .*rprp_reach", {"scene": "nowhere"}, FACES),
-    ("scene is .*int", {"scene": 5}, FACES),
     ("no EffortLimits", {"scene": {"robot": SCENE["robot"]}}, FACES),
     ("'r1'; add a PrismaticStop", changed(effects=[{"type": "EffortLimits", "limits": 1.0}]), FACES),
     (r"effects\[0\].type is 'Gravitas'; valid: .*Gravity", changed(effects=[{"type": "Gravitas"}]), FACES),
@@ -37,19 +35,14 @@ ARGUMENTS = [
     ("on_bad_action is 'ignore'.*terminate", {"on_bad_action": "ignore"}, FACES),
     ("'goal_tolerence'.*goal_tolerance", {"task": {"goal_tolerence": 1}}, FACES),
     ("task is 5; give a mapping", {"task": 5}, FACES),
-    ("unknown key 5", {"task": {5: 1}}, FACES),
     ("ReachTask.hold_steps is 1.5; give a whole number", {"task": {"hold_steps": 1.5}}, FACES),
     (r"hold_steps is 1.18059.*e\+21; it must lie in 1 to 1e\+09", {"task": {"hold_steps": 2**70}}, FACES),
     ("ReachTask.inner is 'small'; give a finite number", {"task": {"inner": "small"}}, FACES),
-    ("ReachTask.rate_scale is 5e-324", {"task": {"rate_scale": 5e-324}}, FACES),
     ("ReachTask.goal_tolerance is -1.0; it must be positive", {"task": {"goal_tolerance": -1}}, FACES),
     ("accuracy is 'fine'.*standard.*exact.*metres", {"accuracy": "fine"}, FACES),
-    ("tolerance is 0.0.*1e-13", {"accuracy": 0.0}, FACES),
     ("accuracy is .*one or the other", {"accuracy": "exact", "scene": {**BARE, "integrator": "rk4"}}, FACES),
-    ("accuracy .*tolerance", {"accuracy": "exact", "scene": {**BARE, "tolerance": 1e-6}}, FACES),
     ("scene is a Scene.*to_dict", {"scene": rde.load_scene("rprp_reach")}, ("single", "next_step")),
     ("num_envs is 0", {"count": 0}, VECTORS),
-    ("num_envs is 2.0", {"count": 2.0}, VECTORS),
     ("autoreset_mode is 'sometimes'", {}, ("sometimes",)),
     ("make_sb3 has no argument 'efects'; valid: scene", {"efects": 1}, ("sb3",)),
     ("monitor is 'yes'; give True or False", {"monitor": "yes"}, ("sb3",)),
@@ -113,31 +106,19 @@ OPTIONS = [
     ({5: 1}, "options has the unknown key 5"),
     ({"pose": 1}, "'pose'; valid: q, qd, goal"),
     ({"q": (0, 0.1, 0)}, r"q.*\(3,\).*\(4,\)"),
-    ({"q": 0.1}, r"'q'\] is 0.1; give \(4,\)"),
     ({"q": (0, NAN, 0, 0)}, "q.* non-finite"),
     ({"q": (1e30, 0.1, 0, 0.1)}, r"'q'.* 1e\+30.* 1e\+06"),
     ({"q": (0, 0.3, 0, 0)}, r"options\['q'\]: r1 is 0.3 m; its stops are at 0 and 0.25 m"),
-    ({"q": (0, 0.1, 0, -1e-9)}, r"options\['q'\]: r2 is -1e-09 m"),
     ({"q": (0, 0.24, 0, 0), "parameters": {"prismatic_stop.upper": (0.05, 0.2)}}, "r1 is 0.24 m.* 0.05 m"),
-    ({"qd": (0, 1e200, 0, 0)}, r"'qd'.* 1e\+200.* 1e\+100"),
-    ({"goal": [HUGE, 0]}, r"options\['goal'\] is"),
     ({"goal": 0.3}, r"'goal'\] is 0.3; give \(2,\)"),
     ({"goal": (3.0, 0.0)}, "goal.* 3 m from the base; the arm reaches 1 m"),
-    ({"parameters": {"masses": (1, 1, 1, 1)}, "goal": (9.0, 9.0)}, "goal"),
     ({"parameters": 5}, "parameters is 5; give a mapping"),
     ({"parameters": {"m4": 1, "masses[3]": 2}}, r"parameters set m4 twice, by 'm4' and 'masses\[3\]'"),
-    ({"parameters": {5: 1}}, "parameter is 5; this scene has masses"),
     (number(mass=1), "'mass'.*masses"),
-    (number(**{"lengths[2]": 1}), "'lengths.2.'.*masses"),
-    (number(gravity__h=1), "'gravity.h'.*gravity.g"),
     (number(m1=-5.0), "masses has the entry -5.0; it must be positive"),
     (number(masses=(1, 1)), r"masses.*\(2,\)"),
     (number(masses=(1, 1, 1, 1e-13)), "masses spans a ratio"),
-    (number(masses=1e-31), "masses.* 1e-31.* 1e-30"),
-    (number(effort_limits__limits=(1, 1, -1, 1)), r"EffortLimits.limits\[2\] is -1"),
     (number(prismatic_stop__upper=(-3, 1)), "PrismaticStop.*upper.* -3"),
-    (number(gravity__down=(1, 1)), "Gravity.down.*length"),
-    (number(goal_tolerance=-0.1), "ReachTask.goal_tolerance is -0.1; it must be positive"),
     (number(hold_steps=2.5), "ReachTask.hold_steps is 2.5; give a whole number"),
     (number(inner=0.96), "inner must be below outer"),
     (number(speed_bound=np.inf), "speed_bound has non-finite entries"),
@@ -165,18 +146,20 @@ def test_goal_environments_keep_what_their_reward_depends_on(face):
         refused(env, lambda env, options=options: begin(env, options), f"goal environments keep {words}")
 
 
-def test_options_that_some_kinds_have_not():
-    for kind, options, words in (
+@pytest.mark.parametrize(
+    ("kind", "options", "words"),
+    [
         ("single", {"reset_mask": [True]}, "reset_mask.* belongs to vector"),
         ("next_step", {"reset_mask": np.zeros(3, bool)}, "give .3,. bool with at least one True"),
         ("next_step", {"reset_mask": [1, 0, 1]}, "reset_mask.* dtype int64"),
         ("next_step", number(hold_steps=[3, 0, 5]), "ReachTask.hold_steps is 0.0; it must be positive"),
         ("sb3", {"reset_mask": 5}, "unknown key 'reset_mask'"),
         ("sb3", [{}, {}], "options has 2 entries; give one per environment, 3"),
-        ("sb3", [{}, {"parameters": {"masses": 1.0}}, {"goal": (9, 9)}], "goal"),
         ("sb3", number(masses=np.ones((2, 4))), r"masses has shape \(2, 4\); give \(4,\) or \(3, 4\)"),
-    ):
-        refused(running(kind), lambda env, options=options: begin(env, options), words)
+    ],
+)
+def test_options_that_some_kinds_have_not(kind, options, words):
+    refused(running(kind), lambda env: begin(env, options), words)
 
 
 def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
@@ -207,11 +190,9 @@ def test_seeds(face, seed):
 @pytest.mark.parametrize(
     ("seeds", "words"),
     [
-        ([1.7, 2, 3], r"seed\[0\] is 1.7"),
         ([1, True, 3], r"seed\[1\] is True"),
         ((1, 2), "one per environment, 3"),
         (np.array([1.0, 2.0, 3.0]), r"seed\[0\] is"),
-        (np.array([[1, 2, 3]]), "seed has 1 entries"),
         ({1, 2, 3}, "seed is"),
     ],
     ids=str,
@@ -232,16 +213,6 @@ def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():
             call()
 
 
-def test_actions_are_not_kept_for_the_second_half_of_a_step():
-    env = running("sb3", on_bad_action="raise")
-    twin = copy.deepcopy(env)
-    for one in (env, twin):
-        one.step_async(np.full((3, 4), 0.2, np.float32))
-    with pytest.raises(ValueError, match="non-finite"):
-        env.step_async(np.full((3, 4), NAN, np.float32))
-    assert flat(env.step_wait()) == flat(twin.step_wait())
-
-
 def test_the_action_of_a_lane_that_begins_anew_is_ignored():
     env = running("next_step", on_bad_action="raise", max_episode_steps=3)
     bad = np.full((3, 4), NAN, np.float32)
@@ -252,11 +223,10 @@ def test_the_action_of_a_lane_that_begins_anew_is_ignored():
 
 
 def test_goals_of_compute_reward():
-    env = made("single", "redundant_envs/FourRGoalReach-v0")
+    env = made("single", GOAL_ID)
     for shapes in (((5, 2), (4, 2)), ((5, 3), (5, 3)), (3, 2)):
         with pytest.raises(ValueError, match="goals have shapes"):
             env.compute_reward(*map(np.zeros, shapes), {})
-    assert (env.compute_reward(np.zeros((50_000, 2)), np.zeros(2), {}) == 1.0).all()
     with pytest.raises(ValueError, match="compute_reward belongs to the goal environments"):
         made("sb3").compute_reward(np.zeros(2), np.zeros(2), {})
 
@@ -284,23 +254,20 @@ def test_pictures_need_a_reset_and_a_mode():
         running("next_step").render()
 
 
-@pytest.mark.parametrize("action", [np.full((3, 4), NAN), np.zeros(2), "left"], ids=["nan", "shape", "text"])
-def test_an_ended_episode_is_said_to_have_ended_whatever_the_action(action):
+def test_an_ended_episode_is_said_to_have_ended_whatever_the_action():
     env = running("disabled", max_episode_steps=1)
-    refused(env, lambda env: env.step(action), r"environments \[0, 1, 2\] have ended; call reset")
+    for action in (np.full((3, 4), NAN), np.zeros(2), "left"):
+        refused(env, lambda env, action=action: env.step(action), r"environments \[0, 1, 2\] have ended")
 
 
 # ---- states --------------------------------------------------------------------------------------------
 
 OTHERS = {
-    "tolerance is 1e-12 there and 1e-06 here": {"accuracy": "exact"},
-    "masses": changed(robot={**SCENE["robot"], "masses": [1.0, 0.5, 0.3, 0.1]}),
     "effects": changed(effects=[{"type": "Gravity", "g": 1.6}, *SCENE["effects"][1:]]),
     "randomize": {"scene": drawing({"masses": {"uniform": [0.3, 0.7]}}, "rprp_reach")},
     "task.goal_tolerance is 0.05 there and 0.02 here": {"task": {"goal_tolerance": 0.05}},
     "max_episode_steps is 50.0 there": {"max_episode_steps": 50},
     "of another scene": {"env_id": FOUR_R},
-    "goal_conditioned|another scene": {"env_id": GOAL_ID},
 }
 
 
@@ -337,13 +304,10 @@ def tampered(env, name, value):
 CHANGES = {
     r"a float": lambda s: 0.5,
     r"lacks keys": lambda s: {k: v for k, v in s.items() if k != "keys"},
-    r"unknown keys more": lambda s: {**s, "more": 1},
     r"\['simulator'\] is": lambda s: {**s, "simulator": "0123"},
-    r"\['states'\] has shape \(5,\)": lambda s: {**s, "states": s["states"][:5]},
     r"\['states'\] has a .* not finite": lambda s: {**s, "states": s["states"] + np.nan},
     r"belongs to the scene": lambda s: {**s, "parameters": 2.0 * s["parameters"]},
     r"\['keys'\] .*int64": lambda s: {**s, "keys": s["keys"].astype(np.int64)},
-    r"\['mask'\] is False": lambda s: {**s, "mask": False},
     r"\['generators'\] has 5": lambda s: {**s, "generators": [5] * len(s["generators"])},
     r"\['generators'\] must be": lambda s: {**s, "generators": None},
 }
@@ -366,13 +330,6 @@ def test_what_is_no_state(face, words, change):
 def test_states_with_numbers_that_no_motion_has(face, name):
     value, words = IMPOSSIBLE[name]
     refused(running(face), lambda env: env.set_state(tampered(env, name, value)), words)
-
-
-def test_ended_of_a_vector():
-    env = running("next_step")
-    for ended in (True, np.zeros(2, bool), np.zeros(3), [False] * 3):
-        state = {**env.get_state(), "ended": ended}
-        refused(env, lambda env, state=state: env.set_state(state), r"state\['ended'\]")
 
 
 def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():

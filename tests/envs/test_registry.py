@@ -1,7 +1,6 @@
 """Every registered id: checkers, spec, page, and the values that users may read in every kind."""
 
 import enum
-import pydoc
 import subprocess
 import sys
 import warnings
@@ -244,13 +243,3 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     known = {key for key, *_ in rows(section(page(env_id), "Info"))} - {"return_*"}
     assert sums <= found <= known | sums
     assert known - found == {"beyond_limit", "parameters"} | ({"events"} if "FourR" in env_id else set())
-
-
-@pytest.mark.parametrize("kind", ["single", "next_step"])
-def test_help_shows_page_methods_and_values_and_nothing_of_the_classes_below(kind):
-    text = pydoc.render_doc(made(kind, FOUR_R), renderer=pydoc.plaintext)
-    words = ["reset(*, seed=None, options=None)", "step(action", "render()", "set_state(state"]
-    words += [f"`{name}`" for name in (*VALUES, "scene", "parameters")]
-    words += ["## Rewards"] if kind == "single" else ["help(redundant_envs.envs.named.FourRReachEnv)"]
-    assert not [word for word in words if word not in text]
-    assert not [word for word in ("get_wrapper_attr", "with-statement", "np_random") if word in text]

@@ -84,22 +84,6 @@ def test_starts_lie_in_springs_and_stops_even_where_the_usual_range_does_not(
 
 
 @pytest.mark.long
-def test_starts_of_every_episode_follow_limits_that_a_lane_moved():
-    scene = changed(FOUR_R, ("joint1", -6.0, 6.0), ("joint3", -1.0, 1.0))
-    env = made("same_step", FOUR_R, LANES, max_episode_steps=2, scene=scene)
-    lower = np.linspace(-2.2, 1.8, LANES)
-    moved = {"limit_spring.joint3.lower": lower, "limit_spring.joint3.upper": lower + 0.3}
-    begin(env, {"parameters": moved}, seed=0)
-    for _ in range(2):
-        assert_inside(joints(env)[:, 2], np.clip(lower, -2.0, None), np.clip(lower + 0.3, None, 2.0))
-        for k in (0, 1, 3):
-            assert_inside(joints(env)[:, k], *ALL[0])
-        for _ in range(2):  # a start releases no energy of limit springs
-            assert np.abs(env.qd).max() < 5.0
-            env.step(np.zeros((LANES, 4), np.float32))
-
-
-@pytest.mark.long
 def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end():
     data = changed(ID)
     next(e for e in data["effects"] if e["type"] == "PrismaticStop")["upper"] = [None, 0.25]
@@ -120,15 +104,6 @@ def test_goals_have_no_bounds_where_sliders_have_springs_alone():
     for scene, bounded in (("rprp_reach", True), (springs, False)):
         space = gym.make("redundant_envs/RPRPGoalReach-v0", scene=scene).observation_space
         assert (np.isfinite(space["desired_goal"].high) == bounded).all()
-
-
-def test_sliders_stay_between_stops_that_a_lane_moved(face):
-    env = made(face)
-    begin(env, {"parameters": {"prismatic_stop.upper": (0.1, 0.2), "prismatic_stop.restitution": 0.5}})
-    for action in actions(env, 50):
-        env.step(action)
-        sliders = np.atleast_2d(env.q)[:, [1, 3]]
-        assert ((sliders >= 0.0) & (sliders <= (0.1, 0.2))).all()
 
 
 def test_goals_follow_the_annulus_given_at_the_reset_and_stay_in_it(face):
@@ -154,19 +129,6 @@ def test_options_set_everything_exactly(goal_id):
 
 
 # ---- observation, reward, success ----------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_observation_and_reward_are_continuous_across_half_turns(plain_id):
-    rows = []
-    for sign in (-1.0, 1.0):
-        edge = sign * (np.pi - 1e-12)
-        q = [edge, 0.1, edge, 0.1] if "RPRP" in plain_id else [edge] * 4
-        env = made("single", plain_id, scene=changed(plain_id, without=("Gravity",)))
-        obs = begin(env, {"q": q, "goal": (0.3, 0.3)}, seed=1)
-        after, reward, *_ = env.step(ZERO)
-        rows.append([*obs, *after, reward])
-    np.testing.assert_allclose(*rows, atol=1e-6)
 
 
 def test_the_observation_of_a_goal_environment_holds_nothing_of_the_goal(goal_id):
@@ -200,23 +162,13 @@ def test_reward_is_the_sum_of_its_terms_and_largest_at_the_goal(plain_id):
     total = sum(env.step(action)[1] for action in table[1:])
     _, reward, _, _, info = env.step(table[0])
     terms = {k: v for k, v in info.items() if k.startswith("return_")}
-    assert set(terms) == {f"return_{t}" for t in "far near precise effort settle rate end".split()}
+    assert set(terms) == {
+        f"return_{t}" for t in ["far", "near", "precise", "effort", "settle", "rate", "end"]
+    }
     assert sum(terms.values()) == pytest.approx(total + reward, abs=1e-9)
     assert info["episode_steps"] == 100
     assert at_the_goal(plain_id).step(ZERO)[1] == pytest.approx(1.0, abs=1e-9)
     assert at_the_goal(plain_id, 0.9).step(ZERO)[1] < 0.9
-
-
-def test_every_reward_term_lies_between_nothing_and_its_weight(plain_id):
-    env = running("next_step", plain_id, 64, info_keys="all")
-    rng = np.random.default_rng(0)
-    for _ in range(30):
-        env.reset(options={"qd": 10.0 ** rng.uniform(-2, 1.5, (64, 4))})
-        *_, infos = env.step(rng.choice([-1.0, 1.0], (64, 4)).astype(np.float32))
-        going = infos["numerics"] == 0
-        terms = {k: v[going] for k, v in infos.items() if k.startswith("return_") and k != "return_end"}
-        assert all((v >= 0.0).all() for v in terms.values())
-        assert (sum(terms.values()) <= 1.0).all()
 
 
 @pytest.mark.long

@@ -207,16 +207,6 @@ def pulled(l1, l2, s1, c1, s2, c2):  # the second mass is pulled in as the first
     return l1 * c1, l1 * s1, l1 * c1 + l2 * c1 * c2, l1 * s1 + l2 * s2
 
 
-@physics(gives="x1 y1")
-def rod_end(l1, s1, c1):
-    return l1 * c1, l1 * s1
-
-
-@physics(gives="M11")
-def rod(m1, l1):
-    return 4.0 / 3.0 * m1 * l1 * l1
-
-
 def an_arm(name, joint_types, *functions):
     return type(name, (rde.Arm,), {"joint_types": joint_types, "functions": functions})
 
@@ -231,18 +221,10 @@ def test_arms_with_other_equations_than_their_links_are_refused():
     two = (1.0, 1.0), (0.5, 0.4)
     for arm, words in (
         (an_arm("Geared", "RP", geared)(*two), "its slider r1 moves a mass by 2 m for each metre"),
-        (an_arm("Rod", "R", rod_end, rod)((1.0,), (0.5,)), "its masses and inertias are not those"),
         (an_arm("Pulled", "RR", pulled)(*two), "robot is a Pulled, which cannot be written as rigid links: "),
         (rde.FourR((1e-5,) * 4, (0.01,) * 4), "the small masses of FourR (a body has 2e-15 kg m^2 there"),
     ):
         assert words in refusal(document, rde.Scene(arm), "mjcf")
-
-
-def test_lengths_keep_their_digits():
-    lengths = (1.0 / 3.0, 0.2 / 3.0, 0.25, 0.7)
-    model = model_of(rde.Scene(rde.FourR((0.5,) * 4, lengths)), "mjcf")
-    # places are differences of positions, which are rounded at the size of the reach
-    np.testing.assert_allclose(model.body_pos[2:, 0], lengths[:3], rtol=0, atol=2.3e-16)
 
 
 def test_a_name_of_a_file_cannot_break_a_comment(tmp_path):
