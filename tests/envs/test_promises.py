@@ -70,8 +70,7 @@ def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way
     twin = way(env)
     np.testing.assert_array_equal(twin.reset(), env.reset())
     env.step_async(np.full((3, 4), 0.5, np.float32))
-    twin = way(env)
-    assert flat([*twin.step_wait()]) == flat([*env.step_wait()])
+    assert flat([*way(env).step_wait()]) == flat([*env.step_wait()])
 
 
 @pytest.mark.parametrize("way", [copy.deepcopy, COPIES["cloudpickle"]])
@@ -151,10 +150,10 @@ def test_equal_seed_and_options_give_equal_episodes(face, env_id):
     assert episode(env, {"parameters": {}}) == episode(fresh) != given  # ... until given again
 
 
-def test_whole_numbers_of_any_kind_are_seeds(kind):
-    env = made(kind)
+def test_whole_numbers_of_any_kind_are_seeds(face):
+    env = made(face)
     expected = begin(env, seed=5)
-    lists = ([5, 6, 7], (5, np.int32(6), 7), np.array([5, 6, 7]), range(5, 8)) if kind in MODES else ()
+    lists = ((5, np.int32(6), 7), np.array([5, 6, 7]), range(5, 8)) if face == "next_step" else ()
     for seed in (np.int64(5), np.uint8(5), *lists):
         np.testing.assert_array_equal(begin(env, seed=seed), expected)
 
