@@ -105,14 +105,6 @@ def test_a_scene_with_ranges_is_plain_data_and_comes_back_equal(tmp_path):
         assert "randomize" not in scene(none).to_dict()
 
 
-@pytest.mark.long
-def test_simulations_use_the_numbers_of_the_scene_and_run_the_same_program():
-    one, fixed = scene(ALL_FORMS), scene(None)
-    assert rde.listing(one) == rde.listing(fixed)
-    motions = [rde.simulate(s, (1.0, 0.1, 0.2, 0.1), (0.0,) * 4, [0.1]) for s in (one, fixed)]
-    np.testing.assert_array_equal(motions[0].q, motions[1].q)
-
-
 STOPPED = {
     "joints without ends": (e.JointStop((None, -1.0, None, None), (None, 2.0, 1.0, None), 0.5),),
     "two tendons": tuple(e.Tendon(("joint1", "joint2"), (0.04, -0.05), 3e3, name=n) for n in ("", "flexor")),
