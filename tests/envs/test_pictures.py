@@ -20,7 +20,6 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 import redundant_envs as rde
 from redundant_envs.envs import animation, rendering
 from redundant_envs.envs.rendering import BARS, GOAL, Canvas, Window
-from redundant_envs.model import trajectory as energy
 from redundant_envs.model.trajectory import Trajectory
 
 e = rde.effects
@@ -49,9 +48,6 @@ def images(env):
 def is_picture(picture, colours=10):
     assert (picture.shape, picture.dtype) == ((480, 480, 3), np.uint8)
     assert len({*(picture.astype(int) @ (65536, 256, 1)).ravel().tolist()}) > colours
-
-
-# ---- the window ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.long
@@ -103,9 +99,6 @@ def test_two_environments_share_the_window_and_the_last_one_closes_it():
     assert pygame.display.get_surface().get_size() == (320, 480)
     other.close()
     assert pygame.display.get_surface() is None
-
-
-# ---- pictures of environments -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
@@ -202,9 +195,6 @@ def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_hel
         assert (texts[-1][0], texts[-1][1] == GOAL) == (held, color_of_goal)
 
 
-# ---- moving pictures -----------------------------------------------------------------------------------
-
-
 def still(scene, shape=(), q=0.2):
     """A trajectory of an arm that does not move, without a simulation."""
     q, zero = np.full((3, *shape, len(scene.robot.joints)), q), np.zeros((3, *shape))
@@ -250,8 +240,6 @@ def test_one_motion_of_a_batch_is_chosen_and_what_cannot_be_drawn_is_refused():
         with pytest.raises(ValueError, match=f"^{words}"):
             rde.animate(trajectory, index=chosen)
 
-
-# ---- effects -------------------------------------------------------------------------------------------
 
 LONG = rde.FourR((1.0,) * 4, (0.5,) * 4)
 POSE = (0.0, 0.5, 1.0, 0.2)
@@ -337,20 +325,3 @@ def test_every_scene_and_every_effect_of_the_package_is_drawn():
         is_picture(moving.frame(0))
         moving._q = np.full_like(moving._q, np.nan)  # as after a fault
         moving.frame(0)
-
-
-# ---- energies of a motion ------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_energies_of_a_run_and_their_figures():
-    """The command ``simulate`` writes those of all presets; ``tests/test_cli.py`` reads them."""
-    run = energy.energy_run(rde.load_scene("rprp_limit_springs"), 1.5, energy.STARTS["rprp_limit_springs"])
-    assert run.drift < 1e-6
-    for figure in (animation.energies_figure(run, "springs"), animation.total_figure(run, "springs")):
-        assert all("[" in axes.get_ylabel() for axes in figure.axes)
-        assert figure.axes[-1].get_xlabel() == "time [s]"
-    lossy = dataclasses.replace(rde.load_scene("rprp_reach"), substeps=20, tolerance=None)
-    run = energy.energy_run(lossy, 0.5, (0.5, 0.1, 0.0, 0.1))
-    assert run.total[-1] < run.total[0] - 0.01
-    assert run.drift < 1e-5

@@ -19,8 +19,6 @@ from redundant_envs.envs.words import LARGEST_SEED
 LANES = 11
 """More than one block."""
 
-# ---- copies ----------------------------------------------------------------------------------------------
-
 
 @pytest.mark.quick("single-deepcopy-unused-redundant_envs/RPRPGoalReach-v0")
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPGoalReach-v0", FOUR_R])
@@ -87,9 +85,6 @@ def test_copies_of_wrapped_environments(way):
     assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
 
 
-# ---- vectors, and single environments ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mode", MODES)
 def test_a_vector_equals_gymnasiums_bitwise_with_infos_and_partial_resets(env_id, mode):
     native = made(mode, env_id, max_episode_steps=7)
@@ -132,9 +127,6 @@ def test_sb3_equals_a_vector_in_the_same_step(plain_id):
             np.testing.assert_array_equal(infos["final_obs"][n], infos3[n]["terminal_observation"])
             assert infos3[n]["TimeLimit.truncated"] is True
             assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
-
-
-# ---- seeds -------------------------------------------------------------------------------------------------
 
 
 def test_equal_seed_and_options_give_equal_episodes(face, env_id):
@@ -218,9 +210,6 @@ def test_generators_of_a_vector_are_those_of_single_environments(seeds):
     assert native.np_random_seed == sync.np_random_seed
     assert [one.random() for one in native.np_random] == [one.random() for one in sync.np_random]
     np.testing.assert_array_equal(native.reset()[0], sync.reset()[0])  # whoever draws from them
-
-
-# ---- states ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [*MODES, "sb3"])

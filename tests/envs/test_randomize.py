@@ -99,17 +99,6 @@ def test_an_environments_numbers_depend_on_its_seed_alone():
     assert len(np.unique([row["gravity.g"][0] for row in rows[1, 1]])) == 3
 
 
-def test_a_neighbour_that_options_reset_changes_no_bit_of_a_lane():
-    one, other = (running("disabled", FOUR_R, 3, scene=drawing()) for _ in range(2))
-    one.reset(options={"reset_mask": np.array([False, True, False]), "parameters": {"gravity.g": 1.6}})
-    for env in (one, other):
-        env.step(actions(env, 1)[0])
-    np.testing.assert_array_equal(one.q[[0, 2]], other.q[[0, 2]])
-
-
-# ---- options, and fixed numbers --------------------------------------------------------------------------
-
-
 def test_options_win_and_stay_until_parameters_are_given_again(face):
     env = made(face, FOUR_R, scene=drawing())
     given = {"gravity.g": 1.6, "masses": 2.0, "viscous_friction.coefficients[1]": 0.7}
@@ -146,9 +135,6 @@ def test_a_start_or_goal_of_options_has_to_be_possible_with_all_that_may_be_draw
     refused(env, lambda env: begin(env, {"goal": (upper, 0.0)}), "the arm reaches")
     begin(env, {"q": (0.0, 0.25, 0.0, 0.1), "parameters": {"prismatic_stop.upper": 0.3}})
     assert (env.q[:, 1] == 0.25).all()
-
-
-# ---- what is shown ---------------------------------------------------------------------------------------
 
 
 def test_infos_of_single_environments_and_of_sb3_have_what_their_episodes_have_drawn():
@@ -219,8 +205,6 @@ def test_goal_environments_observe_them_beside_the_goals():
     assert env.observation_space["observation"].high[-1] == 10.0
 
 
-# ---- what an environment refuses -------------------------------------------------------------------------
-
 REFUSED = {
     "randomize is None; True draws the ranges of the scene, False": (FOUR_R, {"randomize": None}),
     "observe_parameters is 'gravity.g'; give names": (FOUR_R, {"observe_parameters": "gravity.g"}),
@@ -248,9 +232,6 @@ def test_numbers_that_no_environment_can_draw_or_show(face, words, given):
         kwargs = {"scene": drawing(kwargs)}
     with pytest.raises(ValueError, match=words):
         made(face, env_id, **kwargs)
-
-
-# ---- states and programs -----------------------------------------------------------------------------------
 
 
 def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():

@@ -22,8 +22,6 @@ def changed(**changes):
     return {"scene": {**SCENE, **changes}}
 
 
-# ---- arguments of make ---------------------------------------------------------------------------------
-
 BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "tolerance")}
 VECTORS = ("next_step", "sb3")
 ARGUMENTS = [
@@ -92,9 +90,6 @@ def test_more_environments_than_the_machine_holds_are_refused_by_their_number(co
         words = rf"num_envs is {count}; each takes \d+ bytes.*8 GB: give at most \d+"
         with pytest.raises(ValueError, match=words):
             make()
-
-
-# ---- options, seeds and actions ------------------------------------------------------------------------
 
 
 def number(**parameters):
@@ -231,9 +226,6 @@ def test_goals_of_compute_reward():
         made("sb3").compute_reward(np.zeros(2), np.zeros(2), {})
 
 
-# ---- the order of calls --------------------------------------------------------------------------------
-
-
 def test_a_step_needs_an_episode(kind):
     """Neither an environment without a reset, nor the state of one, has an episode."""
     env = made(kind)
@@ -259,8 +251,6 @@ def test_an_ended_episode_is_said_to_have_ended_whatever_the_action():
     for action in (np.full((3, 4), NAN), np.zeros(2), "left"):
         refused(env, lambda env, action=action: env.step(action), r"environments \[0, 1, 2\] have ended")
 
-
-# ---- states --------------------------------------------------------------------------------------------
 
 OTHERS = {
     "effects": changed(effects=[{"type": "Gravity", "g": 1.6}, *SCENE["effects"][1:]]),

@@ -38,23 +38,6 @@ def test_checkers_pass_without_a_warning(env_id):
     assert modes == [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
-# ---- specs -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.quick("redundant_envs/RPRPReach-v0")
-def test_specs_are_json_and_make_the_same_environment(env_id):
-    data = rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
-    env = gym.make(env_id, scene=data | {"control_dt": 0.01})
-    assert env.metadata["render_fps"] == 100
-    assert EnvSpec.from_json(env.spec.to_json()).make().observation_space == env.observation_space
-    specs = rde.make_sb3(env_id.split("/")[1], 3, accuracy="exact", max_episode_steps=7).get_attr("spec")
-    found = [(spec.id, spec.max_episode_steps, spec.kwargs["accuracy"]) for spec in specs]
-    assert found == [(env_id, 7, "exact")] * 3
-    assert EnvSpec.from_json(specs[0].to_json()).make().unwrapped.core.scene.tolerance == 1e-12
-    assert gym.spec(env_id).max_episode_steps == 100  # the registered one is as it was
-    assert "accuracy" not in gym.spec(env_id).kwargs
-
-
 class Name(enum.StrEnum):
     SCENE = "four_r_weak"
     DISTANCE = "distance"
@@ -159,9 +142,6 @@ def test_importing_and_drawing_import_nothing_heavy():
     assert not {"pygame", "matplotlib"} & drawn
 
 
-# ---- values ----------------------------------------------------------------------------------------------
-
-
 def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     envs = {kind: made(kind, env_id) for kind in KINDS}
     table = actions(envs["sb3"], 7)
@@ -195,9 +175,6 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
         with pytest.raises(AttributeError, match=f"{name} cannot be set: .* set_options"):
             setattr(env, name, kept)
         (kept + 0.0)[...] = 7.0  # a result is its owner's
-
-
-# ---- pages and help --------------------------------------------------------------------------------------
 
 
 def page(env_id):

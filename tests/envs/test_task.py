@@ -30,9 +30,6 @@ def at_the_goal(env_id, share=1.0, **options):
     return env
 
 
-# ---- starts and goals --------------------------------------------------------------------------------------
-
-
 def joints(env):
     return np.atleast_2d(env.q @ env.scene.robot.motor_map)
 
@@ -95,9 +92,6 @@ def test_goals_have_no_bounds_where_sliders_have_springs_alone():
     for scene, bounded in (("rprp_reach", True), (springs, False)):
         space = gym.make("redundant_envs/RPRPGoalReach-v0", scene=scene).observation_space
         assert (np.isfinite(space["desired_goal"].high) == bounded).all()
-
-
-# ---- observation, reward, success ----------------------------------------------------------------------
 
 
 def test_the_observation_of_a_goal_environment_holds_nothing_of_the_goal(goal_id):
@@ -175,9 +169,6 @@ def test_an_early_end_takes_back_what_was_paid_and_says_so(plain_id):
     assert sum(rewards) + reward == pytest.approx(0.0, abs=1e-12)
     paid = sum(v for k, v in info.items() if k.startswith("return_") and k != "return_end")
     assert info["return_end"] == pytest.approx(-paid, abs=1e-12)
-
-
-# ---- numbers of the task, and accuracy -------------------------------------------------------------------
 
 
 def test_a_reset_with_them_gives_the_bits_of_an_environment_made_with_them():

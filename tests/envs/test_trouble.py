@@ -32,9 +32,6 @@ def tables():
     return rows
 
 
-# ---- the cases of the rows ------------------------------------------------------------------------
-
-
 def trouble(make=None, options=None, actions=(ZERO,), arms=("RPRP", "FourR"), **more):
     """Inputs: keywords of make, options of a reset, actions of steps."""
     kept = {"started": True, "harmless": False, **more}
@@ -124,9 +121,6 @@ TROUBLES = {
         trouble(options={"q": (1e6, 0, 0, 0), "qd": (40.0, 0, 0, 0)}, actions=(ZERO, ZERO), arms=("FourR",))
     ],
 }  # fmt: skip
-
-
-# ---- what happens -----------------------------------------------------------------------------------
 
 
 class Played:

@@ -178,9 +178,6 @@ def test_what_is_no_function_of_the_motion_is_refused_by_name_or_noted(form, eff
     assert form != "c" or f"Approximate:\n     {name}: left out" in made.content
 
 
-# ---- what stands in a C file -----------------------------------------------------------------------------
-
-
 def test_functions_of_several_scenes_have_names_of_their_own(tmp_path):
     scene = SCENES["4R gravity rk4"]
     for name, found in {"": "FourR", "four_r_reach": "four_r_reach", "4r-ü.b": "scene_4r_ufc_b"}.items():

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import SCENES, on
-from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco
-from refusals import refusal, short
+from catalogue import SCENES
+from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco, ours, states
+from refusals import refusal
 
 import redundant_envs as rde
 from redundant_envs.effects.hooks import Effect, Force, Inertia
@@ -56,7 +56,27 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
             assert found < 1e-10
 
 
-# ---- effects -------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("form", ["urdf", "mjcf"])
+def test_pinocchio_finds_the_accelerations_of_both_arms(form, tmp_path):
+    pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
+    for arm in two_arms(0):
+        scene = rde.Scene(arm, (GRAVITY, e.Payload(0.75), e.LinkInertia(0.015625)))
+        (path := tmp_path / "arm").write_text(document(scene, form).content)
+        model = (pin.buildModelFromUrdf if form == "urdf" else pin.buildModelFromMJCF)(str(path))
+        model.gravity.linear = np.array([9.81 * x for x in (*GRAVITY.down, 0.0)])
+        data, joints = model.createData(), [model.joints[model.getJointId(name)] for name in arm.joints]
+        rates, worst = [joint.idx_v for joint in joints], 0.0
+        q, v, tau = np.empty(model.nq), np.empty(model.nv), np.empty(model.nv)
+        state = states(scene)
+        rows = (state[0] @ arm.motor_map, state[1] @ arm.motor_map, state[2], ours(scene, *state))
+        for phi, phid, efforts, expected in zip(*rows, strict=True):
+            for joint, x in zip(joints, phi, strict=True):  # one without ends has a cosine and a sine
+                q[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(x), np.sin(x)) if joint.nq == 2 else x
+            v[rates], tau[rates] = phid, efforts
+            gap = np.abs(pin.aba(model, data, q, v, tau)[rates] - expected).max()
+            worst = max(worst, gap / np.abs(expected).max())
+        print(f"{form}, {arm.kind}, Pinocchio: largest difference {worst:.1e}")
+        assert worst < 1e-10
 
 
 @physics
@@ -136,16 +156,6 @@ def test_what_has_no_exact_counterpart_is_refused_by_name_and_noted_if_it_is_all
             assert document(scene, form).content == text
 
 
-@pytest.mark.quick("4R free euler")
-@on("*")
-def test_every_scene_is_written_or_refused_in_one_sentence(scene):
-    for form in ("mjcf", "urdf"):
-        message = refusal(document, scene, form)
-        assert message is None or (short(message) and "cannot" in message)
-        model = mujoco.MjModel.from_xml_string(document(scene, form, approximate=True).content)
-        assert model.nv == len(scene.robot.joints)
-
-
 def test_soft_ends_and_dry_friction_are_written_where_they_may_be_approximate():
     stops, friction = e.PrismaticStop((0.0, None), (0.25, 0.3)), e.CoulombFriction((1.0, 2.0, 3.0, 4.0))
     model = model_of(rde.Scene(R_ARM, (stops, friction)), "mjcf", approximate=True)
@@ -186,9 +196,6 @@ def test_motors_on_coordinates_are_noted_where_a_format_has_none():
     text = document(scene, "urdf", approximate=True).content
     assert "actuation 'generalized': left out" in text
     assert 'effort="3.0"' not in text
-
-
-# ---- arms ------------------------------------------------------------------------------------------------
 
 
 @physics(gives="x1 y1 x2 y2 x3 y3")
