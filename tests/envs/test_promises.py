@@ -5,12 +5,9 @@ import copy
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import COPIES
 from faces import FOUR_R, MODES, STEPS, actions, begin, drawing, flat, made, motion, plain, refused, running
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import FlattenObservation, TransformReward
-from stable_baselines3.common.callbacks import EvalCallback
 
 from redundant_envs.envs.core import AHEAD, MANY, EpisodeKeys
 from redundant_envs.envs.face import observation_of
@@ -69,20 +66,6 @@ def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way
     np.testing.assert_array_equal(twin.reset(), env.reset())
     env.step_async(np.full((3, 4), 0.5, np.float32))
     assert flat([*way(env).step_wait()]) == flat([*env.step_wait()])
-
-
-@pytest.mark.parametrize("way", [copy.deepcopy, COPIES["cloudpickle"]])
-def test_copies_of_wrapped_environments(way):
-    """Wrappers that hold lambdas have no pickle, whatever they wrap; VecMonitor has no copy."""
-    goal = made("single", "redundant_envs/RPRPGoalReach-v0", max_episode_steps=STEPS)
-    env = TransformReward(FlattenObservation(goal), lambda r: 2.0 * r)
-    sync = gym.vector.SyncVectorEnv([lambda: made("single", FOUR_R, max_episode_steps=STEPS)] * 2)
-    for one in (env, sync):
-        one.reset(seed=1)
-        assert motion(way(one)) == motion(one)
-    callback = EvalCallback(made("sb3", FOUR_R, 2), verbose=0)
-    twin = copy.deepcopy(callback).eval_env
-    assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -240,9 +240,3 @@ def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():
     env.set_state(env.get_state())
     begin(env, {"parameters": {}}, seed=3)
     assert len(np.unique(env.parameters["gravity.g"].value)) == 8
-
-
-def test_other_ranges_of_the_same_kinds_compile_nothing_anew():
-    other = {**RANGES, "gravity.g": {"normal": [5.0, 2.0], "within": [1.0, 8.0]}}
-    identities = {made("single", FOUR_R, scene=drawing(r)).core.simulator.identity for r in (RANGES, other)}
-    assert len(identities) == 1

@@ -141,22 +141,6 @@ def test_goal_environments_keep_what_their_reward_depends_on(face):
         refused(env, lambda env, options=options: begin(env, options), f"goal environments keep {words}")
 
 
-@pytest.mark.parametrize(
-    ("kind", "options", "words"),
-    [
-        ("single", {"reset_mask": [True]}, "reset_mask.* belongs to vector"),
-        ("next_step", {"reset_mask": np.zeros(3, bool)}, "give .3,. bool with at least one True"),
-        ("next_step", {"reset_mask": [1, 0, 1]}, "reset_mask.* dtype int64"),
-        ("next_step", number(hold_steps=[3, 0, 5]), "ReachTask.hold_steps is 0.0; it must be positive"),
-        ("sb3", {"reset_mask": 5}, "unknown key 'reset_mask'"),
-        ("sb3", [{}, {}], "options has 2 entries; give one per environment, 3"),
-        ("sb3", number(masses=np.ones((2, 4))), r"masses has shape \(2, 4\); give \(4,\) or \(3, 4\)"),
-    ],
-)
-def test_options_that_some_kinds_have_not(kind, options, words):
-    refused(running(kind), lambda env: begin(env, options), words)
-
-
 def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
     env, twin = running("sb3"), running("sb3")
     with pytest.raises(ValueError, match="goal"):
@@ -182,18 +166,24 @@ def test_seeds(face, seed):
     assert face != "sb3" or env._seeds == [None] * 3
 
 
-@pytest.mark.parametrize(
-    ("seeds", "words"),
-    [
-        ([1, True, 3], r"seed\[1\] is True"),
-        ((1, 2), "one per environment, 3"),
-        (np.array([1.0, 2.0, 3.0]), r"seed\[0\] is"),
-        ({1, 2, 3}, "seed is"),
-    ],
-    ids=str,
-)
-def test_seeds_of_a_vector_by_their_place(seeds, words):
-    refused(running("next_step"), lambda env: env.reset(seed=seeds), words)
+CALLS = [
+    ("single", {"options": {"reset_mask": [True]}}, "reset_mask.* belongs to vector"),
+    ("next_step", {"options": {"reset_mask": np.zeros(3, bool)}}, "give .3,. bool with at least one True"),
+    ("next_step", {"options": {"reset_mask": [1, 0, 1]}}, "reset_mask.* dtype int64"),
+    ("next_step", {"options": number(hold_steps=[3, 0, 5])}, "ReachTask.hold_steps is 0.0; it must be pos"),
+    ("sb3", {"options": {"reset_mask": 5}}, "unknown key 'reset_mask'"),
+    ("sb3", {"options": [{}, {}]}, "options has 2 entries; give one per environment, 3"),
+    ("sb3", {"options": number(masses=np.ones((2, 4)))}, r"masses has shape .*; give \(4,\) or \(3, 4\)"),
+    ("next_step", {"seed": [1, True, 3]}, r"seed\[1\] is True"),
+    ("next_step", {"seed": (1, 2)}, "one per environment, 3"),
+    ("next_step", {"seed": np.array([1.0, 2.0, 3.0])}, r"seed\[0\] is"),
+    ("next_step", {"seed": {1, 2, 3}}, "seed is"),
+]
+
+
+@pytest.mark.parametrize(("kind", "given", "words"), CALLS, ids=[words for *_, words in CALLS])
+def test_options_and_seeds_of_some_kinds_of_environments(kind, given, words):
+    refused(running(kind), lambda env: begin(env, **given), words)
 
 
 def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():

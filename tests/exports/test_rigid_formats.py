@@ -9,7 +9,7 @@ from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco, ours, st
 from refusals import refusal
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import Effect, Force, Inertia
+from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.exports.files import document, write
 from redundant_envs.language.algebra import physics, where
 from redundant_envs.scenes.scene import scene_names
@@ -111,16 +111,6 @@ class Law(Effect):
         return (Force(0, (towards, dead_beyond)[self.law], bind),)
 
 
-@dataclasses.dataclass(frozen=True)
-class Coupling(Effect):
-    """An inertia of the sum of two joints' rates that belong to no link."""
-
-    inertia: float = 0.01
-
-    def hooks(self, arm):
-        return (Inertia((1, 2), ".inertia"),)
-
-
 def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refused():
     scene = rde.Scene(F_ARM, (GRAVITY, Law(0)))
     assert largest_difference(scene, model_of(scene, "mjcf"), True) < 1e-10
@@ -128,7 +118,6 @@ def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refuse
         ("mjcf", Law(1), "Law (its force is not linear"),
         ("mjcf", Law(2), "Law (it is a constant force)"),
         ("urdf", Law(0), "Law (URDF has no springs)"),
-        ("mjcf", Coupling(), "Coupling (it is neither"),
     ):
         assert words in refusal(document, rde.Scene(F_ARM, (GRAVITY, effect)), form)
 
@@ -166,20 +155,6 @@ def test_soft_ends_and_dry_friction_are_written_where_they_may_be_approximate():
     for effects in ((stops, spring), (spring, stops)):  # of two ends the nearer one
         model = model_of(rde.Scene(R_ARM, effects), "mjcf", approximate=True)
         np.testing.assert_array_equal(model.jnt_range[1], [0.05, 0.25])
-
-
-@pytest.mark.quick("0.001")
-@pytest.mark.parametrize("control_dt", [0.001, 0.02, 1.0])
-def test_soft_ends_hold_a_pushed_slider(control_dt):
-    effects = (e.PrismaticStop((0.0, 0.0), (0.25, 0.25)), e.ViscousFriction(0.2), e.EffortLimits(16.0))
-    scene = rde.Scene(rde.load_scene("rprp_reach").robot, effects, control_dt=control_dt)
-    model = model_of(scene, "mjcf", approximate=True)
-    data, farthest = mujoco.MjData(model), 0.0
-    data.ctrl[:] = [0.0, 1.0, 0.0, 1.0]
-    for _ in range(int(1.0 / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-        farthest = max(farthest, data.qpos[1], data.qpos[3])
-    assert farthest < 0.25 + 0.02
 
 
 def test_limits_behind_what_is_left_out_stay_limits():
