@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 from catalogue import FOUR_R, FRICTION, GRAVITY, LIMITS, e, springs
 
 import redundant_envs as rde
@@ -61,13 +60,3 @@ def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_th
     rows = cost.costs({effect.key: cost.alone(free, effect) for effect in (delay, strong)}, turns=1)
     assert {row["times_bare"] for row in rows} == {1.0}
     assert {row["ns"] for row in rows if row["of"] == strong.key} == {200.0}
-
-
-def test_a_motion_is_the_same_in_every_turn():
-    made = cost.Timed.of(BARE, np.array([20.0, 12.0, 8.0, 4.0]), 128, 1e9)
-    made.sample()
-    ends, evaluations = made.batch.q, made.evaluations
-    assert np.abs(made.batch.qd).max() > 1.0
-    made.sample()
-    assert (made.batch.q == ends).all()
-    assert made.evaluations == evaluations

@@ -112,19 +112,6 @@ def test_sb3_equals_a_vector_in_the_same_step(plain_id):
             assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
 
 
-def test_equal_seed_and_options_give_equal_episodes(face, env_id):
-    env, fresh = made(face, env_id), made(face, env_id)
-
-    def episode(env, options=None):
-        return [flat(begin(env, options, 0)), *(flat(env.step(action)[0]) for action in actions(env, 5))]
-
-    options = {"parameters": {"masses": (1, 2, 3, 4), "gravity.g": 1.6}}
-    given = episode(env, options)
-    assert flat(begin(env)) != given[0]  # without a seed the generators go on
-    assert episode(env, options) == episode(env) == given  # parameters stay ...
-    assert episode(env, {"parameters": {}}) == episode(fresh) != given  # ... until given again
-
-
 def test_whole_numbers_of_any_kind_are_seeds(face):
     env = made(face)
     expected = begin(env, seed=5)

@@ -232,11 +232,3 @@ def test_numbers_that_no_environment_can_draw_or_show(face, words, given):
         kwargs = {"scene": drawing(kwargs)}
     with pytest.raises(ValueError, match=words):
         made(face, env_id, **kwargs)
-
-
-def test_lanes_that_are_alike_in_a_state_draw_numbers_of_their_own_after_it():
-    env = running("next_step", FOUR_R, 8, scene=drawing())
-    begin(env, {"parameters": {"gravity.g": 9.5}}, seed=3)
-    env.set_state(env.get_state())
-    begin(env, {"parameters": {}}, seed=3)
-    assert len(np.unique(env.parameters["gravity.g"].value)) == 8

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from faces import FOUR_R, ID, STEPS, actions, begin, made, motion, running
+from faces import FOUR_R, ID, actions, begin, made, running
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor
 
@@ -66,17 +66,3 @@ def test_episodes_are_those_that_vec_monitor_counts(env_id):
                 assert info["episode"]["t"] >= 0.0
                 assert [type(info["episode"][k]) for k in "rlt"] == [float, int, float]
     assert ended == 11
-
-
-def test_returns_of_episodes_survive_a_state():
-    first, second = (made("sb3", max_episode_steps=STEPS) for _ in range(2))
-    first.reset()
-    table = actions(first, STEPS)
-    for action in table[:4]:
-        first.step(action)
-    second.set_state(first.get_state())
-    for action in table[4:]:
-        ends = [[info.get("episode") for info in env.step(action)[3]] for env in (first, second)]
-    assert [e["r"] for e in ends[0]] == [e["r"] for e in ends[1]]
-    assert [e["l"] for e in ends[1]] == [STEPS] * 3
-    assert motion(second) == motion(first)

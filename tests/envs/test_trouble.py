@@ -148,16 +148,12 @@ class Played:
             obs, _, terminated, truncated, info = self.env.step(action)
             return obs, terminated, terminated or truncated, info
         obs, _, *ends, infos = self.env.step(np.stack([action, np.zeros_like(action)]))
-        seen = observation_of(obs, 0)
         if self.kind == "sb3":
             ended, info = bool(ends[0][0]), infos[0]
-            return (
-                info.get("terminal_observation", seen),
-                ended and not info["TimeLimit.truncated"],
-                ended,
-                info,
-            )
-        return seen, ends[0][0], bool(ends[0][0] or ends[1][0]), observation_of(infos, 0)
+            seen, faulty = info.get("terminal_observation", obs), not info["TimeLimit.truncated"]
+            return seen, ended and faulty, ended, info
+        terminated, truncated = bool(ends[0][0]), bool(ends[1][0])
+        return obs, terminated, terminated or truncated, observation_of(infos, 0)
 
 
 def outcome(kind, env_id, given):
