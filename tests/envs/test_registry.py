@@ -124,14 +124,6 @@ def test_an_id_without_a_limit_has_none(mode):
         del gym.registry[name]
 
 
-def test_other_libraries_see_a_class_of_gymnasium_and_the_id_with_the_module_that_registers_it():
-    whole = f"redundant_envs:{FOUR_R}"
-    vector = gym.make_vec(whole, num_envs=2)
-    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == FOUR_R
-    for env in (gym.make(FOUR_R).unwrapped, vector):  # skrl looks at these names
-        assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
-
-
 @pytest.mark.long
 def test_importing_and_drawing_import_nothing_heavy():
     made = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"
@@ -148,18 +140,14 @@ def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     for kind, env in envs.items():
         begin(env, seed=6 if kind == "single" else 5)
         for action in table:
-            obs = env.step(action[1] if kind == "single" else action)[0]
-        if "Goal" in env_id:
-            np.testing.assert_array_equal((env.tip, env.goal), (obs["achieved_goal"], obs["desired_goal"]))
-    robot = envs["single"].scene.robot
+            env.step(action[1] if kind == "single" else action)
     for name, width in VALUES.items():
         values = getattr(envs["disabled"], name)
         assert (values.shape, values.dtype) == ((3, width), np.float64)
         for kind, env in envs.items():
             np.testing.assert_array_equal(getattr(env, name), values[1] if kind == "single" else values)
-    env = envs["disabled"]
-    np.testing.assert_allclose(env.tip, robot.forward_kinematics(env.q), atol=1e-15)
-    assert (env.qd != 0.0).any(axis=0).all()
+    arm, env = envs["single"].scene.robot, envs["disabled"]
+    np.testing.assert_allclose(env.tip, arm.forward_kinematics(env.q), atol=1e-15)
 
 
 def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):

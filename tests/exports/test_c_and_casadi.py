@@ -196,14 +196,6 @@ def test_any_name_and_an_arm_on_whose_pose_nothing_depends_compile_without_a_war
     assert called(library.Chain_accelerations, [0.1], [0.2], [3.0]) == [6.0]
 
 
-def test_a_file_says_its_units_and_that_numbers_that_episodes_draw_are_nominal():
-    assert "commands: of the motors [N m, N, N m, N]" in document(rde.Scene(RPRP), "c").content
-    scene = dataclasses.replace(SCENES["4R gravity rk4"], randomize={"gravity.g": {"uniform": [5.0, 12.0]}})
-    text = document(scene, "c").content
-    assert "Numbers that episodes draw have their nominal values." in text
-    assert text.count("9.81") == document(SCENES["4R gravity rk4"], "c").content.count("9.81")
-
-
 def test_an_unknown_format_lists_the_valid_ones():
     with pytest.raises(ValueError, match="format is 'sdf'; choose mjcf, urdf, casadi, c"):
         document(SCENES["4R gravity rk4"], "sdf")
