@@ -57,19 +57,17 @@ def test_goals_and_starts_have_the_promised_distributions(plain_id):
         assert_inside(joints(env)[:, k], *ALL[slides])
 
 
+@pytest.mark.quick("a spring beyond a stop")
 @pytest.mark.parametrize(
     ("env_id", "springs", "without", "expected"),
     [
         (FOUR_R, (("joint1", 2.5, 3.0), ("joint3", -6.0, 6.0)), (), {0: (2.5, 3.0), 2: ALL[0]}),
         (FOUR_R, (("joint1", 1.5, 9.0), ("joint3", 4.0, 12.0)), (), {0: (1.5, 2.0), 2: (4.0, 8.0)}),
         (ID, (("r1", 0.3, 0.4),), (), {1: (0.15, 0.25), 3: ALL[1]}),
-        pytest.param(
-            ID, (("r1", 0.05, 0.1), ("r2", -0.1, 0.3)), ("PrismaticStop",), {1: (0.05, 0.1), 3: (-0.1, 0.3)},
-            marks=pytest.mark.long,
-        ),
+        (ID, (("r1", 0.05, 0.1), ("r2", -0.1, 0.3)), ("PrismaticStop",), {1: (0.05, 0.1), 3: (-0.1, 0.3)}),
     ],
-    ids=str,
-)  # fmt: skip
+    ids=["beyond the usual range", "across its end", "a spring beyond a stop", "springs alone"],
+)
 def test_starts_lie_in_springs_and_stops_even_where_the_usual_range_does_not(
     env_id, springs, without, expected
 ):
