@@ -10,8 +10,22 @@ import redundant_envs as rde
 ID, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 GOAL_IDS, PLAIN_IDS = [i for i in IDS if "Goal" in i], [i for i in IDS if "Goal" not in i]
 MODES = ("next_step", "same_step", "disabled")
-STEPS, COUNT = 6, 11
-"""Control steps of a short episode, and environments of a vector: more than one block of lanes."""
+STEPS = 6
+"""Control steps of a short episode."""
+RANGES = {
+    "masses": {"scale": {"log_uniform": [0.8, 1.25]}, "shared": True},
+    "lengths": {"scale": {"uniform": [0.9, 1.1]}},
+    "gravity.g": {"normal": [9.81, 0.3], "within": [9.0, 10.0]},
+    "viscous_friction.coefficients": {"choice": [0.05, 0.1, 0.3]},
+    "goal_tolerance": {"uniform": [0.01, 0.03]},
+    "hold_steps": {"choice": [3, 5, 8]},
+}
+"""Of every form, for numbers with entries and without."""
+
+
+def drawing(randomize=RANGES, name="four_r_reach"):
+    """The data of a scene whose episodes draw numbers."""
+    return {**rde.load_scene(name).to_dict(), "randomize": randomize}
 
 
 def made(kind, env_id=ID, count=3, **kwargs):

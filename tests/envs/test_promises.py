@@ -5,32 +5,32 @@ import copy
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import COPIES
-from faces import COUNT, FOUR_R, MODES, STEPS, actions, begin, flat, made, motion, plain, refused, running
+from faces import FOUR_R, MODES, STEPS, actions, begin, drawing, flat, made, motion, plain, refused, running
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers import FlattenObservation, TransformReward
-from stable_baselines3.common.callbacks import EvalCallback
 
-import redundant_envs as rde
-from redundant_envs.envs.core import AHEAD
+from redundant_envs.envs.core import AHEAD, MANY, EpisodeKeys
 from redundant_envs.envs.face import observation_of
+from redundant_envs.envs.words import LARGEST_SEED
+
+LANES = 11
+"""More than one block."""
 
 
 @pytest.mark.quick("single-deepcopy-unused-redundant_envs/RPRPGoalReach-v0")
 @pytest.mark.parametrize("env_id", ["redundant_envs/RPRPGoalReach-v0", FOUR_R])
-@pytest.mark.parametrize("steps", [None, 0, 2, STEPS], ids=["unused", "reset", "in an episode", "at its end"])
+@pytest.mark.parametrize("steps", [None, 2, STEPS], ids=["unused", "in an episode", "at its end"])
 def test_a_copy_continues_to_the_same_bits(kind, env_id, way, steps):
-    env = made(kind, env_id, COUNT, max_episode_steps=STEPS)
+    ranges = {"scene": drawing(), "observe_parameters": ["gravity.g"]} if env_id == FOUR_R else {}
+    env = made(kind, env_id, LANES, max_episode_steps=STEPS, **ranges)
     if steps is None:
         twin = way(env)
         np.testing.assert_equal(begin(twin, seed=1), begin(env, seed=1))
     else:
-        numbers = {"masses": (1.0, 0.5, 0.4, 0.3), "hold_steps": 3, "rate_scale": 2.0}
-        begin(env, {"parameters": numbers}, seed=5)
+        begin(env, {"parameters": {"masses": (1.0, 0.5, 0.4, 0.3), "hold_steps": 3}}, seed=5)
         for k, action in enumerate(actions(env, steps)):
             if kind in MODES and k == 1:  # some end earlier than others
-                env.reset(options={"reset_mask": np.arange(COUNT) % 2 == 0, "parameters": {"masses": 0.4}})
+                env.reset(options={"reset_mask": np.arange(LANES) % 2 == 0, "parameters": {"masses": 0.4}})
             env.step(action)
         twin = way(env)
         if kind == "single" and steps == STEPS:
@@ -65,57 +65,7 @@ def test_a_copy_between_the_two_halves_of_an_sb3_step_and_with_seeds_waiting(way
     twin = way(env)
     np.testing.assert_array_equal(twin.reset(), env.reset())
     env.step_async(np.full((3, 4), 0.5, np.float32))
-    twin = way(env)
-    assert flat([*twin.step_wait()]) == flat([*env.step_wait()])
-
-
-def test_a_copy_draws_pictures_of_its_own(face):
-    env = running(face, render_mode="rgb_array")
-
-    def draw(env):
-        return env.get_images()[0] if face == "sb3" else np.array(env.render())
-
-    before = draw(env)
-    twin = copy.deepcopy(env)
-    twin.step(actions(twin, 1)[0])
-    assert (draw(twin) != before).any()
-    np.testing.assert_array_equal(draw(env), before)
-
-
-@pytest.mark.parametrize("way", [copy.deepcopy, COPIES["cloudpickle"]])
-def test_copies_of_wrapped_environments(way):
-    """Wrappers that hold lambdas have no pickle, whatever they wrap; VecMonitor has no copy."""
-    goal = made("single", "redundant_envs/RPRPGoalReach-v0", max_episode_steps=STEPS)
-    env = TransformReward(FlattenObservation(goal), lambda r: 2.0 * r)
-    sync = gym.vector.SyncVectorEnv([lambda: made("single", FOUR_R, max_episode_steps=STEPS)] * 2)
-    for one in (env, sync):
-        one.reset(seed=1)
-        assert motion(way(one)) == motion(one)
-
-
-def test_copies_within_what_stable_baselines3_copies():
-    callback = EvalCallback(made("sb3", FOUR_R, 2), verbose=0)
-    twin = copy.deepcopy(callback).eval_env
-    assert flat(twin.reset()) != flat(callback.eval_env.reset())  # each draws seeds of its own
-
-
-@pytest.mark.long
-def test_copies_and_new_environments_in_spawned_workers_equal_those_here():
-    def make():
-        import redundant_envs  # noqa: F401  # a worker knows the ids only then
-
-        return gym.make("redundant_envs/FourRReach-v0", max_episode_steps=6)
-
-    copied = make()
-    copied.reset(seed=1)
-    copied.step(np.full(4, 0.5, np.float32))
-    worker = gym.vector.AsyncVectorEnv([make, lambda: copied], context="spawn")
-    here = gym.vector.SyncVectorEnv([make, lambda: copy.deepcopy(copied)])
-    try:
-        assert flat(worker.reset(seed=[2, None])) == flat(here.reset(seed=[2, None]))
-        assert motion(worker, actions(worker, STEPS + 2)) == motion(here, actions(here, STEPS + 2))
-    finally:
-        worker.close()
+    assert flat([*way(env).step_wait()]) == flat([*env.step_wait()])
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -162,53 +112,12 @@ def test_sb3_equals_a_vector_in_the_same_step(plain_id):
             assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
 
 
-@pytest.mark.long
-def test_final_info_of_lanes_that_did_not_end_is_zero(env_id):
-    env = made("same_step", env_id, 16, max_episode_steps=6)
-    env.reset(seed=0)
-    for k, action in enumerate(actions(env, 6)):
-        if k == 3:
-            env.reset(options={"reset_mask": np.arange(16) % 2 == 0})
-        *_, infos = env.step(action)
-    assert infos["_final_info"].sum() == 8
-    assert (infos["final_info"]["distance"][::2] == 0.0).all()
-    assert (infos["final_info"]["distance"][1::2] > 0.0).all()
-
-
-def test_masks_of_infos_are_their_own():
-    env = running("next_step")
-    *_, infos = env.step(actions(env, 1)[0])
-    masks = [name for name in infos if name.startswith("_")]
-    infos[masks[0]][:] = False
-    assert all(infos[name].all() for name in masks[1:])
-    assert env.step(actions(env, 1)[0])[4][masks[0]].all()
-
-
-def test_equal_seed_and_options_give_equal_episodes(face, env_id):
-    env, fresh = made(face, env_id), made(face, env_id)
-    options = {"parameters": {"masses": (1, 2, 3, 4), "gravity.g": 1.6}}
-    table = actions(env, 5)
-
-    def episode(env, options=None):
-        return [flat(begin(env, options, 0)), *(flat(env.step(action)[0]) for action in table)]
-
-    first, given = episode(fresh), episode(env, options)
-    assert given != first
-    assert flat(begin(env)) != given[0]  # without a seed the generators go on
-    assert episode(env, options) == given
-    assert episode(env) == given  # parameters stay ...
-    assert episode(env, {"parameters": {}}) == first  # ... until given again
-
-
-def test_whole_numbers_of_any_kind_are_seeds(kind):
-    env = made(kind)
+def test_whole_numbers_of_any_kind_are_seeds(face):
+    env = made(face)
     expected = begin(env, seed=5)
-    lists = ([5, 6, 7], (5, np.int32(6), 7), np.array([5, 6, 7]), range(5, 8)) if kind in MODES else ()
+    lists = ((5, np.int32(6), 7), np.array([5, 6, 7]), range(5, 8)) if face == "next_step" else ()
     for seed in (np.int64(5), np.uint8(5), *lists):
         np.testing.assert_array_equal(begin(env, seed=seed), expected)
-    if kind == "sb3":
-        assert len(env.seed()) == 3
-        env.reset()
 
 
 def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
@@ -242,6 +151,25 @@ def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
         check()
 
 
+@pytest.mark.parametrize("seed", [7, LARGEST_SEED - 3], ids=["small", "beyond 64 bits"])
+def test_lanes_that_are_seeded_together_have_the_keys_of_those_that_are_seeded_alone(seed):
+    lanes = list(range(1, MANY + 8))
+    seeds = [0, 2**32 - 1, 2**32, 2**33 + 1, 2**63, *(seed + lane for lane in lanes[5:])]
+    together, alone = EpisodeKeys(MANY + 10), EpisodeKeys(MANY + 10)
+    together.seed_all(lanes, seeds)
+    for lane, own in zip(lanes, seeds, strict=True):
+        alone.seed(lane, own)
+    for episode in range(2 * AHEAD + 1):
+        chosen = np.array(lanes[::3] if episode % 3 else lanes)
+        np.testing.assert_array_equal(together.take(chosen), alone.take(chosen))
+        together = copy.deepcopy(together)
+    pairs = zip(together.generators, alone.generators, strict=True)
+    assert all(
+        (one and one.bit_generator.state) == (other and other.bit_generator.state) for one, other in pairs
+    )
+    assert together.seeds == alone.seeds
+
+
 @pytest.mark.parametrize("seeds", [7, [3, 9, 4], [5, None, 6], np.array([1, 2, 3])], ids=str)
 def test_generators_of_a_vector_are_those_of_single_environments(seeds):
     sync, native = gym.vector.SyncVectorEnv([lambda: gym.make(FOUR_R)] * 3), made("next_step", FOUR_R)
@@ -254,23 +182,9 @@ def test_generators_of_a_vector_are_those_of_single_environments(seeds):
     np.testing.assert_array_equal(native.reset()[0], sync.reset()[0])  # whoever draws from them
 
 
-def test_generators_before_the_first_reset_are_those_of_the_first_episodes():
-    env = made("next_step", FOUR_R)
-    seeds, generators = env.np_random_seed, env.np_random
-    with pytest.raises(gym.error.ResetNeeded):
-        env.step(actions(env, 1)[0])
-    obs, _ = env.reset()
-    assert env.np_random_seed == seeds
-    assert all(one is other for one, other in zip(env.np_random, generators, strict=True))
-    np.testing.assert_array_equal(made("next_step", FOUR_R).reset(seed=[*seeds])[0], obs)
-    env.set_state(env.get_state())
-    assert env.np_random_seed == (-1,) * 3  # unknown, as Gymnasium's vectors say it
-
-
 @pytest.mark.parametrize("kind", [*MODES, "sb3"])
 def test_the_state_of_one_environment_goes_on_in_lanes_of_a_vector_and_leaves_the_others(kind):
-    numbers = {"masses": {"uniform": [0.4, 0.6]}}
-    data = {**rde.load_scene("four_r_reach").to_dict(), "randomize": numbers}
+    data = drawing()
     data["effects"] = [*data["effects"], {"type": "CommandDelay", "seconds": 0.05, "longest": 0.1}]
     one, env, plain = (made(k, FOUR_R, scene=data) for k in ("single", kind, kind))
     table = actions(one, 8)
@@ -290,10 +204,5 @@ def test_the_state_of_one_environment_goes_on_in_lanes_of_a_vector_and_leaves_th
         np.testing.assert_array_equal(result[1][[0, 2]], np.full(2, reward, result[1].dtype))
     begin(plain)
     np.testing.assert_array_equal(begin(env), plain.core.observe()[0])  # generators are the vector's own
-    fresh = made(kind, FOUR_R, scene=data)
-    fresh.set_state(state)
-    one.set_state(state)
-    obs, *_ = one.step(table[4])
-    np.testing.assert_array_equal(fresh.step(np.tile(table[4], (3, 1)))[0], [obs] * 3)
     refused(env, lambda env: env.set_state(plain.get_state(), [1]), "unknown keys ended|3 environments")
     refused(env, lambda env: env.set_state(state, [3]), "lanes are 0..2")

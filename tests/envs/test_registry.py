@@ -1,7 +1,6 @@
 """Every registered id: checkers, spec, page, and the values that users may read in every kind."""
 
 import enum
-import pydoc
 import subprocess
 import sys
 import warnings
@@ -12,15 +11,13 @@ from fractions import Fraction
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import IDS
-from faces import FOUR_R, KINDS, actions, begin, made, running
+from faces import FOUR_R, KINDS, RANGES, actions, begin, drawing, made, running
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
-from redundant_envs.envs.registration import full_id
 from redundant_envs.scenes.files import config_folder
 
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
@@ -41,27 +38,9 @@ def test_checkers_pass_without_a_warning(env_id):
     assert modes == [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
-@pytest.mark.quick("redundant_envs/RPRPReach-v0")
-def test_specs_are_json_and_make_the_same_environment(env_id):
-    data = rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
-    env = gym.make(env_id, scene=data | {"control_dt": 0.01})
-    assert env.metadata["render_fps"] == 100
-    assert EnvSpec.from_json(env.spec.to_json()).make().observation_space == env.observation_space
-    specs = rde.make_sb3(env_id.split("/")[1], 3, accuracy="exact", max_episode_steps=7).get_attr("spec")
-    found = [(spec.id, spec.max_episode_steps, spec.kwargs["accuracy"]) for spec in specs]
-    assert found == [(env_id, 7, "exact")] * 3
-    assert EnvSpec.from_json(specs[0].to_json()).make().unwrapped.core.scene.tolerance == 1e-12
-    assert gym.spec(env_id).max_episode_steps == 100  # the registered one is as it was
-    assert "accuracy" not in gym.spec(env_id).kwargs
-
-
 class Name(enum.StrEnum):
     SCENE = "four_r_weak"
     DISTANCE = "distance"
-
-
-class Goal(float, enum.Enum):
-    NEAR = 0.03
 
 
 class Steps(enum.IntEnum):
@@ -69,51 +48,38 @@ class Steps(enum.IntEnum):
     WIDE = 64
 
 
-FREE = rde.load_scene("four_r_reach").to_dict()
+FREE = drawing()
 AS_USERS_WRITE = {
     "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},
     "arrays in a scene": {
         "scene": FREE
         | {"robot": {k: np.array(v) if k != "type" else v for k, v in FREE["robot"].items()}}
-        | {"randomize": {np.str_("gravity.g"): {"uniform": np.array([9.0, 10.0])}}, "substeps": np.int64(1)}
+        | {"randomize": {**RANGES, np.str_("gravity.g"): {"uniform": np.array([9.0, 10.0])}}}
     },
     "numbers of NumPy": {
         "task": {"goal_tolerance": np.float32(0.5), "hold_steps": np.int64(3)},
-        "accuracy": np.float64(1e-5), "render_width": np.int16(64),
+        "accuracy": np.float64(1e-5),
     },
     "exact numbers": {"task": {"goal_tolerance": Decimal("0.03"), "hold_speed": Fraction(1, 5)}},
     "members of enumerations": {
-        "scene": Name.SCENE, "task": {"goal_tolerance": Goal.NEAR, "hold_steps": Steps.FEW},
-        "render_width": Steps.WIDE, "info_keys": [Name.DISTANCE],
+        "scene": Name.SCENE,
+        "task": {"hold_steps": Steps.FEW},
+        "render_width": Steps.WIDE,
+        "info_keys": [Name.DISTANCE],
     },
     "names": {"observe_parameters": deque(["gravity.g"]), "info_keys": ["distance"]},
-    "keys": {"observe_parameters": {"gravity.g": 0}.keys()},
     "an array of names": {"observe_parameters": np.array(["gravity.g", "masses"])},
-    "what vectors take": {"max_episode_steps": np.int64(7)},
-}  # fmt: skip
+}
 
 
-@pytest.mark.quick(
-    *(f"{given}-single" for given in AS_USERS_WRITE),
-    "names-AutoresetMode.SAME_STEP",
-    "exact numbers-sb3",
-    "what vectors take-sb3",
-    "what vectors take-AutoresetMode.SAME_STEP",
-)
-@pytest.mark.parametrize("kind", ["single", AutoresetMode.SAME_STEP, "sb3"])
+@pytest.mark.quick(*(f"{given}-single" for given in AS_USERS_WRITE), "exact numbers-sb3")
+@pytest.mark.parametrize("kind", ["single", "same_step", "sb3"])
 @pytest.mark.parametrize("given", AS_USERS_WRITE.values(), ids=AS_USERS_WRITE)
 def test_specs_hold_plain_data_of_what_users_give(kind, given):
-    if kind == "single" and "max_episode_steps" in given:
-        pytest.skip("the limit of a single environment is Gymnasium's wrapper")
     env = made(kind, FOUR_R, 2, **given)
-    if isinstance(kind, AutoresetMode):
-        assert env.spec.max_episode_steps == given.get("max_episode_steps", 100)
-        again = gym.make_vec(EnvSpec.from_json(env.spec.to_json()))
-        assert again.metadata["autoreset_mode"] is kind
-        assert again.spec.to_json() == env.spec.to_json()
-    else:
-        env = env.unwrapped if kind == "single" else env
-        again = EnvSpec.from_json(env.spec.to_json()).make().unwrapped
+    spec = EnvSpec.from_json(env.spec.to_json())
+    again = gym.make_vec(spec) if kind == "same_step" else spec.make().unwrapped
+    assert kind != "same_step" or again.spec.to_json() == env.spec.to_json()
     for of_core in ("scene", "task", "variation"):
         assert getattr(again.core, of_core) == getattr(env.core, of_core)
 
@@ -123,75 +89,49 @@ def test_sb3_takes_the_spec_of_an_environment():
     single = gym.make(FOUR_R, max_episode_steps=7, render_mode="rgb_array", **given)
     vector = gym.make_vec(FOUR_R, num_envs=3, max_episode_steps=7, **given)
     for spec in (single.spec, vector.spec, rde.make_sb3(FOUR_R, 2, max_episode_steps=7, **given).spec):
-        env = rde.make_sb3(spec, 2, observe_parameters=["gravity.g"])
+        env = rde.make_sb3(spec, 2)
         assert (env.num_envs, env.core.scene.tolerance, env.core.task.goal_tolerance) == (2, 1e-5, 0.03)
         assert (env.spec.id, env.spec.max_episode_steps) == (FOUR_R, 7)
-        assert env.observation_space.shape[0] == single.observation_space.shape[0] + 1
+    by_hand = rde.make_sb3(EnvSpec(id=FOUR_R), 2)
+    assert by_hand.observation_space == single.observation_space
+    spec = rde.make_sb3(FOUR_R, 2, scene=rde.load_scene("four_r_weak")).spec  # whose data the spec has
+    assert EnvSpec.from_json(spec.to_json()).make().unwrapped.scene == rde.load_scene("four_r_weak")
     wrapped = gym.wrappers.RescaleAction(gym.make(FOUR_R), np.float32(-2), np.float32(2))
     with pytest.raises(ValueError, match=r"wrappers, RescaleAction"):
         rde.make_sb3(wrapped.spec)
-    with pytest.raises(ValueError, match=r"env_id is 'CartPole-v1'; valid"):
-        rde.make_sb3(gym.spec("CartPole-v1"))
+    for what in (lambda: gym.make(FOUR_R), None, rde.ReachTask, b"RPRPReach-v0"):
+        with pytest.raises(ValueError, match=r"env_id is .*; give an id or a spec"):
+            rde.make_sb3(what)
 
 
-@pytest.mark.parametrize("what", [lambda: gym.make(FOUR_R), None, 3, rde.ReachTask, b"RPRPReach-v0"])
-def test_sb3_says_what_it_makes_environments_of(what):
-    with pytest.raises(ValueError, match=r"env_id is .*; give an id or a spec"):
-        rde.make_sb3(what)
+def test_the_spec_of_sb3_has_the_limit_as_gymnasium_takes_it():
+    for limit, of_gymnasium in ((-1, None), (None, None), (7.0, 7), (np.int64(7), 7)):
+        spec = rde.make_sb3(FOUR_R, 2, max_episode_steps=limit).spec
+        made_again = EnvSpec.from_json(spec.to_json()).make()
+        assert spec.max_episode_steps == made_again.spec.max_episode_steps == of_gymnasium
 
 
-def test_sb3_takes_a_scene_and_its_spec_has_the_data():
-    scene = rde.load_scene("four_r_reach")
-    spec = rde.make_sb3(FOUR_R, 2, scene=scene).spec
-    assert EnvSpec.from_json(spec.to_json()).make().unwrapped.scene == scene
-
-
-@pytest.mark.parametrize(("limit", "of_gymnasium"), [(-1, None), (None, None), (7.0, 7), (np.int64(7), 7)])
-def test_the_spec_of_sb3_has_the_limit_as_gymnasium_takes_it(limit, of_gymnasium):
-    spec = rde.make_sb3(FOUR_R, 2, max_episode_steps=limit).spec
-    made_again = EnvSpec.from_json(spec.to_json()).make()
-    assert spec.max_episode_steps == made_again.spec.max_episode_steps == of_gymnasium
-
-
-@pytest.mark.parametrize("env_id", ["redundant_envs/RPRPReach-v0"])
-def test_other_libraries_see_a_class_of_gymnasium_and_the_id_with_the_module_that_registers_it(env_id):
-    whole = f"redundant_envs:{env_id}"
-    vector = gym.make_vec(whole, num_envs=2)
-    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == env_id
-    assert full_id(whole) == full_id(env_id) == env_id
-    for env in (gym.make(env_id).unwrapped, vector):  # skrl looks at these names
-        assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
-
-
-WORKERS = """
-from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.vec_env import SubprocVecEnv
-envs = make_vec_env("redundant_envs:redundant_envs/RPRPReach-v0", 2, vec_env_cls=SubprocVecEnv)
-print(envs.reset().shape)
-envs.close()
-"""
+@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
+def test_an_id_without_a_limit_has_none(mode):
+    home, name = "redundant_envs.envs.named", "tests/Endless-v0"
+    points = {"entry_point": f"{home}:FourRReachEnv", "vector_entry_point": f"{home}:FourRReachVectorEnv"}
+    gym.register(name, **points, kwargs={"scene": "four_r_reach"})
+    try:
+        env = gym.make_vec(name, num_envs=2, vectorization_mode=mode)
+        env.reset(seed=0)
+        assert not any(env.step(np.zeros((2, 4), np.float32))[3].any() for _ in range(120))
+    finally:
+        del gym.registry[name]
 
 
 @pytest.mark.long
-def test_processes_of_a_program_without_a_file_know_the_ids_by_their_module():
-    done = subprocess.run([sys.executable, "-c", WORKERS], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.returncode) == ("(2, 18)\n", 0), done.stderr
-
-
-HEAVY = ("torch", "matplotlib", "pygame", "sympy", "scipy", "stable_baselines3")
-MADE = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"
-
-
-@pytest.mark.long
-def test_the_ids_are_those_promised_and_importing_and_drawing_import_nothing_heavy():
-    tell = "print(*(name for name in sys.modules if '.' not in name))"
-    code = f"import sys, gymnasium, redundant_envs\n{tell}\n{MADE}\n{tell}\n"
-    code += "from redundant_envs.envs.registration import ids; print(*ids())"
+def test_importing_and_drawing_import_nothing_heavy():
+    made = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"
+    code = f"import sys, gymnasium, redundant_envs\nprint(*sys.modules)\n{made}\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    imported, drawn, found = ({*line.split()} for line in done.stdout.splitlines())
-    assert not {*HEAVY, "llvmlite"} & imported
+    imported, drawn = ({*line.split()} for line in done.stdout.splitlines())
+    assert not {"torch", "sympy", "scipy", "stable_baselines3", "llvmlite"} & imported
     assert not {"pygame", "matplotlib"} & drawn
-    assert found == {*IDS}
 
 
 def test_values_are_those_of_the_simulation_in_every_kind(env_id):
@@ -200,18 +140,14 @@ def test_values_are_those_of_the_simulation_in_every_kind(env_id):
     for kind, env in envs.items():
         begin(env, seed=6 if kind == "single" else 5)
         for action in table:
-            obs = env.step(action[1] if kind == "single" else action)[0]
-        if "Goal" in env_id:
-            np.testing.assert_array_equal((env.tip, env.goal), (obs["achieved_goal"], obs["desired_goal"]))
-    robot = envs["single"].scene.robot
+            env.step(action[1] if kind == "single" else action)
     for name, width in VALUES.items():
         values = getattr(envs["disabled"], name)
         assert (values.shape, values.dtype) == ((3, width), np.float64)
         for kind, env in envs.items():
             np.testing.assert_array_equal(getattr(env, name), values[1] if kind == "single" else values)
-    env = envs["disabled"]
-    np.testing.assert_allclose(env.tip, robot.forward_kinematics(env.q), atol=1e-15)
-    assert (env.qd != 0.0).any(axis=0).all()
+    arm, env = envs["single"].scene.robot, envs["disabled"]
+    np.testing.assert_allclose(env.tip, arm.forward_kinematics(env.q), atol=1e-15)
 
 
 def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
@@ -220,7 +156,6 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
     begin(env, {"q": (0.0,) * 4, "parameters": {"lengths": lengths[0] if kind == "single" else lengths}})
     tips = [[1.0, 0.0], [0.4, 0.0], [0.8, 0.0]]
     np.testing.assert_allclose(env.tip, tips[0] if kind == "single" else tips, atol=1e-15)
-    before = env.core.memory.save()
     for name in VALUES:
         kept = getattr(env, name)
         with pytest.raises(ValueError, match=r"are copies.* reset\(options"):
@@ -228,7 +163,6 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
         with pytest.raises(AttributeError, match=f"{name} cannot be set: .* set_options"):
             setattr(env, name, kept)
         (kept + 0.0)[...] = 7.0  # a result is its owner's
-    np.testing.assert_equal(env.core.memory.save(), before)
 
 
 def page(env_id):
@@ -246,81 +180,31 @@ def rows(text):
 
 def test_pages_agree_with_the_code(env_id):
     env, text = made("single", env_id, info_keys="all"), page(env_id)
-    task, scene = env.core.task, env.scene
     observed = env.observation_space["observation"] if "Goal" in env_id else env.observation_space
     assert len(rows(section(text, "Observation Space"))) == observed.shape[0]
-    limits = next(e for e in scene.effects if isinstance(e, rde.effects.EffortLimits)).limits
+    limits = next(e for e in env.scene.effects if isinstance(e, rde.effects.EffortLimits)).limits
     assert all(f"/ {limit:g} N" in section(text, "Action Space") for limit in limits)
-    for name in task.parameters():
-        assert f"| `{name}` | {getattr(task, name)} |" in text
-    assert [row[0] for row in rows(section(text, "Arguments"))] == [
-        "scene", "accuracy", "render_mode", "on_bad_action", "task", "randomize", "observe_parameters",
-        "info_keys", "render_width", "render_height",
-    ]  # fmt: skip
+    for name in env.core.task.parameters():
+        assert f"| `{name}` | {getattr(env.core.task, name)} |" in text
+    assert " ".join(row[0] for row in rows(section(text, "Arguments"))) == (
+        "scene accuracy render_mode on_bad_action task randomize observe_parameters info_keys "
+        "render_width render_height"
+    )
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms
     for heading in ("Starting State", "Episode End", "Version History"):
         assert section(text, heading)
-    drawn = [line for line in section(text, "Description").splitlines() if line.startswith("    ")]
-    assert len(drawn) == 4
-    for name in (*scene.robot.coordinates, *scene.robot.parameter_values(), "tip"):
-        assert any(name in line for line in drawn), name
 
 
 def test_the_page_explains_every_key_of_info_and_no_other(env_id):
-    sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
     found = set()
     for kind in KINDS:
         env = made(kind, env_id, max_episode_steps=4, info_keys="all")
-        first = env.reset() if kind == "sb3" else env.reset(seed=0)[1]
-        infos = env.reset_infos if kind == "sb3" else [first]
-        for action in actions(env, 4):
-            told = env.step(action)[-1]
-            infos = [*infos, *(told if kind == "sb3" else [told])]
-        found |= {key.removeprefix("_") for info in infos for key in info}
-    info = rows(section(page(env_id), "Info"))
-    assert all(meaning for _, meaning, _ in info)
-    known = {key for key, *_ in info} - {"return_*"}
-    assert found - sums <= known
-    assert sums <= found
+        begin(env, seed=0)
+        told = [env.step(action)[-1] for action in actions(env, 5 - (kind in ("single", "disabled")))]
+        found |= {key for info in np.ravel(told) for key in info}
+    found = {key.removeprefix("_") for key in found}
+    sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
+    known = {key for key, *_ in rows(section(page(env_id), "Info"))} - {"return_*"}
+    assert sums <= found <= known | sums
     assert known - found == {"beyond_limit", "parameters"} | ({"events"} if "FourR" in env_id else set())
-
-
-OF_GYMNASIUM = ("get_wrapper_attr", "with-statement", "np_random", "Method resolution order", "Env instance")
-METHODS = ("reset(*, seed=None, options=None)", "step(action", "render()", "set_state(state")
-
-
-@pytest.mark.parametrize("kind", ["single", "next_step"])
-def test_help_shows_page_methods_and_values_and_nothing_of_the_classes_below(kind, env_id):
-    env = made(kind, env_id)
-    text = pydoc.render_doc(env, renderer=pydoc.plaintext)
-    words = [*METHODS, *(f"`{name}`" for name in (*VALUES, "scene", "parameters"))]
-    if kind == "single":
-        words += ["## Action Space", "## Rewards", "Begin a new episode.", "One control step", "close()"]
-        assert type(env).__doc__.startswith("A planar ")
-        assert ("compute_reward(achieved_goal" in text) == env.goal_conditioned
-    else:
-        words += [f"help(redundant_envs.envs.named.{env_id.split('/')[1][:-3]}Env)", "reset_mask"]
-    assert not [w for w in words if w not in text]
-    assert not [w for w in OF_GYMNASIUM if w in text]
-    entries = [x for x in text.partition("## Methods")[2].splitlines() if x.strip().startswith("* ")]
-    assert len(entries) >= 12
-    assert not [line for line in entries if line.rstrip().endswith(":")]
-
-
-@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
-def test_an_id_without_a_limit_has_none(mode):
-    home, name = "redundant_envs.envs.named", "tests/Endless-v0"
-    points = {"entry_point": f"{home}:FourRReachEnv", "vector_entry_point": f"{home}:FourRReachVectorEnv"}
-    gym.register(name, **points, kwargs={"scene": "four_r_reach"})
-    try:
-        env = gym.make_vec(name, num_envs=2, vectorization_mode=mode)
-        env.reset(seed=0)
-        assert not any(env.step(np.zeros((2, 4), np.float32))[3].any() for _ in range(120))
-    finally:
-        del gym.registry[name]
-
-
-def test_a_spec_that_names_its_id_alone_has_the_arguments_of_the_id():
-    env = rde.make_sb3(EnvSpec(id="redundant_envs/RPRPReach-v0"), 2)
-    assert env.observation_space == rde.make_sb3("RPRPReach-v0", 2).observation_space
