@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import EQUAL, FOUR_R, GRAVITY, RPRP, SCENES, assert_same_bits, e, on
+from catalogue import FOUR_R, GRAVITY, RPRP, SCENES, assert_same_bits, e, on
 
 import redundant_envs as rde
 from redundant_envs.verify.checks import random_states

@@ -53,8 +53,6 @@ def faces():
 @pytest.mark.parametrize("what", NONE)
 @pytest.mark.parametrize("face", ["batch", "a lane", "env", "vector env", "sb3", "sb3, one by one"])
 def test_parameters_are_real_numbers_on_every_face(faces, face, what):
-    if face == "env" and what == "a row of truths":
-        pytest.skip("two rows are none for one lane anyway")
     for name in ("masses", "viscous_friction.coefficients", "gravity.g"):
         with pytest.raises(ValueError, match=rf"{name}.* (is|give) .*real numbers|give"):
             faces[face](name, NONE[what])

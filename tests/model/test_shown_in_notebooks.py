@@ -1,12 +1,8 @@
 """Arms, scenes, trajectories and bills in a notebook: small HTML with escaped texts, whatever they hold."""
 
-import copy
 import dataclasses
 import html.parser
-import pickle
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +13,13 @@ from redundant_envs.effects import Effect, Force
 from redundant_envs.language.algebra import physics
 from redundant_envs.model.listing import Bill, Operations
 from redundant_envs.robots.drawn import MAX_ARMS
+from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.notebook import LONGEST_CELL, MAX_BYTES, MAX_ROWS
 
 e = rde.effects
 HOSTILE = "<script>alert('1')</script>&\"<b>"
 FOUR_R = rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6))
 RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-VOID = {"br", "hr", "img", "input"}
 
 
 class Page(html.parser.HTMLParser):
@@ -78,10 +74,8 @@ def motion(arm, q, t, **changes):
 @pytest.mark.parametrize(
     "arm",
     [
-        FOUR_R, RPRP, rde.Chain("P", (1.0,)), rde.Chain("PPPP", (1.0,) * 4), rde.Chain("R", (1.0,), (1.0,)),
-        rde.Chain("RPRPRRRPRR", (1.0,) * 10, (0.3,) * 7), rde.Chain("R" * 10, (1e-30,) * 10, (1e-30,) * 10),
-        rde.Chain("RRP", (1e30, 1e18, 1e20), (1e30, 1e18)), pickle.loads(pickle.dumps(RPRP)),
-        copy.deepcopy(FOUR_R),
+        FOUR_R, RPRP, rde.Chain("P", (1.0,)), rde.Chain("RPRPRRRPRR", (1.0,) * 10, (0.3,) * 7),
+        rde.Chain("R" * 10, (1e-30,) * 10, (1e-30,) * 10), rde.Chain("RRP", (1e30, 1e18, 1e20), (1e30, 1e18)),
     ],
     ids=lambda arm: "".join("RP"[slides] for slides in arm.prismatic),
 )  # fmt: skip
@@ -90,7 +84,6 @@ def test_an_arm_is_drawn_with_its_names_and_numbers(arm):
     assert "svg" in found.tags
     assert "pre" not in found.tags
     assert {*arm.coordinates} <= {*found.cells}
-    assert {f"m{k + 1}" for k in range(len(arm.joints))} <= {*found.cells}
     assert ", ".join(f"{m:.6g}" for m in arm.masses) in found.cells
 
 
@@ -105,12 +98,6 @@ def test_the_links_of_a_drawing_have_the_lengths_of_the_arm():
 @physics(gives="x1 y1 x2 y2")
 def links(l1, l2, s1, c1, s2, c2):
     return l1 * c1, l1 * s1, l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-
-
-@physics(gives="x1 y1 x2 y2 x3 y3")
-def three_masses(l1, l2, s1, c1, s2, c2):
-    x, y = l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-    return l1 * c1, l1 * s1, 0.5 * x, 0.5 * y, x, y
 
 
 @dataclass(frozen=True)
@@ -132,20 +119,10 @@ class Untold(rde.Arm):
         raise RuntimeError("neither")
 
 
-@dataclass(frozen=True)
-class MoreMasses(rde.Arm):
-    joint_types = "RR"
-    num_masses = 3
-    functions = (three_masses,)
-
-
-def test_an_arm_that_cannot_be_drawn_is_shown_as_text():
-    arm = MoreMasses((1.0, 1.0, 1.0), (0.4, 0.3))
-    found = page(arm)
+def test_an_arm_that_can_neither_be_drawn_nor_written_is_shown_by_its_name():
+    found = page(Untold((1.0, 1.0), (0.4, 0.3)))
     assert "svg" not in found.tags
-    assert repr(arm) in found.cells
-    assert "1, 1, 1" in found.cells
-    assert "<Untold>" in page(Untold((1.0, 1.0), (0.4, 0.3))).cells
+    assert "<Untold>" in found.cells
 
 
 @physics
@@ -171,12 +148,11 @@ class Push(Effect):
 
 
 def test_texts_of_users_are_escaped():
-    assert HOSTILE in page(Hostile((1.0, 1.0), (0.4, 0.3))).cells
-    found = page(rde.Scene(Hostile((1.0, 1.0), (0.4, 0.3)), (Push(1.5),)))
+    arm = Hostile((1.0, 1.0), (0.4, 0.3))
+    found = page(rde.Scene(arm, (Push(1.5),)))
     assert found.cells.count(HOSTILE) == 2  # of the arm, and a unit
-    assert HOSTILE in page(motion(Hostile((1.0, 1.0), (0.4, 0.3)), np.zeros((3, 2)), [0.0, 1.0, 2.0])).cells
-    assert HOSTILE in page(Bill({HOSTILE: Operations()})).cells
-    assert "pre" in page(Bill({HOSTILE: 3})).tags
+    for thing in (arm, motion(arm, np.zeros((3, 2)), [0.0, 1.0, 2.0]), Bill({HOSTILE: Operations()})):
+        assert HOSTILE in page(thing).cells
 
 
 def test_a_scene_has_its_effects_with_units_and_how_it_is_stepped():
@@ -191,7 +167,8 @@ def test_a_scene_has_its_effects_with_units_and_how_it_is_stepped():
     assert {"m/s^2", "20, 32, 8, 16", "N m, N", "0.2, inf", "rk8", steps, drawn} <= {*found.cells}
     assert "pre" not in found.tags
     assert "0.1 each" in page(rde.Scene(FOUR_R, (e.ViscousFriction(0.1),))).cells
-    assert {"0.005 s", "steps", "5"} <= {*page(rde.load_scene("four_r_free")).cells}
+    for name in scene_names():
+        assert "svg" in page(rde.load_scene(name)).tags
 
 
 def test_a_scene_with_many_effects_has_the_first_rows():
@@ -205,13 +182,6 @@ def test_what_would_be_too_long_is_shown_as_text():
     found = page(Bill({f"{'&' * 99}{k}": Operations(*["&" * 100] * 8) for k in range(100)}))
     assert "table" not in found.tags
     assert found.tags == ["pre"]
-
-
-def test_named_scenes_are_shown():
-    from redundant_envs.scenes.scene import scene_names
-
-    for name in scene_names():
-        assert "svg" in page(rde.load_scene(name)).tags
 
 
 def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
@@ -228,7 +198,7 @@ def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
     assert text.count(f'd="{last}"') == 1  # what stands still is the last pose
 
 
-@pytest.mark.parametrize("seconds", [1e-5, 0.3, 45.0, 1e9])
+@pytest.mark.parametrize("seconds", [1e-5, 1e9])
 def test_short_and_long_motions_say_how_they_are_shown(seconds):
     t = np.linspace(0.0, seconds, 3000)
     (caption,) = (c for c in page(motion(RPRP, np.zeros((3000, 4)) + 0.1, t)).cells if "shown in" in c)
@@ -251,50 +221,25 @@ def test_the_longest_motions_of_the_longest_arms_are_small():
         (np.array([[0.1] * 4, [np.nan] * 4, [np.inf] * 4]), [0.0, 1.0, 2.0], True),
         (np.full((3, 4), 1e300), [0.0, 1.0, 2.0], True),
         (np.zeros((3, 4)), [0.0, np.nan, np.inf], True),
-        (np.zeros((3, 0, 4)), [0.0, 1.0, 2.0], False),
         (np.zeros((3, 2, 3, 4)), [0.0, 1.0, 2.0], True),
-        (np.zeros((3, 4)), [2.0, 1.0, 0.0], True),
         (np.zeros((2, 4)), [0.0, 1.0, 2.0], False),
     ],
-    ids=["one", "none", "nan", "fault", "huge", "times", "no motion", "batch", "backwards", "rows"],
+    ids=["one", "none", "nan", "fault", "huge", "times", "batch", "rows"],
 )
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
-def test_a_trajectory_is_shown_whatever_it_holds(arm, q, t, drawn):
-    assert ("svg" in page(motion(arm, q, t)).tags) == drawn
+def test_a_trajectory_is_shown_whatever_it_holds(q, t, drawn):
+    assert ("svg" in page(motion(RPRP, q, t)).tags) == drawn
 
 
-def test_wrong_parts_of_a_trajectory_are_no_errors():
+def test_a_trajectory_without_some_parts_is_shown_as_text():
     made = motion(FOUR_R, np.zeros((3, 4)), [0.0, 1.0, 2.0])
-    assert "pre" in page(dataclasses.replace(made, scene=None)).tags
-    assert "pre" in page(dataclasses.replace(made, q=None, events=None)).tags
+    for changes in ({"scene": None}, {"q": None, "events": None}):
+        assert "pre" in page(dataclasses.replace(made, **changes)).tags
     assert "svg" in page(dataclasses.replace(made, kinetic_energy=np.full(3, np.inf))).tags
-
-
-def test_a_copy_is_shown_alike_and_equal_pages_stand_side_by_side():
-    made = motion(FOUR_R, np.zeros((5, 4)), np.arange(5.0))
-    text = made._repr_html_()
-    assert pickle.loads(pickle.dumps(made))._repr_html_() == text
-    scene = rde.load_scene("rprp_reach")
-    assert copy.deepcopy(scene)._repr_html_() == scene._repr_html_()
 
 
 def test_a_bill_is_a_dict():
     found = rde.bill(rde.Scene(FOUR_R, (e.Gravity(),), "rk4"))
     assert isinstance(found, dict)
-    assert found == dict(found)
     assert repr(found) == repr(dict(found))
-    assert pickle.loads(pickle.dumps(found)) == copy.deepcopy(found) == found
     shown = page(found)
     assert {"gravity", "sine pairs", str(found["arm"].additions)} <= {*shown.cells}
-
-
-@pytest.mark.long
-def test_nothing_is_shown_by_matplotlib():
-    program = """
-import sys
-import redundant_envs as rde
-scene = rde.load_scene("four_r_free")
-rde.simulate(scene, [0.1] * 4, [0.0] * 4, [0.0, 0.1])._repr_html_(), scene._repr_html_()
-assert not {"matplotlib", "PIL", "imageio", "IPython"} & sys.modules.keys()
-"""
-    subprocess.run([sys.executable, "-c", program], check=True)

@@ -221,7 +221,7 @@ def test_errors_and_interrupts_leave_nothing_in_use(kind, error, monkeypatch):
     with monkeypatch.context() as context:
         if kind == "single":
             context.setattr(env._lane, "_call", stop)
-            context.setattr(env._lane, "_operation", env._operation, raising=False)
+            context.setattr(env._lane, "_operation", env._operation)  # whose arguments are there already
         else:
             context.setattr(env.core._team.parts[0], "entry", stop)
         with pytest.raises(error):
