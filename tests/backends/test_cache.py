@@ -9,7 +9,7 @@ import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from unittest.mock import MagicMock, Mock
+from unittest.mock import Mock
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -88,20 +88,14 @@ def test_what_is_kept_is_the_code_and_its_checksum_and_a_process_asks_once(folde
 DAMAGES = {
     "empty": lambda p: p.write_bytes(b""),
     "cut": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
-    "only a checksum": lambda p: p.write_bytes(hashlib.sha256(b"").digest()),
-    "one byte short": lambda p: p.write_bytes(p.read_bytes()[:-1]),
     "one byte more": lambda p: p.write_bytes(p.read_bytes() + b"\0"),
     "zeroed": lambda p: p.write_bytes(bytes(p.stat().st_size)),
     "one byte": lambda p: p.write_bytes(p.read_bytes()[:-9] + b"?" + p.read_bytes()[-8:]),
-    "a byte of the checksum": lambda p: p.write_bytes(b"?" + p.read_bytes()[1:]),
     "foreign": lambda p: p.write_text("notes of mine"),
     "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
     "a link to a good file": lambda p: p.symlink_to(p.rename(p.with_name("elsewhere"))),
     "writable by others": lambda p: p.chmod(0o622),
-    "writable by the group": lambda p: p.chmod(0o620),
-    "a link to itself": lambda p: (p.unlink(), p.symlink_to(p)),
     "a broken link": lambda p: (p.unlink(), p.symlink_to(p.with_name("nowhere"))),
-    "a link to a folder": lambda p: (p.unlink(), p.symlink_to(p.parent)),
     "code of another program": lambda p: p.write_bytes(
         hashlib.sha256(b"0" * 40 + p.read_bytes()[32:]).digest() + p.read_bytes()[32:]
     ),
@@ -122,20 +116,16 @@ def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, mon
     assert not (folder / NAME).is_symlink()
 
 
-def refusing(function, name):
-    """The method, which refuses one file."""
-
-    def refuse(folder, asked, flags):
-        if asked == name:
-            raise PermissionError(13, "not yours")
-        return function(folder, asked, flags)
-
-    return refuse
-
-
 def test_a_file_that_cannot_be_read_is_damage_and_one_that_is_gone_is_none(folder, monkeypatch, capsys):
+    opened = cache.Folder.open
+
+    def refuse(own, name, flags):
+        if name == NAME:
+            raise PermissionError(13, "not yours")
+        return opened(own, name, flags)
+
     with monkeypatch.context() as context:
-        context.setattr(cache.Folder, "open", refusing(cache.Folder.open, NAME))
+        context.setattr(cache.Folder, "open", refuse)
         (told,) = load(folder, context)
     assert "damaged or not ours" in told
     (folder / NAME).unlink()
@@ -182,27 +172,10 @@ def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(folder, held
 
 
 @unix
-def test_a_lock_that_is_released_is_taken(folder, held, monkeypatch, capsys):
-    monkeypatch.setattr(time, "sleep", lambda _: held.close())
-    assert load(folder, monkeypatch) == []
-    assert "compiling a test (once on this machine)" in capsys.readouterr().err
-
-
-@unix
 def test_ctrl_c_ends_the_wait_for_a_lock(folder, held, monkeypatch, capsys):
     monkeypatch.setattr(time, "sleep", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
         load(folder, monkeypatch)
-    assert compilations(capsys) == 0
-
-
-@unix
-def test_whole_code_is_read_though_another_process_holds_the_lock(folder, monkeypatch, capsys):
-    import fcntl
-
-    with (folder / LOCK).open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        assert load(folder, monkeypatch) == []
     assert compilations(capsys) == 0
 
 
@@ -261,26 +234,22 @@ def told_facts(folder, monkeypatch):
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         assert cache.facts("f" * 40, found) == {"numbers": [0.1, 2, True]}
-    return found.call_count, [str(w.message) for w in told]
+    return found.call_count, "".join(str(w.message) for w in told)
 
 
-def test_facts_are_kept_and_damaged_ones_found_again(tmp_path, monkeypatch):
-    assert told_facts(tmp_path, monkeypatch) == (1, [])
-    assert told_facts(tmp_path, monkeypatch) == (0, [])
-    DAMAGES["one byte"](tmp_path / f"{'f' * 40}{cache.FACTS}")
-    count, (told,) = told_facts(tmp_path, monkeypatch)
+def test_facts_are_kept_and_damaged_ones_found_again_and_each_time_without_a_folder(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    assert [told_facts(folder, monkeypatch) for _ in range(2)] == [(1, ""), (0, "")]
+    DAMAGES["one byte"](folder / f"{'f' * 40}{cache.FACTS}")
+    count, told = told_facts(folder, monkeypatch)
     assert count == 1
     assert "damaged or not ours; it is made again" in told
-    assert told_facts(tmp_path, monkeypatch) == (0, [])
-
-
-def test_facts_without_a_folder_or_a_name_are_found_each_time(tmp_path, monkeypatch):
+    assert told_facts(folder, monkeypatch) == (0, "")
     (tmp_path / "file").write_text("")
     for _ in range(2):
-        count, (told,) = told_facts(tmp_path / "file", monkeypatch)
+        count, told = told_facts(tmp_path / "file", monkeypatch)
         assert count == 1
         assert "kept in memory only" in told
-    assert cache.facts("", lambda: {"a": 1}) == {"a": 1}
 
 
 # ---- how much is kept ------------------------------------------------------------------------------
@@ -294,7 +263,6 @@ def test_the_files_used_last_are_kept_and_nothing_else_is_touched(folder, monkey
         for path in (folder / name, (folder / name).with_suffix(".lock")):
             path.write_bytes(bytes(150) if path.name in names else b"")
             os.utime(path, (i, i))
-    (folder / f"{'e' * 40}.code").mkdir()  # named like a program, but not one
     left = {p.name for p in folder.iterdir()}
     gone = {f for name in names[:2] for f in (name, f"{name[:40]}.lock")}
     os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
@@ -319,21 +287,6 @@ def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder,
     assert not old.exists()
     assert young.exists()
     assert (folder / NAME).exists()
-
-
-def test_files_that_another_process_deletes_meanwhile_are_no_error(folder, monkeypatch):
-    class Entry(Mock):
-        def stat(self, follow_symlinks):
-            raise FileNotFoundError
-
-    entries = MagicMock()
-    entries.__enter__.return_value = [Entry(**{"is_file.return_value": True})]
-    entries.__enter__.return_value[0].name = NAME
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(os, "scandir", lambda _: entries)
-    with cache.opened() as own:
-        cache._prune(own)
-        own.delete("gone")
 
 
 def test_a_command_shows_and_clears_the_folder(folder, monkeypatch, capsys):
@@ -371,12 +324,9 @@ def homeless(monkeypatch):
     ("variables", "expected"),
     [
         ({"XDG_CACHE_HOME": "/xdg"}, "/xdg/redundant-envs"),
-        ({"XDG_CACHE_HOME": "", "HOME": "/me"}, "/me/.cache/redundant-envs"),
         ({"XDG_CACHE_HOME": "here", "HOME": "/me"}, "/me/.cache/redundant-envs"),  # as its standard says
         ({cache.CACHE_VARIABLE: "~/own", "HOME": "/me", "XDG_CACHE_HOME": "/xdg"}, "/me/own"),
         ({}, None),
-        ({"HOME": "me"}, None),
-        ({"HOME": ""}, None),
         ({"HOME": "", cache.CACHE_VARIABLE: "~/own"}, None),
         ({cache.CACHE_VARIABLE: "here", "HOME": "/me"}, None),
         ({cache.CACHE_VARIABLE: "~nobody_of_this_name/cache"}, None),
@@ -410,7 +360,7 @@ def refused(folder, monkeypatch, capsys):
 
 
 @unix
-@pytest.mark.parametrize("mode", [0o777, 0o720, 0o1777, 0o702])
+@pytest.mark.parametrize("mode", [0o777, 0o720, 0o702])
 def test_a_folder_that_others_may_write_to_is_not_taken(folder, monkeypatch, capsys, mode):
     folder.chmod(mode)
     assert "chmod go-w" in refused(folder, monkeypatch, capsys)
@@ -427,35 +377,36 @@ def test_another_users_folder_is_not_taken(folder, monkeypatch, capsys):
     assert f"belongs to user {folder.stat().st_uid}" in refused(folder, monkeypatch, capsys)
 
 
+def of_another_user(status):
+    return os.stat_result((*status[:4], os.geteuid() + 1, *status[5:10]))
+
+
 @unix
-def test_another_users_file_is_replaced_and_another_users_link_is_not_followed(folder, monkeypatch, capsys):
-    own, fstat, lstat = os.geteuid(), os.fstat, Path.lstat
-
-    def planted(status):
-        return os.stat_result((*status[:4], own + 1, *status[5:10]))
-
-    with monkeypatch.context() as context:
-        file = (folder / NAME).stat().st_ino
-        context.setattr(os, "fstat", lambda fd: planted(s) if (s := fstat(fd)).st_ino == file else s)
-        (told,) = load(folder, context)
+def test_another_users_file_is_replaced(folder, monkeypatch, capsys):
+    fstat, file = os.fstat, (folder / NAME).stat().st_ino
+    monkeypatch.setattr(os, "fstat", lambda fd: of_another_user(s) if (s := fstat(fd)).st_ino == file else s)
+    (told,) = load(folder, monkeypatch)
     assert "not ours; it is compiled again" in told
     assert compilations(capsys) == 1
-    link = folder.with_name("link")
+
+
+@unix
+def test_another_users_link_is_not_followed(folder, monkeypatch, capsys):
+    """Neither as the folder nor on the way to it, also behind one of the user's own."""
+    parent, lstat = folder.parent, Path.lstat
+    link, behind = parent / "link", parent / "behind"
     link.symlink_to(folder)
-    assert load(link, monkeypatch) == []
-    monkeypatch.setattr(Path, "lstat", lambda p: planted(lstat(p)) if p == link else lstat(p))
-    assert "link of user" in refused(link, monkeypatch, capsys)
+    behind.symlink_to(f"../{parent.name}/link")
+    (parent / "through").symlink_to(parent)
     (folder / "redundant-envs").mkdir()
-    assert "link of user" in refused(link / "redundant-envs", monkeypatch, capsys)
-    (behind := folder.with_name("behind")).symlink_to(f"../{folder.parent.name}/link")
-    (folder.with_name("through")).symlink_to(behind.parent)
-    for own_link in (behind, behind / "redundant-envs", behind.parent / "through" / "behind"):
-        assert "link of user" in refused(own_link, monkeypatch, capsys)
-    assert not (folder / "new").exists()
-    assert "link of user" in load(behind / "new" / "redundant-envs", monkeypatch)[0]
+    ways = (link, link / "redundant-envs", behind, behind / "redundant-envs", parent / "through" / "behind")
+    with monkeypatch.context() as context:
+        context.setattr(Path, "lstat", lambda p: of_another_user(lstat(p)) if p == link else lstat(p))
+        for way in ways:
+            assert "link of user" in refused(way, context, capsys)
+        assert "link of user" in load(behind / "new" / "redundant-envs", context)[0]
     assert not (folder / "new").exists()  # nor made
-    monkeypatch.setattr(Path, "lstat", lstat)
-    assert load(behind.parent / "through" / "behind", monkeypatch) == []
+    assert load(parent / "through" / "behind", monkeypatch) == []  # all of them are one's own
 
 
 @unix
