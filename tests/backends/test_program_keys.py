@@ -1,7 +1,6 @@
 """Keys of programs: equal where machine code may be shared, in every process, and different otherwise."""
 
 import dataclasses
-import functools
 import os
 import subprocess
 import sys
@@ -13,10 +12,8 @@ import redundant_envs as rde
 from redundant_envs.compiler.backends import cache, llvm
 from redundant_envs.compiler.backends.loaded import scene_key
 from redundant_envs.compiler.tracing.flow import Kernel, Program
-from redundant_envs.effects import joint_stop
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
-from redundant_envs.scenes import ranges
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.reach import ReachTask
 
@@ -34,11 +31,6 @@ def test_scenes_that_differ_in_numbers_have_one_program():
     other = rde.FourR((1, 2, 3, 4), (0.5,) * 4)
     effects = (e.Gravity(1.6, (0.6, -0.7)), e.ViscousFriction((0.1, 0.2, 0.3, 0.4)))
     assert key(Scene(other, effects, control_dt=0.02, substeps=5)) == key(BASE)
-    stops = [
-        Scene(rde.RPRP((1,) * 4, (1, 1)), (e.PrismaticStop((0, 0), (0.3, 0.2), r),), tolerance=t)
-        for r, t in ((0.0, 1e-6), (1.0, 1e-9))
-    ]
-    assert key(stops[0]) == key(stops[1])
 
 
 def test_scenes_that_differ_otherwise_have_programs_of_their_own():
@@ -54,19 +46,15 @@ def test_scenes_that_differ_otherwise_have_programs_of_their_own():
     assert len(set(keys)) == len(keys)
 
 
-def small_key(name="scale", factor=0.0, place=0, element="f64", swapped=False, lanes=8):
+def small_key(factor=0.0, place=0, element="f64", lanes=8):
     """The key of a kernel that multiplies a number."""
-    p = Kernel(name, {"x": element})
-    x = p.load(p["x"])
-    p.store(p["x"], place, factor * x if not swapped else x - factor)
+    p = Kernel("scale", {"x": element})
+    p.store(p["x"], place, factor * p.load(p["x"]))
     return cache.program_key(cache.identity(Program([p])), lanes)
 
 
 def test_programs_that_differ_in_one_thing_have_keys_of_their_own():
-    changes = [
-        {}, {"name": "other"}, {"factor": -0.0}, {"factor": 5e-324}, {"place": 1}, {"element": "f32"},
-        {"swapped": True}, {"lanes": 4},
-    ]  # fmt: skip
+    changes = [{}, {"factor": -0.0}, {"factor": 5e-324}, {"place": 1}, {"element": "f32"}, {"lanes": 4}]
     assert small_key() == small_key()
     assert len({small_key(**change) for change in changes}) == len(changes)
 
@@ -111,22 +99,6 @@ def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(mon
         with monkeypatch.context() as context:
             context.setattr(sys.modules[module], name, lambda: None)
             assert scene_key("", programs.__name__) == "", f"{module}.{name}"
-
-
-def test_what_else_is_replaced_gives_other_names(monkeypatch):
-    owner = ranges.Uniform
-    keys = {scene_key("", programs.__name__)}
-    changes = [
-        (ranges, "MIDDLE", 0.5), (ranges, "uniform", ranges.normal), (owner, "kind", "even"),
-        (ranges, "uniform", functools.partial(ranges.normal, 1.0)),
-        (ranges, "uniform", functools.partial(ranges.normal, 2.0)), (joint_stop, "FREE", {"lower": 0.0}),
-    ]  # fmt: skip
-    for thing, name, value in changes:
-        with monkeypatch.context() as context:
-            context.setattr(thing, name, value)
-            keys.add(scene_key("", programs.__name__))
-    assert len(keys) == 1 + len(changes)
-    assert "" not in keys
 
 
 @pytest.mark.long
