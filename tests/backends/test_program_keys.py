@@ -12,9 +12,12 @@ import redundant_envs as rde
 from redundant_envs.compiler.backends import cache, llvm
 from redundant_envs.compiler.backends.loaded import scene_key
 from redundant_envs.compiler.tracing.flow import Kernel, Program
+from redundant_envs.compiler.tracing.passes.stages import Subroutine
 from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.fields import STATE, Layout, Variable
+from redundant_envs.simulator.lane.memory import traced
 from redundant_envs.tasks.reach import ReachTask
 
 e = rde.effects
@@ -57,6 +60,21 @@ def test_programs_that_differ_in_one_thing_have_keys_of_their_own():
     changes = [{}, {"factor": -0.0}, {"factor": 5e-324}, {"place": 1}, {"element": "f32"}, {"lanes": 4}]
     assert small_key() == small_key()
     assert len({small_key(**change) for change in changes}) == len(changes)
+
+
+def test_programs_are_told_apart_by_the_places_of_arguments_whatever_they_are_called():
+    """A listing with their names takes them for one."""
+    fields = Layout([Variable(name, "", "", STATE) for name in ("x", "v")])
+
+    def printed(function, names):
+        rate = Subroutine(function, 1, 1, names)
+        p = Kernel("probe", {"x": "f64"})
+        p.call(traced("work", fields, lambda lane: lane.set(["v"], rate(lane.x, lane.v))), x=p["x"])
+        return cache.identity(Program([p]))
+
+    one = printed(lambda k, g: (2.0 * k,), ("k", "g"))
+    assert one == printed(lambda g, k: (2.0 * g,), ("k", "g"))
+    assert one != printed(lambda k, g: (2.0 * g,), ("g", "k"))
 
 
 def test_what_compiles_and_for_which_processor_is_part_of_the_key(monkeypatch):
