@@ -83,8 +83,6 @@ def test_what_is_kept_is_the_code_and_its_checksum_and_a_process_asks_once(folde
     assert not folder.exists()
 
 
-# ---- damage ----------------------------------------------------------------------------------------
-
 DAMAGES = {
     "empty": lambda p: p.write_bytes(b""),
     "cut": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
@@ -114,23 +112,6 @@ def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, mon
     assert compilations(capsys) == 0
     assert (folder / NAME).is_file()
     assert not (folder / NAME).is_symlink()
-
-
-def test_a_file_that_cannot_be_read_is_damage_and_one_that_is_gone_is_none(folder, monkeypatch, capsys):
-    opened = cache.Folder.open
-
-    def refuse(own, name, flags):
-        if name == NAME:
-            raise PermissionError(13, "not yours")
-        return opened(own, name, flags)
-
-    with monkeypatch.context() as context:
-        context.setattr(cache.Folder, "open", refuse)
-        (told,) = load(folder, context)
-    assert "damaged or not ours" in told
-    (folder / NAME).unlink()
-    assert load(folder, monkeypatch) == []
-    assert compilations(capsys) == 2
 
 
 @pytest.mark.parametrize("place", [NAME, LOCK], ids=["code", "lock"])
@@ -223,57 +204,34 @@ def test_machine_code_stays_as_long_as_it_is_used_and_that_asked_for_last(tmp_pa
     assert not tmp_path.exists()
 
 
-# ---- facts about programs --------------------------------------------------------------------------
-
-
-def told_facts(folder, monkeypatch):
-    """How often facts were found, and the messages."""
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(cache, "_warned", set())
+def test_facts_are_kept_and_damaged_ones_found_again(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
     found = Mock(return_value={"numbers": [0.1, 2, True]})
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        assert cache.facts("f" * 40, found) == {"numbers": [0.1, 2, True]}
-    return found.call_count, "".join(str(w.message) for w in told)
-
-
-def test_facts_are_kept_and_damaged_ones_found_again_and_each_time_without_a_folder(tmp_path, monkeypatch):
-    folder = tmp_path / "cache"
-    assert [told_facts(folder, monkeypatch) for _ in range(2)] == [(1, ""), (0, "")]
-    DAMAGES["one byte"](folder / f"{'f' * 40}{cache.FACTS}")
-    count, told = told_facts(folder, monkeypatch)
-    assert count == 1
-    assert "damaged or not ours; it is made again" in told
-    assert told_facts(folder, monkeypatch) == (0, "")
-    (tmp_path / "file").write_text("")
     for _ in range(2):
-        count, told = told_facts(tmp_path / "file", monkeypatch)
-        assert count == 1
-        assert "kept in memory only" in told
+        assert cache.facts("f" * 40, found) == found.return_value
+    assert found.call_count == 1
+    DAMAGES["one byte"](tmp_path / f"{'f' * 40}{cache.FACTS}")
+    with pytest.warns(UserWarning, match="damaged or not ours; it is made again"):
+        assert cache.facts("f" * 40, found) == found.return_value
+    cache.facts("f" * 40, found)
+    assert found.call_count == 2
 
 
-# ---- how much is kept ------------------------------------------------------------------------------
-
-
-def test_the_files_used_last_are_kept_and_nothing_else_is_touched(folder, monkeypatch):
-    monkeypatch.setattr(cache, "KEPT_BYTES", (folder / NAME).stat().st_size + 300)
-    names = [f"{c * 40}.{kind}" for c, kind in zip("abcd", ("code", "facts", "facts", "code"), strict=True)]
+def test_the_files_used_last_are_kept_and_nothing_else_is_touched(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    own = [f"{c * 40}.{kind}" for c, kind in zip("abcd", ("code", "facts", "facts", "code"), strict=True)]
     others = ["notes.code", "x" * 40 + ".code", "a" * 39 + ".code", "0" * 40 + ".txt", "0" * 40, "tmp_a3b4"]
-    for i, name in enumerate([*names, *others]):
-        for path in (folder / name, (folder / name).with_suffix(".lock")):
-            path.write_bytes(bytes(150) if path.name in names else b"")
+    for i, name in enumerate([*own, *others]):
+        for path in (tmp_path / name, (tmp_path / name).with_suffix(".lock")):
+            path.write_bytes(bytes(150) if path.name in own else b"")
             os.utime(path, (i, i))
-    left = {p.name for p in folder.iterdir()}
-    gone = {f for name in names[:2] for f in (name, f"{name[:40]}.lock")}
-    os.utime(folder / NAME, (0, 0))  # the least recently used one, but it is used now
-    assert load(folder, monkeypatch) == []
-    with cache.opened() as own:
-        cache._prune(own)
-        assert {p.name for p in folder.iterdir()} == left - gone
-        monkeypatch.setattr(cache, "KEPT_BYTES", 1)  # the one that was just made is kept
-        cache._prune(own)
-    assert (folder / NAME).exists()
-    assert not (folder / names[3]).exists()
+    left = {p.name for p in tmp_path.iterdir()}
+    for most, names in ((300, own[:2]), (1, own[:3])):  # the one that was used last is kept
+        monkeypatch.setattr(cache, "KEPT_BYTES", most)
+        with cache.opened() as folder:
+            cache._prune(folder)
+        gone = {file for name in names for file in (name, f"{name[:40]}.lock")}
+        assert {p.name for p in tmp_path.iterdir()} == left - gone
 
 
 def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder, monkeypatch):
@@ -301,9 +259,6 @@ def test_a_command_shows_and_clears_the_folder(folder, monkeypatch, capsys):
     folder.chmod(0o777)
     assert main(["cache", "--clear"]) == 2
     assert "chmod go-w" in capsys.readouterr().err
-
-
-# ---- where the folder is ---------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -344,9 +299,6 @@ def test_where_the_folder_is(homeless, tmp_path, monkeypatch, variables, expecte
         cache.facts("a" * 40, dict)
     cache.facts("a" * 40, dict)  # told once
     assert not list(tmp_path.iterdir())
-
-
-# ---- whose the folder is ---------------------------------------------------------------------------
 
 
 def refused(folder, monkeypatch, capsys):

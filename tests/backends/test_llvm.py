@@ -7,7 +7,6 @@ import llvmlite.binding as binding
 import mpmath
 import numpy as np
 import pytest
-from catalogue import SCENES
 from compiled import compiled, on_columns
 
 from redundant_envs.compiler.backends import llvm, llvm_kernels, llvm_text
@@ -18,8 +17,6 @@ from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.language import algebra
 from redundant_envs.language.draws import uniform
 from redundant_envs.language.philox import philox
-from redundant_envs.model import programs
-from redundant_envs.model.programs import batch_simulator
 
 
 def test_sines_and_cosines_to_the_last_places():
@@ -201,13 +198,3 @@ def test_llvm_has_its_own_order_again_afterwards():
     with pytest.raises(RuntimeError):
         llvm._emitted(text, lambda target, module: binding.parse_assembly("no assembly"))
     assert by_others() == before
-
-
-@pytest.mark.long
-def test_a_program_is_compiled_to_the_same_code_every_time():
-    """Another process requests the same program, even for one whose graphs were changed."""
-    scene = SCENES["4R friction rk8"]
-    program = batch_simulator(scene, False).program
-    code = llvm.object_code(program)
-    assert llvm.object_code(program) == code
-    assert llvm.object_code(programs.traced_batch(scene, False).program) == code

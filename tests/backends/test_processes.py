@@ -55,8 +55,6 @@ def test_a_program_is_kept_from_process_to_process_and_wherever_its_folder_goes(
     assert program(PROGRAM, tmp_path / "moved") == (first, "")
 
 
-# ---- environments that are known from an earlier process ---------------------------------------------
-
 ENVIRONMENT = """
 import sys
 import gymnasium as gym
@@ -154,9 +152,6 @@ def test_old_bytecode_leaves_no_old_environment_behind(environment, edited, monk
     assert first_step(root) == (numbers, "True False")  # by Python's own bytecode of the file
     shutil.rmtree(root / "bytecode")
     assert first_step(root)[0] != numbers
-
-
-# ---- several processes --------------------------------------------------------------------------------
 
 
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):

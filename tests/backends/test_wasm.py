@@ -27,13 +27,6 @@ def object_of(body, more=""):
     return target.emit_object(llvm.parse_assembly(SOURCE.format(body=body, more=more)))
 
 
-def test_the_numbers_of_exports_are_those_of_the_functions():
-    made = wasm.linked(object_of("ret double %x"), ["second"])
-    assert b"\x01\x06second\0\x01" in made
-    both = wasm.linked(object_of("ret double %x"), ["second", "first"])
-    assert b"\x02\x06second\0\x01\x05first\0\0" in both
-
-
 @pytest.mark.parametrize(
     ("value", "more", "message"),
     [
