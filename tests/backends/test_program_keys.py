@@ -1,8 +1,6 @@
 """Keys of programs: equal where machine code may be shared, in every process, and different otherwise."""
 
 import dataclasses
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -117,17 +115,3 @@ def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(mon
         with monkeypatch.context() as context:
             context.setattr(sys.modules[module], name, lambda: None)
             assert scene_key("", programs.__name__) == "", f"{module}.{name}"
-
-
-@pytest.mark.long
-def test_keys_are_the_same_in_every_process():
-    text = """
-import redundant_envs as rde
-from redundant_envs.model.programs import environment_simulator
-from redundant_envs.tasks.reach import ReachTask
-print(environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key())
-"""
-    here = environment_simulator(rde.load_scene("rprp_reach"), ReachTask()).key()
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"}
-    done = subprocess.run([sys.executable, "-c", text], env=env, capture_output=True, text=True)
-    assert done.stdout.strip() == here

@@ -23,7 +23,7 @@ from redundant_envs.tasks.reach import ReachTask
 
 e = rde.effects
 SCENE = rde.Scene(rde.FourR((1.0,) * 4, (1.0,) * 4), (e.EffortLimits((1.0,) * 4),), integrator="rk4")
-NEAR, TERMS, CODE = reach.near_term, ReachTask.reward_functions, reach.near_term.__code__
+NEAR, TERMS = reach.near_term, ReachTask.reward_functions
 SCALE = 1.0
 
 

@@ -41,9 +41,6 @@ def scene(arm=FOUR_R, effects=(), integrator="rk4", **kwargs):
     return rde.Scene(arm, effects, integrator, **kwargs)
 
 
-# ---- only the effects named ----------------------------------------------------------------------
-
-
 def words_of(effect):
     """Names in the listing of a scene if an effect acts there: its functions, file and numbers."""
     if isinstance(effect, e.Gravity):
@@ -147,9 +144,6 @@ def test_numbers_of_the_scene_are_shown_by_their_names():
     assert "work <- %" in rde.listing(SHOWN["rk4"], track_work=True)
 
 
-# ---- the bill ------------------------------------------------------------------------------------
-
-
 def kinds(*counts, size):
     """Additions, products, divisions, roots, sine pairs, comparisons, selections, and bytes."""
     return (*counts, *(0,) * (7 - len(counts)), size)
@@ -207,14 +201,6 @@ def test_the_bill_of_a_motion_is_the_sum_of_what_is_listed(made, left_out):
     counts = [counts for owner, counts in rde.bill(made).items() if owner not in OF_ENVIRONMENT]
     total = [sum(column) for column in zip(*counts, strict=True)][:-1]
     assert total == seen("\n".join(code for name, code in listed.items() if name not in left_out))
-
-
-def test_the_bill_of_events_is_that_of_the_effects_that_need_them():
-    found, bare = (rde.bill(scene(RP, effects, "euler")) for effects in (STOPPED, STOPPED[:1]))
-    for effect in STOPPED[1:]:
-        assert sum(found[effect.key][:-1]) > 100
-    for owner in (*OF_ANY_MOTION, "gravity"):
-        assert found[owner][:-1] == bare[owner][:-1]
 
 
 @physics(gives="reach_again_term")

@@ -16,7 +16,6 @@ from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
 from redundant_envs.model.memory import IN_USE, InUse, alone
-from redundant_envs.model.programs import Team
 
 SCENE = rde.load_scene("four_r_reach")
 STATES = {}
@@ -92,67 +91,36 @@ def test_an_environment_in_use_refuses_other_threads_and_goes_on(kind):
     assert within(env, lambda: env.compute_reward(goals, goals, [{}])) is None  # from no numbers of the lanes
 
 
-def interrupted(call, inner, monkeypatch):
-    """What a call gives around whose first call of machine code handlers of signals call ``inner``, and what
-    these find."""
-    found, plain = [], Team.__call__
-
-    def first(self):
-        monkeypatch.setattr(Team, "__call__", plain)
-        found.extend(map(refused, inner))
-        plain(self)
-        found.extend(map(refused, inner))
-
-    monkeypatch.setattr(Team, "__call__", first)
-    return call(), found
-
-
-OF_USERS = "step", "reset", "get_state", "set_state", "parameters", "copy", "pickle", "set_options", "render"
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_a_signal_handler_in_the_middle_of_a_call_is_refused(kind, monkeypatch):
-    env, other = (made(kind, GOAL_IDS[0], render_mode="rgb_array") for _ in range(2))
-    for one in (env, other):
-        begin(one, seed=3)
-    STATES[type(env)] = env.get_state()
-    names = [name for name in OF_USERS if (kind, name) != ("single", "set_options")]
-    inner = [lambda call=OF_ENV[name]: call(env) for name in names]
-    (action,) = actions(env, 1)
-    for call in (lambda e: begin(e, seed=4), lambda e: e.step(action))[: 1 if kind == "single" else 2]:
-        made_by, found = interrupted(lambda call=call: call(env), inner, monkeypatch)
-        assert found == [InUse] * 2 * len(names)
-        assert flat(made_by) == flat(call(other))
-
-
-@pytest.mark.parametrize("name", ["advance", "advance_partly"])
-def test_a_signal_handler_in_the_middle_of_a_batch_is_refused(name, monkeypatch):
-    used, other = batch(), batch()
-    inner = [lambda call=call: call(used) for known, call in OF_BATCH.items() if known != "q"]
-    _, found = interrupted(lambda: OF_BATCH[name](used), inner, monkeypatch)
-    OF_BATCH[name](other)
-    assert found == [InUse] * 2 * len(inner)
-    assert (used.q == other.q).all()
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_at_no_line_of_a_call_a_signal_handler_gets_a_state(kind):
-    env, found, before = made(kind), [], sys.gettrace()
-    begin(env)
-    (action,) = actions(env, 1)
+@pytest.mark.parametrize("kind", [*FACES, "batch"])
+def test_at_no_line_of_a_call_a_signal_handler_is_let_in(kind):
+    """And the call gives what it gives without one."""
+    used, other = (batch() if kind == "batch" else made(kind, render_mode="rgb_array") for _ in range(2))
+    if kind == "batch":
+        calls, left_out = (OF_BATCH["advance"], OF_BATCH["advance_partly"], lambda b: b.q), ("q",)
+    else:
+        for one in (used, other):
+            begin(one)
+        STATES[type(used)] = used.get_state()
+        (action,) = actions(used, 1)
+        calls = (lambda e: begin(e, seed=4), lambda e: e.step(action))
+        left_out = ("tip", "qd", "a number", *(["set_options"] if kind == "single" else []))
+    tried = OF_BATCH if kind == "batch" else OF_ENV
+    inner = [lambda call=call: call(used) for name, call in tried.items() if name not in left_out]
+    found, before = [], sys.gettrace()
 
     def trace(frame, event, argument):
-        if env._memory.free == IN_USE:
-            found.extend(map(refused, (env.get_state, lambda: pickle.dumps(env))))
+        if used._memory.free == IN_USE:
+            found.extend(map(refused, inner))
         return trace
 
-    for call in (lambda: env.step(action), lambda: begin(env, seed=4)):
+    for call in calls:
         sys.settrace(trace)
         try:
-            call()
+            got = call(used)
         finally:
             sys.settrace(before)
-    assert len(found) > 20
+        assert flat(got) == flat(call(other))
+    assert len(found) > 20 * len(inner)
     assert {*found} == {InUse}
 
 
@@ -176,24 +144,6 @@ def test_a_copy_is_of_one_moment_or_refused(kind):
         one = again(again(env))
         assert one._memory is one.core.memory is not env.core.memory
         assert one.itself[0] is one is one.call_it.__self__
-
-
-class WithLock(rde.BatchSimulator):
-    """Leaves out of copies what they cannot have, as Python says."""
-
-    def __init__(self):
-        super().__init__(SCENE, 3)
-        self.lock = threading.Lock()
-
-    def __getstate__(self):
-        return {name: value for name, value in super().__getstate__().items() if name != "lock"}
-
-
-def test_subclasses_leave_attributes_out_of_their_copies():
-    for again in (copy.deepcopy, copy.copy, lambda x: pickle.loads(pickle.dumps(x))):
-        one = again(WithLock())
-        one.advance()
-        assert not hasattr(one, "lock")
 
 
 def test_a_thread_is_refused_while_another_one_is_in_machine_code():
