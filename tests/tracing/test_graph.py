@@ -12,7 +12,7 @@ from compiled import rows_of
 
 import redundant_envs.compiler.backends.numpy  # noqa: F401  its numbers are known from here on
 from redundant_envs.compiler.tracing.graph import Graph, reached
-from redundant_envs.language.algebra import cases, where
+from redundant_envs.language.algebra import where
 
 
 def traced(function):
@@ -54,25 +54,6 @@ def test_only_what_may_change_a_bit_is_recorded_and_powers_are_products(recorded
 def test_equal_operations_are_one_and_zeros_of_different_signs_are_two_constants(pair, one):
     first, second = traced(pair)
     assert (first.value is second.value) is one
-
-
-@pytest.mark.parametrize(
-    ("compare", "recorded"),
-    [
-        (lambda side: side > 0.0, ">"),
-        (lambda side: side < 0.0, "> not < and"),
-        (lambda side: side != 0.0, "> < or"),
-        (lambda side: side <= 1.0, ""),
-    ],
-)
-def test_a_comparison_of_chosen_constants_is_what_has_chosen_them(compare, recorded):
-    def decided(x):
-        return where(compare(cases((x > 0.25, 1.0), (x < -0.25, -1.0), default=0.0)), x, 7.0)
-
-    found = traced(decided)
-    assert sorted(n for n in names(found) if n != "select") == sorted(recorded.split())
-    for x, side in ((0.5, 1.0), (-2.0, -1.0), (0.0, 0.0), (math.nan, 0.0)):
-        np.testing.assert_equal(decided(x), x if compare(side) else 7.0)
 
 
 @pytest.mark.parametrize(

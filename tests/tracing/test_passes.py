@@ -30,43 +30,6 @@ def evaluated(results, rows, kind=Fraction):
     return [value(r) for r in results]
 
 
-def joined(function, asides=()):
-    results = recorded(function)
-    join_products(results, asides)
-    return results
-
-
-def shown(value):
-    """A value as text: a, b and c are its rows."""
-    if not isinstance(value, Operation):
-        return repr(value)
-    if value.name == "load":
-        return "abc"[value.extra[1]]
-    return f"{value.name}({', '.join(map(shown, value.arguments))})"
-
-
-def thrice(a, b, c):
-    p = a * b
-    return p + c, c - p, p
-
-
-@pytest.mark.parametrize(
-    ("function", "asides", "expected"),
-    [
-        (lambda a, b, c: a * b + c, (), ["fma(a, b, c)"]),
-        (lambda a, b, c: c - a * b, (), ["fma(neg(a), b, c)"]),
-        # Of two products the later one is joined.
-        (lambda a, b, c: (a / b) * b + a * c, (), ["fma(/(a, b), b, *(a, c))"]),
-        # A product used twice is rounded once for all, unless the others are aside.
-        (lambda a, b: (a * b) + (a * b), (), ["+(*(a, b), *(a, b))"]),
-        (thrice, (), ["+(*(a, b), c)", "-(c, *(a, b))", "*(a, b)"]),
-        (thrice, (0, 2), ["+(*(a, b), c)", "fma(neg(a), b, c)", "*(a, b)"]),
-    ],
-)
-def test_a_product_used_once_is_joined_with_its_sum(function, asides, expected):
-    assert [shown(r) for r in joined(function, asides)] == expected
-
-
 def test_what_is_joined_in_one_part_does_not_depend_on_another():
     graph = Graph()
     a, b, c = (Number(graph, graph.load("row", k)) for k in range(3))
@@ -92,7 +55,7 @@ def random_results(rng, count):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_joining_changes_the_rounding_alone(seed):
+def test_joining_products_with_sums_changes_the_rounding_alone(seed):
     results = random_results(np.random.default_rng(seed), 14)
     rows = (Fraction(7, 3), Fraction(-5, 4), Fraction(1, 2))
     before = evaluated(results, rows)
@@ -121,18 +84,6 @@ def test_results_are_joined_as_if_those_aside_were_not_there(seed):
     assert told([r for k, r in enumerate(beside) if k not in asides]) == told(alone)
 
 
-def test_a_known_row_drops_what_is_never_chosen_and_splits_nothing():
-    def held(x, y, mode):
-        p = x * y
-        return where(abs(mode) > 0.0, p - x, y), p + 1.0
-
-    left, total = specialise(joined(held), {("row", 2): 0.0})
-    assert left.extra == ("row", 1)
-    # Without the other choice the product is used once, but the bits must be those of the whole.
-    assert (total.name, total.arguments[0].name) == ("+", "*")
-    assert {n.name for n in reached([left, total])} == {"load", "*", "+"}
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_the_bits_are_those_of_the_whole_with_these_numbers(seed):
     rng = np.random.default_rng(seed)
@@ -146,7 +97,8 @@ def test_the_bits_are_those_of_the_whole_with_these_numbers(seed):
             values.append(terms[rng.integers(5)])
         return tuple(values[-10:])
 
-    results = joined(function)
+    results = recorded(function)
+    join_products(results)
     rows = [*rng.normal(0.0, 1.0, 2), 1.0, 0.0]
     special = specialise(results, {("row", 2): 1.0, ("row", 3): 0.0})
     assert len(reached(special)) < len(reached(results))
@@ -174,7 +126,6 @@ RATES = {
     "more than registers return": (
         lambda x, v, k: tuple(v * float(n) - k * x * x + 1.0 / (v + 9.0) for n in range(7)), 1, 7,
     ),
-    "the same, given, or known": (lambda x, v, k: (-k * x, v, -k * x, 3.0, k, x), 1, 6),
     "an argument of each, and a number": (lambda x, v, k, n, two: (n * x - two * v, two + k), 1, 2),
     "choices": (lambda x, v, k: (where(x * x > k, -v * x, minimum(v, x) / (3.0 + x * x)),), 1, 1),
 }  # fmt: skip
