@@ -48,9 +48,6 @@ def test_a_chain_is_the_arm_written_by_hand_to_rounding(types):
     assert np.array_equal(chain.motor_map, hand.motor_map)
     names = "coordinates", "rates", "joints", "prismatic", "num_masses", "num_lengths"
     assert [getattr(chain, name) for name in names] == [getattr(hand, name) for name in names]
-    values = hand.parameter_values().values()
-    bounds, known = (np.array(arm.mobility_bounds(*values)) for arm in (chain, hand))
-    assert (bounds <= known * (1.0 + 1e-14)).all()
 
 
 @pytest.mark.parametrize("types", WORDS)
@@ -95,17 +92,15 @@ def test_equal_chains_are_equal_after_pickles_and_plain_data():
 def test_what_is_no_chain_is_refused(types, masses, lengths, said):
     with pytest.raises(ValueError, match=said):
         rde.Chain(types, masses, lengths)
-    for own, words in (({}, "lacks 'joint_types'"), ({"joint_types": "Q"}, "joint_types is 'Q'")):
-        with pytest.raises(ValueError, match=words):
-            rde.Scene.from_dict({"robot": {"type": "Chain", "masses": [1.0], "lengths": [1.0], **own}})
 
 
 def test_the_class_of_all_chains_is_no_base_no_kind_and_no_subject():
-    mine = type("Mine", (rde.Chain,), {})
-    with pytest.raises(ValueError, match=r"derive it from redundant_envs\.Arm, with joint_types"):
-        mine("RPR", (1.0,) * 3, (1.0,) * 2)
-    for kind in (rde.Chain, type(rde.Chain("RPR", (1.0,) * 3, (1.0,) * 2))):
-        with pytest.raises(ValueError, match=r"class RPR\(rde\.Arm\): joint_types = 'RPR'"):
-            rde.register_arm(kind)
-    with pytest.raises(ValueError, match=r"the arm Chain needs joint_types, too; name an arm that has them"):
-        subject_of("Chain")
+    mine, untyped = type("Mine", (rde.Chain,), {}), {"type": "Chain", "masses": [1.0], "lengths": [1.0]}
+    for refused, said in (
+        (lambda: mine("RPR", (1.0,) * 3, (1.0,) * 2), r"derive it from redundant_envs\.Arm, with joint"),
+        (lambda: rde.register_arm(rde.Chain), r"class RPR\(rde\.Arm\): joint_types = 'RPR'"),
+        (lambda: subject_of("Chain"), "the arm Chain needs joint_types, too; name an arm that has them"),
+        (lambda: rde.Scene.from_dict({"robot": untyped}), "lacks 'joint_types'"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            refused()
