@@ -19,6 +19,8 @@ from redundant_envs.__main__ import main
 from redundant_envs.compiler.backends import cache
 from redundant_envs.compiler.tracing.flow import Kernel, Program
 
+unix = pytest.mark.skipif(sys.platform == "win32", reason="locks, owners and modes are those of Unix")
+
 
 def small_program():
     """A kernel that doubles a number."""
@@ -29,55 +31,48 @@ def small_program():
 
 KEY = cache.program_key(cache.identity(small_program()), 8)
 NAME, LOCK = f"{KEY}{cache.SUFFIX}", f"{KEY}.lock"
+ONCE, ALONE = "compiling a test (once on this machine)", "compiling a test (for this process alone)"
 
 
-def double():
-    """The kernel, from the cache."""
-    return cache.kernels(KEY, ["double"], small_program, "a test")["double"]
-
-
-def load(folder, monkeypatch):
-    """Run the kernel as another process would get it; returns the result and the messages."""
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(cache, "_kept", {})
-    monkeypatch.setattr(cache, "_engines", {})
-    monkeypatch.setattr(cache, "_warned", set())
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        kernel = double()
-    x = np.array([21.0])
-    kernel(np.array([x.ctypes.data]).ctypes.data)
+def double(key=KEY):
+    """The kernel, from the cache, which works."""
+    kernel, x = cache.kernels(key, ["double"], small_program, "a test")["double"], np.array([21.0])
+    arguments = np.array([x.ctypes.data])
+    kernel(arguments.ctypes.data)
     assert x[0] == 42.0
-    return [str(w.message) for w in told]
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """A folder with one program."""
-    folder = tmp_path_factory.mktemp("cache")
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        assert load(folder, monkeypatch) == []
-    return folder
+    return kernel
 
 
 @pytest.fixture
-def folder(whole, tmp_path, capsys):
-    """A folder of the user's choice; folders may be moved."""
-    shutil.copytree(whole, tmp_path / "cache")
-    capsys.readouterr()
-    return tmp_path / "cache"
+def load(monkeypatch, capsys):
+    """Get the kernel as another process would, with a folder: the warning, and what is told meanwhile."""
+
+    def run(folder):
+        monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
+        for name, empty in (("_kept", {}), ("_engines", WeakValueDictionary()), ("_warned", set())):
+            monkeypatch.setattr(cache, name, empty)
+        capsys.readouterr()
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            double()
+        assert len(warned) <= 1
+        return "".join(str(w.message) for w in warned), capsys.readouterr().err
+
+    return run
 
 
-def compilations(capsys):
-    return capsys.readouterr().err.count("compiling a test")
+@pytest.fixture
+def folder(tmp_path, load):
+    """A folder with one program; folders may be moved."""
+    assert load(tmp_path / "first")[0] == ""
+    return (tmp_path / "first").rename(tmp_path / "cache")
 
 
-def test_what_is_kept_is_the_code_and_its_checksum_and_a_process_asks_once(folder, monkeypatch, capsys):
-    assert sorted(p.name for p in folder.iterdir()) == sorted([NAME, LOCK])
+def test_what_is_kept_is_the_code_and_its_checksum_and_a_process_asks_once(folder, load):
+    assert {p.name for p in folder.iterdir()} == {NAME, LOCK}
     data = (folder / NAME).read_bytes()
     assert data[:32] == hashlib.sha256(KEY.encode() + data[32:]).digest()
-    assert load(folder, monkeypatch) == []
-    assert compilations(capsys) == 0
+    assert load(folder) == ("", "")
     shutil.rmtree(folder)
     assert double() is double()
     assert not folder.exists()
@@ -89,7 +84,6 @@ DAMAGES = {
     "one byte more": lambda p: p.write_bytes(p.read_bytes() + b"\0"),
     "zeroed": lambda p: p.write_bytes(bytes(p.stat().st_size)),
     "one byte": lambda p: p.write_bytes(p.read_bytes()[:-9] + b"?" + p.read_bytes()[-8:]),
-    "foreign": lambda p: p.write_text("notes of mine"),
     "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
     "a link to a good file": lambda p: p.symlink_to(p.rename(p.with_name("elsewhere"))),
     "writable by others": lambda p: p.chmod(0o622),
@@ -97,37 +91,32 @@ DAMAGES = {
     "code of another program": lambda p: p.write_bytes(
         hashlib.sha256(b"0" * 40 + p.read_bytes()[32:]).digest() + p.read_bytes()[32:]
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, damage, monkeypatch, capsys):
+def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, load, damage):
     damage(folder / NAME)
-    (told,) = load(folder, monkeypatch)
-    assert str(folder / NAME) in told
-    assert "damaged or not ours; it is compiled again" in told
-    assert compilations(capsys) == 1
-    assert load(folder, monkeypatch) == []
-    assert compilations(capsys) == 0
+    warned, told = load(folder)
+    assert f"{folder / NAME} was damaged or not ours; it is compiled again" in warned
+    assert told.count(ONCE) == 1
+    assert load(folder) == ("", "")
     assert (folder / NAME).is_file()
     assert not (folder / NAME).is_symlink()
 
 
 @pytest.mark.parametrize("place", [NAME, LOCK], ids=["code", "lock"])
-def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, place, monkeypatch, capsys):
+def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, load, place):
     (folder / NAME).unlink()
     (folder / place).unlink(missing_ok=True)
     (folder / place).mkdir()
     (folder / place / "mine").write_text("?")
-    (told,) = load(folder, monkeypatch)
-    assert "kept in memory only" in told
-    assert place == LOCK or "is a folder" in told
-    assert compilations(capsys) == 1
+    warned, told = load(folder)
+    assert "kept in memory only" in warned
+    assert place == LOCK or "is a folder" in warned
+    assert told.count("compiling a test") == 1
     assert (folder / place / "mine").read_text() == "?"
-
-
-unix = pytest.mark.skipif(sys.platform == "win32", reason="locks, owners and modes are those of Unix")
 
 
 @pytest.fixture
@@ -138,70 +127,58 @@ def held(folder):
     (folder / NAME).unlink()
     with (folder / LOCK).open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        yield file
+        yield folder
 
 
 @unix
-def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(folder, held, monkeypatch, capsys):
+def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(held, load, monkeypatch):
     monkeypatch.setattr(cache, "SILENT_WAIT", 0.01)
     monkeypatch.setattr(cache, "LONGEST_WAIT", 0.05)
-    (told,) = load(folder, monkeypatch)
-    assert f"another process has held {folder / LOCK} for 0 s" in told
-    err = capsys.readouterr().err
-    assert err.count("waiting for another process that makes a test (it has locked") == 1
-    assert "compiling a test (for this process alone)" in err
+    warned, told = load(held)
+    assert f"another process has held {held / LOCK} for 0 s" in warned
+    assert told.count("waiting for another process that makes a test (it has locked") == 1
+    assert ALONE in told
 
 
 @unix
-def test_ctrl_c_ends_the_wait_for_a_lock(folder, held, monkeypatch, capsys):
+def test_ctrl_c_ends_the_wait_for_a_lock(held, load, monkeypatch):
     monkeypatch.setattr(time, "sleep", Mock(side_effect=KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
-        load(folder, monkeypatch)
-    assert compilations(capsys) == 0
+        load(held)
 
 
-def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, monkeypatch, capsys):
+def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, load, monkeypatch):
     with monkeypatch.context() as context:
         context.setattr(os, "replace", Mock(side_effect=OSError("no room left")))
-        (told,) = load(tmp_path, context)
-    assert "no room left" in told
-    assert f"set {cache.CACHE_VARIABLE}" in told
+        warned, told = load(tmp_path)
+    assert "no room left" in warned
+    assert f"set {cache.CACHE_VARIABLE}" in warned
+    assert told.count("compiling a test") == 1
     assert [p.name for p in tmp_path.iterdir()] == [LOCK]
-    assert compilations(capsys) == 1
-    assert load(tmp_path, monkeypatch) == []
+    assert load(tmp_path)[0] == ""
 
 
-def test_threads_that_want_the_same_program_compile_it_once(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(cache, "_kept", {})
-    monkeypatch.setattr(cache, "_engines", {})
+def test_threads_that_want_the_same_program_compile_it_once(folder, load, capsys):
+    load(folder)
     with ThreadPoolExecutor(6) as pool:
-        found = list(pool.map(lambda _: double(), range(6)))
+        found = list(pool.map(lambda _: double("a" * 40), range(6)))
     assert all(kernel is found[0] for kernel in found)
-    assert compilations(capsys) == 1
+    assert capsys.readouterr().err.count(ONCE) == 1
 
 
-def test_machine_code_stays_as_long_as_it_is_used_and_that_asked_for_last(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
-    for name, empty in (("_kept", {}), ("_engines", WeakValueDictionary()), ("KEPT_KERNELS", 2)):
-        monkeypatch.setattr(cache, name, empty)
-
-    def asked(letter):
-        return cache.kernels(letter * 40, ["double"], small_program, "a test")["double"]
-
-    used = asked("a")
+def test_machine_code_stays_as_long_as_it_is_used_and_that_asked_for_last(folder, load, monkeypatch, capsys):
+    load(folder)
+    monkeypatch.setattr(cache, "KEPT_KERNELS", 2)
+    used = double("a" * 40)
     for letter in "bcbd":
-        asked(letter)
+        double(letter * 40)
     gc.collect()
     assert [*cache._kept] == ["b" * 40, "d" * 40]
     assert {*cache._engines} == {letter * 40 for letter in "abd"}
-    x = np.array([21.0])
-    used(np.array([x.ctypes.data]).ctypes.data)
-    assert x[0] == 42.0
-    shutil.rmtree(tmp_path)
-    asked("a")  # from memory
-    assert compilations(capsys) == 4
-    assert not tmp_path.exists()
+    shutil.rmtree(folder)
+    assert double("a" * 40).engine is used.engine  # from memory
+    assert capsys.readouterr().err.count(ONCE) == 4
+    assert not folder.exists()
 
 
 def test_facts_are_kept_and_damaged_ones_found_again(tmp_path, monkeypatch):
@@ -234,17 +211,14 @@ def test_the_files_used_last_are_kept_and_nothing_else_is_touched(tmp_path, monk
         assert {p.name for p in tmp_path.iterdir()} == left - gone
 
 
-def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder, monkeypatch):
+def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder):
     old, young = (folder / f"{NAME}.{letter * 16}" for letter in "ab")
     for path in (old, young):
         path.write_bytes(b"half")
     os.utime(old, (0, 0))
-    os.utime(folder / NAME, (0, 0))
-    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
-    cache.facts("f" * 40, dict)
-    assert not old.exists()
-    assert young.exists()
-    assert (folder / NAME).exists()
+    with cache.opened() as opened:
+        cache._prune(opened._replace(path=folder))
+    assert {p.name for p in folder.iterdir()} == {NAME, LOCK, young.name}
 
 
 def test_a_command_shows_and_clears_the_folder(folder, monkeypatch, capsys):
@@ -261,19 +235,6 @@ def test_a_command_shows_and_clears_the_folder(folder, monkeypatch, capsys):
     assert "chmod go-w" in capsys.readouterr().err
 
 
-@pytest.fixture
-def homeless(monkeypatch):
-    """No HOME, and a user unknown to the system."""
-    import pwd
-
-    for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):
-        monkeypatch.delenv(name, raising=False)
-
-    monkeypatch.setattr(pwd, "getpwuid", Mock(side_effect=KeyError))
-    monkeypatch.setattr(pwd, "getpwnam", Mock(side_effect=KeyError))
-    monkeypatch.setattr(cache, "_warned", set())
-
-
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems use other folders")
 @pytest.mark.parametrize(
     ("variables", "expected"),
@@ -288,10 +249,18 @@ def homeless(monkeypatch):
     ],
     ids=str,
 )
-def test_where_the_folder_is(homeless, tmp_path, monkeypatch, variables, expected):
+def test_where_the_folder_is(tmp_path, monkeypatch, variables, expected):
+    """Of a user whom the system does not know, too."""
+    import pwd
+
+    for name in ("HOME", "XDG_CACHE_HOME", cache.CACHE_VARIABLE):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    for unknown in ("getpwuid", "getpwnam"):
+        monkeypatch.setattr(pwd, unknown, Mock(side_effect=KeyError))
+    monkeypatch.setattr(cache, "_warned", set())
     monkeypatch.chdir(tmp_path)
-    for variable, value in variables.items():
-        monkeypatch.setenv(variable, value)
     if expected:
         assert str(cache.cache_folder()) == expected
         return
@@ -301,32 +270,35 @@ def test_where_the_folder_is(homeless, tmp_path, monkeypatch, variables, expecte
     assert not list(tmp_path.iterdir())
 
 
-def refused(folder, monkeypatch, capsys):
-    """Nothing is taken from the folder or put there; returns the one message."""
-    names = sorted(folder.rglob("*"))
-    (told,) = load(folder, monkeypatch)
-    assert "kept in memory only" in told
-    assert capsys.readouterr().err.count("compiling a test (for this process alone)") == 1
-    assert sorted(folder.rglob("*")) == names
-    return told
+@pytest.fixture
+def refused(load):
+    """Nothing is taken from a folder or put there: the warning."""
+
+    def run(folder):
+        names = sorted(folder.rglob("*"))
+        warned, told = load(folder)
+        assert "kept in memory only" in warned
+        assert told.count(ALONE) == 1
+        assert sorted(folder.rglob("*")) == names
+        return warned
+
+    return run
 
 
 @unix
 @pytest.mark.parametrize("mode", [0o777, 0o720, 0o702])
-def test_a_folder_that_others_may_write_to_is_not_taken(folder, monkeypatch, capsys, mode):
+def test_a_folder_that_others_may_write_to_is_not_taken(folder, load, refused, mode):
     folder.chmod(mode)
-    assert "chmod go-w" in refused(folder, monkeypatch, capsys)
-    assert cache.facts("f" * 40, lambda: {"planted": False}) == {"planted": False}
+    assert "chmod go-w" in refused(folder)
     folder.chmod(0o755)
-    assert load(folder, monkeypatch) == []
-    assert compilations(capsys) == 0
+    assert load(folder) == ("", "")
 
 
 @unix
-def test_another_users_folder_is_not_taken(folder, monkeypatch, capsys):
+def test_another_users_folder_is_not_taken(folder, refused, monkeypatch):
     """Made first under a name where anybody may write, or that of a HOME which root has kept."""
     monkeypatch.setattr(os, "geteuid", lambda: 1 + folder.stat().st_uid)
-    assert f"belongs to user {folder.stat().st_uid}" in refused(folder, monkeypatch, capsys)
+    assert f"belongs to user {folder.stat().st_uid}" in refused(folder)
 
 
 def of_another_user(status):
@@ -334,16 +306,16 @@ def of_another_user(status):
 
 
 @unix
-def test_another_users_file_is_replaced(folder, monkeypatch, capsys):
+def test_another_users_file_is_replaced(folder, load, monkeypatch):
     fstat, file = os.fstat, (folder / NAME).stat().st_ino
     monkeypatch.setattr(os, "fstat", lambda fd: of_another_user(s) if (s := fstat(fd)).st_ino == file else s)
-    (told,) = load(folder, monkeypatch)
-    assert "not ours; it is compiled again" in told
-    assert compilations(capsys) == 1
+    warned, told = load(folder)
+    assert "not ours; it is compiled again" in warned
+    assert told.count(ONCE) == 1
 
 
 @unix
-def test_another_users_link_is_not_followed(folder, monkeypatch, capsys):
+def test_another_users_link_is_not_followed(folder, load, refused, monkeypatch):
     """Neither as the folder nor on the way to it, also behind one of the user's own."""
     parent, lstat = folder.parent, Path.lstat
     link, behind = parent / "link", parent / "behind"
@@ -351,21 +323,19 @@ def test_another_users_link_is_not_followed(folder, monkeypatch, capsys):
     behind.symlink_to(f"../{parent.name}/link")
     (parent / "through").symlink_to(parent)
     (folder / "redundant-envs").mkdir()
-    ways = (link, link / "redundant-envs", behind, behind / "redundant-envs", parent / "through" / "behind")
-    with monkeypatch.context() as context:
-        context.setattr(Path, "lstat", lambda p: of_another_user(lstat(p)) if p == link else lstat(p))
-        for way in ways:
-            assert "link of user" in refused(way, context, capsys)
-        assert "link of user" in load(behind / "new" / "redundant-envs", context)[0]
+    assert load(parent / "through" / "behind") == ("", "")  # all of them are one's own
+    monkeypatch.setattr(Path, "lstat", lambda p: of_another_user(lstat(p)) if p == link else lstat(p))
+    for way in (link, behind, parent / "through" / "behind", link / "redundant-envs"):
+        assert "link of user" in refused(way)
+    assert "link of user" in load(behind / "new" / "redundant-envs")[0]
     assert not (folder / "new").exists()  # nor made
-    assert load(parent / "through" / "behind", monkeypatch) == []  # all of them are one's own
 
 
 @unix
-def test_what_is_made_is_closed_to_others(tmp_path, monkeypatch):
+def test_what_is_made_is_closed_to_others(tmp_path, load):
     before = os.umask(0)
     try:
-        load(tmp_path / "new", monkeypatch)
+        load(tmp_path / "new")
     finally:
         os.umask(before)
     assert all(p.stat().st_mode & 0o77 == 0 for p in (tmp_path / "new", *(tmp_path / "new").iterdir()))
