@@ -211,13 +211,14 @@ def test_the_files_used_last_are_kept_and_nothing_else_is_touched(tmp_path, monk
         assert {p.name for p in tmp_path.iterdir()} == left - gone
 
 
-def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder):
+def test_what_a_killed_process_left_unfinished_is_deleted_when_it_is_old(folder, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(folder))
     old, young = (folder / f"{NAME}.{letter * 16}" for letter in "ab")
     for path in (old, young):
         path.write_bytes(b"half")
     os.utime(old, (0, 0))
     with cache.opened() as opened:
-        cache._prune(opened._replace(path=folder))
+        cache._prune(opened)
     assert {p.name for p in folder.iterdir()} == {NAME, LOCK, young.name}
 
 

@@ -63,15 +63,6 @@ def test_few_lanes_have_the_bits_and_the_status_of_many(scene):
     assert status.finite.sum() == 24 - 5
 
 
-@on("4R free euler", "4R limits, 3 substeps, rk4", "4R all rk8")
-def test_status_of_each_method(scene):
-    _, status = run(scene, *random_states(scene, 4, 0))
-    stages = {"euler": 1, "rk4": 4, "rk8": 12}[scene.integrator]
-    assert (status.evaluations == scene.substeps * stages).all()
-    assert np.isnan(status.error_estimate).all() == (scene.integrator != "rk8")
-    assert (status.events == 0).all()
-
-
 def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
     """The README's claim about calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
     arm, rng, ends = rde.FourR((0.5,) * 4, (0.25,) * 4), np.random.default_rng(0), []

@@ -102,25 +102,6 @@ class Damper(e.Effect):
 
 
 rde.register_effect(Damper)
-
-
-@pytest.mark.parametrize(
-    ("mass", "effect"),
-    [
-        ("true", "{type: Gravity}"),
-        *(("1.0", f"{{type: Gravity, g: {g}}}") for g in ("true", "yes", "'9.81'")),
-        *(("1.0", f"{{type: Damper, k: {k}}}") for k in ("true", "'fast'", "null", "1.0, ks: [1.0, false]")),
-        ("1.0", "{type: Damper, k: 1.0, ks: ['1', '2']}"),
-    ],
-)
-def test_scene_files_have_real_numbers(tmp_path, mass, effect):
-    file = tmp_path / "scene.yaml"
-    robot = f"{{type: RPRP, masses: [1.0, {mass}, 1.0, 1.0], lengths: [0.3, 0.4]}}"
-    file.write_text(f"robot: {robot}\neffects: [{effect}]\n")
-    with pytest.raises(ValueError, match=r"give a (finite )?number"):
-        rde.load_scene(file)
-
-
 KINDS = [np.float32, np.float64, np.int64, np.uint8, lambda x: np.array(x, dtype=np.float32)]
 
 
