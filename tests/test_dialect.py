@@ -4,14 +4,11 @@ import importlib
 import inspect
 import math
 import pkgutil
-import re
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import redundant_envs
 from redundant_envs.compiler import dialect
 from redundant_envs.language import algebra
 from redundant_envs.language.algebra import PRIMITIVES, gives_of, is_physics, physics
@@ -22,7 +19,6 @@ PLACES = (
     "redundant_envs.verify.aimed",
     "studies.kinked_effects",
 )
-ROOT = Path(redundant_envs.__file__).parents[1]
 
 
 def marked_functions():
@@ -39,17 +35,6 @@ def marked_functions():
 
 
 FUNCTIONS = marked_functions()
-
-
-def test_the_scan_finds_the_physics():
-    """As many functions as there are marks in the files of the package and the studies."""
-    marks = {
-        path.relative_to(ROOT).as_posix(): len(re.findall(r"(?m)^@physics\b", path.read_text()))
-        for folder in ("redundant_envs", "studies")
-        for path in (ROOT / folder).rglob("*.py")
-    }
-    found = [f"{name.rpartition('.')[0].replace('.', '/')}.py" for name in FUNCTIONS]
-    assert {file: found.count(file) for file in found} == {file: n for file, n in marks.items() if n}
 
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))

@@ -35,20 +35,6 @@ def test_a_copy_is_independent(way):
     assert_same_bits(motion(twin), expected)
 
 
-@pytest.mark.long
-def test_records_are_copied_and_pickled():
-    scene = STOPS
-    trajectory = rde.simulate(scene, (0.1, 0.15, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
-    assert trajectory.events
-    for way in COPIES.values():
-        twin = way(trajectory)
-        np.testing.assert_array_equal(twin.q, trajectory.q)
-        assert twin.events == trajectory.events
-        for value in (scene, scene.robot, *scene.effects, rde.Numerics(5), trajectory.events[0]):
-            assert way(value) == value
-        assert way(scene).parameters() == scene.parameters()
-
-
 NOTEBOOK = """
 import dataclasses, sys
 import cloudpickle

@@ -2,7 +2,6 @@
 
 import functools
 import re
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -170,70 +169,6 @@ def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
     assert arm.bytes == 8 * (4 + 4 + 4 + 4)  # coordinates, rates, masses, lengths
     if integrator == "euler":  # two sums and products for each coordinate
         assert rde.bill(scene(FOUR_R, integrator="euler"))["integrator"] == kinds(8, 8, size=0)
-
-
-def seen(text):
-    """Operations of listed functions, as in a bill."""
-    names = Counter(name for place, name, _ in operations(text) if place["function"] != "sincos")
-    compared = sum(names[name] for name in ("<", "<=", ">", ">=", "==", "!="))
-    counts = names["+"] + names["-"], names["*"], names["/"], names["sqrt"]
-    return [*counts, len(re.findall(r"= bit 1 ", text)), compared, names["select"]]
-
-
-RP = ARMS["RP"]
-STOPPED = (e.Gravity(), e.CoulombFriction(1.0), e.PrismaticStop((0.0,), (1.0,)))
-
-
-@pytest.mark.parametrize(
-    ("made", "left_out"),
-    [
-        (scene(FOUR_R, EFFECTS["FourR"], "euler"), ()),
-        (scene(FOUR_R, EFFECTS["FourR"], "rk4", substeps=3), ("begin", "end")),
-        (scene(RP, STOPPED, "euler"), ("common_held", "end")),
-    ],
-    ids=["euler", "rk4", "events"],
-)
-def test_the_bill_of_a_motion_is_the_sum_of_what_is_listed(made, left_out):
-    """A step is counted once, however often it is made in an interval, and a program of events, too."""
-    text = rde.listing(made)
-    parts = re.split(r"^function (\w+):", text[: text.index("\nkernel ") + 1], flags=re.MULTILINE)
-    listed = dict(zip(parts[1::2], parts[2::2], strict=True))
-    counts = [counts for owner, counts in rde.bill(made).items() if owner not in OF_ENVIRONMENT]
-    total = [sum(column) for column in zip(*counts, strict=True)][:-1]
-    assert total == seen("\n".join(code for name, code in listed.items() if name not in left_out))
-
-
-@physics(gives="reach_again_term")
-def reach_again_term(distance, reach):
-    return 0.0 * sqrt(distance / reach)
-
-
-@dataclass(frozen=True)
-class ReachAgainTask(rde.ReachTask):
-    """Reach, with one more term of the reward and one more number in the observation."""
-
-    weight: float = 2.0
-    name = "ReachAgain"
-
-    def reward_functions(self, scene):
-        return (reach_again_term, *super().reward_functions(scene))
-
-    def observation(self, scene):
-        return {**super().observation(scene), "tip_x": "tip x"}
-
-
-def test_the_bill_of_an_environment_grows_by_what_its_task_adds():
-    made = scene(FOUR_R, (e.EffortLimits(1.0),), "rk4")
-    few, more = rde.bill(made), rde.bill(made, task=ReachAgainTask())
-    assert set(few) == set(more) == {*OF_ANY_MOTION, "effort_limits", *OF_ENVIRONMENT}
-    changed = {owner: [b - a for a, b in zip(few[owner], more[owner], strict=True)] for owner in few}
-    # The term, its sum over the episode and in the reward, and in what a fault takes back; a number of the
-    # task and the field of the sum.
-    assert changed["reward"] == [*kinds(3, 1, 1, 1, size=16)]
-    # The number as float32, the distance in the sum of the terms and the sum itself as float64.
-    assert changed["observation"] == [*kinds(size=4 + 8)]
-    assert changed["reset"] == [*kinds(0, 0, 0, 0, 0, 0, 1, size=0)]  # the sum begins anew
-    assert not any(map(any, (changed[owner] for owner in ("action", *OF_ANY_MOTION))))
 
 
 @pytest.mark.parametrize("limits", [(), (e.EffortLimits(1.0),)], ids=["without motors", "with motors"])

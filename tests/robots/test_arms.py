@@ -66,11 +66,9 @@ def refused(kind, field, value, *parts):
 
 
 @KINDS
-def test_whole_numbers_lists_and_arrays_become_tuples_of_floats_that_cannot_be_changed(kind):
+def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind):
     robot = kind(np.array([2, 1, 3, 1]), [1] * len(GOOD[kind]["lengths"]))
     assert robot.masses == (2.0, 1.0, 3.0, 1.0)
-    assert {type(x) for x in robot.masses + robot.lengths} == {float}
-    assert robot == kind((2, 1, 3, 1), robot.lengths)
     with pytest.raises(AttributeError):
         robot.masses = (1.0,) * 4
     assert [robot.joint_index(n) for n in robot.joints] == [0, 1, 2, 3]
@@ -90,24 +88,6 @@ def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
         refused(kind, field, (1.0,) * n, f"{field} has {n} entries", f"give {needed}")
     for value in (1.0, "1111", None):
         refused(kind, field, value, f"{field} is {value!r}", f"{needed} numbers")
-
-
-@KINDS
-@FIELDS
-def test_scales_of_30_decades_and_ratios_of_12_are_allowed_and_none_beyond(kind, field):
-    q, qd, Q = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
-    count = len(GOOD[kind][field])
-    small, usual, large = (
-        kind(**{**GOOD[kind], field: (x,) * count}).forward_dynamics(q, qd, Q) for x in (1e-30, 1.0, 1e30)
-    )
-    assert np.isfinite([small, usual, large]).all()
-    if field == "masses":
-        np.testing.assert_allclose([small, large], [usual, usual], rtol=1e-13)
-    for beyond in (1e-30 * 0.1, 1e30 * 10.0):
-        refused(kind, field, (beyond,) * count, f"{field}[0] is {beyond}", "1e-30 to 1e+30")
-    rest = (1.0,) * (count - 1)
-    kind(**{**GOOD[kind], field: (1e-12, *rest)})
-    refused(kind, field, (*rest, 0.5e-12), f"{field} spans a ratio of 2.0e+12", "1e+12")
 
 
 @physics(gives="x1 y1")

@@ -68,19 +68,3 @@ def test_what_goes_on_after_a_yield_beside_fields_is_refused(body, words):
     exec(compile(source, "program.py", "exec"), found)
     with pytest.raises(TypeError, match=words):
         trace(found["program"])
-
-
-def many_ways(lane):
-    yield Ask.ADD
-    for k in range(9):
-        if lane.x > float(k) * lane.d:
-            lane.count = lane.count + 1.0
-        elif lane.y > float(k):
-            lane.count = lane.count - 1.0
-    yield Ask.ADD
-
-
-def test_a_stretch_with_more_than_256_ways_is_refused():
-    words = "the stretch after ADD has more than 256 ways; let a function marked with @branches"
-    with pytest.raises(ValueError, match=words):
-        trace(many_ways)

@@ -1,13 +1,8 @@
 """Functions with branches: the same on floats, by the interpreter and compiled; ways that are refused."""
 
-import itertools
-
 import numpy as np
 import pytest
 from compiled import flat, on_columns, recorded, rows_of
-from hypothesis import given
-from hypothesis import strategies as st
-from refusals import ANYTHING
 
 from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.compiler.tracing.ways import branches
@@ -64,36 +59,6 @@ def test_a_function_with_branches_is_the_same_on_floats_by_the_interpreter_and_c
     expected = one_by_one(function, *columns)
     np.testing.assert_array_equal(interpreted(function, *columns), expected)
     np.testing.assert_array_equal(on_columns(function, *columns), expected)
-
-
-RESULTS = st.sampled_from(["a", "b", "c", "-a", 0.0, -0.0, 1.0])
-COMPARISONS = {"<": lambda x, y: x < y, "==": lambda x, y: x == y, "not <": lambda x, y: not x < y}
-COMPARED = st.sampled_from("abc"), st.sampled_from([*COMPARISONS]), st.sampled_from(["a", "b", "c", 0.0])
-TREES = st.recursive(RESULTS, lambda inner: st.tuples(*COMPARED, inner, inner), max_leaves=12)
-"""Trees of decisions: a comparison and two trees, or a result."""
-
-
-def decided(tree, names):
-    """The result of a tree of decisions, with ``if``."""
-    if not isinstance(tree, tuple):
-        return names.get(tree, tree)
-    left, comparison, right, yes, no = tree
-    return decided(yes if COMPARISONS[comparison](names[left], names.get(right, right)) else no, names)
-
-
-@pytest.mark.long
-@ANYTHING
-@given(TREES, TREES)
-def test_any_tree_of_decisions_is_the_same_on_floats_and_by_the_interpreter(one, other):
-    @branches
-    def function(a, b, c):
-        names = {"a": a, "b": b, "c": c, "-a": -a}
-        return decided(one, names), decided(other, names)
-
-    columns = np.array(list(itertools.product([-1.0, -0.0, 0.0], repeat=3))).T
-    expected, got = one_by_one(function, *columns), interpreted(function, *columns)
-    np.testing.assert_array_equal(got, expected)
-    np.testing.assert_array_equal(np.signbit(got), np.signbit(expected))
 
 
 def total_of_sizes(size):
