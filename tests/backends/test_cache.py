@@ -5,7 +5,6 @@ import hashlib
 import os
 import shutil
 import sys
-import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -138,13 +137,6 @@ def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(held, load, 
     assert f"another process has held {held / LOCK} for 0 s" in warned
     assert told.count("waiting for another process that makes a test (it has locked") == 1
     assert ALONE in told
-
-
-@unix
-def test_ctrl_c_ends_the_wait_for_a_lock(held, load, monkeypatch):
-    monkeypatch.setattr(time, "sleep", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt):
-        load(held)
 
 
 def test_a_file_that_cannot_be_written_is_not_there_at_all(tmp_path, load, monkeypatch):

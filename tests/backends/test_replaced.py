@@ -132,11 +132,3 @@ def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch,
     assert scene_key("", programs.__name__) == ""
     monkeypatch.delitem(sys.modules, "pyclbr")
     assert scene_key("", programs.__name__) == ""
-
-
-def test_a_simulator_does_not_compile_what_its_functions_are_no_more(monkeypatch):
-    simulator = programs._environment(SCENE, ReachTask(), (), "")
-    del simulator.__dict__["_traced"]
-    monkeypatch.setattr(reach, "near_term", has_a_cell(0.5))
-    with pytest.raises(RuntimeError, match=r"was replaced.*make a new simulator"):
-        _ = simulator.program

@@ -63,16 +63,6 @@ def test_few_lanes_have_the_bits_and_the_status_of_many(scene):
     assert status.finite.sum() == 24 - 5
 
 
-def test_one_rk8_step_of_a_control_interval_is_far_below_a_micrometre():
-    """The README's claim about calm, smooth motion: rates of 4 rad/s, 20 ms, one step."""
-    arm, rng, ends = rde.FourR((0.5,) * 4, (0.25,) * 4), np.random.default_rng(0), []
-    q, qd = rng.uniform(-np.pi, np.pi, (4096, 4)), rng.normal(0, 4, (4096, 4))
-    for substeps in (1, 16):
-        scene = rde.Scene(arm, (e.Gravity(),), "rk8", 0.02, substeps)
-        ends.append(arm.forward_kinematics(run(scene, q, qd, None)[0][:, :4]))
-    assert np.quantile(np.linalg.norm(ends[0] - ends[1], axis=1), 0.99) < 1e-7
-
-
 @pytest.mark.parametrize("integrator", ["rk8", "dop853"])
 def test_an_effort_that_is_no_number_is_reported(integrator):
     """Of a slider that rests at its stop, too."""

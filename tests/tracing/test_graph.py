@@ -1,16 +1,11 @@
-"""Traced numbers: recorded and folded operations, and refusals with helpful words.
-
-``tests/test_dialect.py`` has more of what is refused, with the same words.
-"""
+"""Traced numbers: recorded and folded operations. ``tests/test_dialect.py`` has what is refused."""
 
 import inspect
 import math
 
-import numpy as np
 import pytest
 from compiled import rows_of
 
-import redundant_envs.compiler.backends.numpy  # noqa: F401  its numbers are known from here on
 from redundant_envs.compiler.tracing.graph import Graph, reached
 from redundant_envs.language.algebra import where
 
@@ -54,21 +49,3 @@ def test_only_what_may_change_a_bit_is_recorded_and_powers_are_products(recorded
 def test_equal_operations_are_one_and_zeros_of_different_signs_are_two_constants(pair, one):
     first, second = traced(pair)
     assert (first.value is second.value) is one
-
-
-@pytest.mark.parametrize(
-    ("refused", "words"),
-    [
-        (lambda a, b: a if a > b else b, r"where\(condition, a, b\), cases\(.*instead of if, and, or"),
-        (lambda a, b: math.sqrt(a), "sqrt, exp.* of redundant_envs.algebra, not those of math"),
-        (lambda a, b: np.sin(a), "NumPy's sin does not know it; use the functions of redundant_envs.algebra"),
-        (lambda a, b: [1.0, 2.0][a], "no single number"),
-        (lambda a, b: a < None, "not supported"),
-        (lambda a, b: {a: b}, "unhashable"),
-        # Python would compare the objects, and say that they differ.
-        (lambda a, b: (a > 0.0) == (b > 0.0), r"compared by \^"),
-    ],
-)
-def test_what_is_no_operation_of_all_lanes_is_refused_with_what_to_write(refused, words):
-    with pytest.raises(TypeError, match=words):
-        traced(refused)
