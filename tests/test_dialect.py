@@ -46,7 +46,6 @@ def test_every_marked_function_is_in_the_dialect_and_returns_what_it_gives(name)
 
 
 BRANCH = "where(condition, a, b)"
-TAKE = "take the function of this name from redundant_envs.algebra"
 OPERATIONS = "write + - * /, ** 2 to 4"
 REFUSED = {
     "if": ("if x > 0.0:\n    y = x\nreturn y", BRANCH),
@@ -54,26 +53,21 @@ REFUSED = {
     "not of a condition": ("return where(not x > 0.0, x, y)", BRANCH),
     "chained comparison": ("return where(0.0 < x < 1.0, x, y)", BRANCH),
     "max": ("return max(x, y)", "it calls max; write maximum(a, b)"),
-    "numpy's where": ("return np.where(x > 0.0, x, y)", f"it calls where; {TAKE}"),
+    "numpy's where": ("return np.where(x > 0.0, x, y)", "take the function of this name from redundant_envs.algebra"),
     "equal conditions": ("return where((x > 0.0) == (y > 0.0), x, y)", "conditions"),
     "invert": ("return where(~(x > 0.0), x, y)", "logical_not"),
     "math": ("return math.sin(x)", "it calls sin; take the sine and cosine as arguments"),
     "range": ("return sum(x for _ in range(x))", "it calls range; loop over plain numbers"),
     "floor division": ("return x // y", "write floor(a / b) instead of a // b"),
-    "complex": ("return x + 1j", OPERATIONS),
-    "method": ("return x.sum()", OPERATIONS),
-    "rounding": ("return round(x)", "it calls round; write floor(x + 0.5)"),
     "product with a condition": ("return (x > 0.0) * x", OPERATIONS),
     "unknown name": ("return sin(x)", "name 'sin' is not defined; take the sine and cosine"),
     "power of a constant": ("return 2.0**x", "write exp(k * x) instead of a**x"),
-    "plus": ("return +x", "write x instead of +x"),
-    "name before it is assigned": ("z = w + x\nw = y\nreturn z", "'w'"),
+    "recursion": ("return f(y, x)", "f calls itself"),
+    "condition": ("return x > 0.0", "returns a condition; return numbers, such as where(condition, 1.0, "),
     "variable exponent": ("return x**y", "the exponent is no constant; write"),
     "negative exponent": ("return x**-1", "the exponent is -1"),
     "list": ("return [x, y]", "returns a list; return numbers: one, or a tuple"),
     "nothing": ("z = x", "returns a NoneType"),
-    "condition": ("return x > 0.0", "returns a condition; return numbers, such as where(condition, 1.0, "),
-    "recursion": ("return f(y, x)", "f calls itself"),
     "division of constants": ("return x * (1.0 / 0.0)", "division by zero"),
 }
 
@@ -98,8 +92,6 @@ def test_what_is_outside_the_dialect_is_refused_and_said(what):
 ALLOWED = {
     "for": "for i in (1, 2):\n    x = x + i\nreturn x",
     "branch on what is known": "return x if 2.0 > 1.0 else y",
-    "walrus": "return (z := x) + z",
-    "keyword": "return minimum(x, b=y)",
     "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
     "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, log(exp(y)) ** 2)",
 }

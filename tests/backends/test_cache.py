@@ -81,7 +81,6 @@ DAMAGES = {
     "empty": lambda p: p.write_bytes(b""),
     "cut": lambda p: p.write_bytes(p.read_bytes()[: p.stat().st_size // 2]),
     "one byte more": lambda p: p.write_bytes(p.read_bytes() + b"\0"),
-    "zeroed": lambda p: p.write_bytes(bytes(p.stat().st_size)),
     "one byte": lambda p: p.write_bytes(p.read_bytes()[:-9] + b"?" + p.read_bytes()[-8:]),
     "a pipe": lambda p: (p.unlink(), os.mkfifo(p)),
     "a link to a good file": lambda p: p.symlink_to(p.rename(p.with_name("elsewhere"))),

@@ -1,7 +1,6 @@
 """A replaced function, class or number is followed by the next simulator and the next process."""
 
 import dataclasses
-import functools
 import importlib
 import sys
 
@@ -36,10 +35,6 @@ def has_a_cell(scale):
     return as_near(lambda distance, reach: scale * tolerance(distance, reach))
 
 
-def wraps_the_original(scale):
-    return functools.wraps(NEAR)(lambda distance, reach: scale * NEAR(distance, reach))
-
-
 def made_by_the_module(scale):
     own = {}
     exec(f"def near_term(distance, reach): return {scale} * tolerance(distance, reach)", vars(reach), own)
@@ -53,8 +48,7 @@ def of_a_class(scale):
 
 MEMBERS = {
     **{
-        made.__name__: (reach, "near_term", made)
-        for made in (reads_a_global, has_a_cell, wraps_the_original, made_by_the_module)
+        made.__name__: (reach, "near_term", made) for made in (reads_a_global, has_a_cell, made_by_the_module)
     },
     "code": (NEAR, "__code__", lambda scale: made_by_the_module(scale).__code__),
     "method": (ReachTask, "reward_functions", of_a_class),

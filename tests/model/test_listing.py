@@ -108,7 +108,6 @@ def lines_of_functions(path):
 SHOWN = {
     "rk4": scene(FOUR_R, EFFECTS["FourR"]),
     "stops": scene(RPRP, EFFECTS["RPRP"], "rk8", tolerance=1e-6),
-    "dop853": scene(RPRP, EFFECTS["RPRP"][:4], "dop853"),
 }
 
 

@@ -135,11 +135,7 @@ def test_texts_of_users_are_escaped():
 
 
 def test_a_scene_has_its_effects_with_units_and_how_it_is_stepped():
-    effects = (
-        e.Gravity(),
-        e.EffortLimits((20.0, 32.0, 8.0, 16.0)),
-        e.PrismaticStop((0.0, 0.0), (0.2, np.inf)),
-    )
+    effects = e.Gravity(), e.EffortLimits((20.0, 32.0, 8.0, 16.0)), e.PrismaticStop((0, 0), (0.2, np.inf))
     ranges = {"gravity.g": {"uniform": [9, 10]}}
     found = page(rde.Scene(RPRP, effects, tolerance=1e-6, randomize=ranges))
     steps, drawn = "1e-06 m at the tip", "{'uniform': [9.0, 10.0]}"

@@ -10,7 +10,6 @@ import redundant_envs as rde
 from redundant_envs.compiler.backends.torch import torch
 
 STEPS = {
-    "euler": {"integrator": "euler"},
     "three rk4": {"integrator": "rk4", "substeps": 3},
     "rk8": {"integrator": "rk8"},
     "1e-9": {"tolerance": 1e-9},

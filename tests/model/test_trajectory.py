@@ -114,7 +114,6 @@ STOPPED = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.
 SLIDING = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
 STEPPED = {
     "euler": {"integrator": "euler", "substeps": 4},
-    "rk4": {"integrator": "rk4"},
     "rk8": {"substeps": 2},
     "1e-6": {"tolerance": 1e-6},
     "dop853": {"integrator": "dop853"},
