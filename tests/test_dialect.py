@@ -53,7 +53,7 @@ REFUSED = {
     "not of a condition": ("return where(not x > 0.0, x, y)", BRANCH),
     "chained comparison": ("return where(0.0 < x < 1.0, x, y)", BRANCH),
     "max": ("return max(x, y)", "it calls max; write maximum(a, b)"),
-    "numpy's where": ("return np.where(x > 0.0, x, y)", "take the function of this name from redundant_envs.algebra"),
+    "numpy's where": ("return np.where(x > 0.0, x, y)", "take the function of this name from redundant_envs"),
     "equal conditions": ("return where((x > 0.0) == (y > 0.0), x, y)", "conditions"),
     "invert": ("return where(~(x > 0.0), x, y)", "logical_not"),
     "math": ("return math.sin(x)", "it calls sin; take the sine and cosine as arguments"),

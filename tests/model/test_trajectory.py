@@ -110,17 +110,6 @@ def test_bad_arguments_are_named(q, qd, times, efforts, said):
         rde.simulate(SCENE, q, qd, times, efforts)
 
 
-STOPPED = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.5))
-SLIDING = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
-STEPPED = {
-    "euler": {"integrator": "euler", "substeps": 4},
-    "rk8": {"substeps": 2},
-    "1e-6": {"tolerance": 1e-6},
-    "dop853": {"integrator": "dop853"},
-}
-every_step = pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
-
-
 def test_the_floats_beside_a_control_instant_are_not_it():
     dt, asked = SCENE.control_dt, []
     for k in (3, 7, 29):
@@ -136,8 +125,18 @@ def feedback(t, q, qd):
     return np.array([3.0 * np.sign(np.sin(9.0 * t)), 20.0, -1.0, -10.0]) - 0.5 * q - 0.1 * qd
 
 
+STOPPED = (rde.effects.Gravity(), rde.effects.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.5))
+SLIDING = rde.RPRP((1.0, 0.8, 0.6, 0.4), (0.5, 0.4))
+STEPPED = {
+    "euler": {"integrator": "euler", "substeps": 4},
+    "rk8": {"substeps": 2},
+    "1e-6": {"tolerance": 1e-6},
+    "dop853": {"integrator": "dop853"},
+}
+
+
 @pytest.mark.long
-@every_step
+@pytest.mark.parametrize("kwargs", STEPPED.values(), ids=STEPPED)
 def test_asking_for_more_times_does_not_change_a_motion_with_stops(kwargs):
     scene = rde.Scene(SLIDING, STOPPED, **kwargs)
     few = np.array([0.05, 0.2, 0.2035, 0.31])
