@@ -4,20 +4,14 @@ import importlib
 import inspect
 import math
 import pkgutil
-import re
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, every_effect
 
-import redundant_envs
 from redundant_envs.compiler import dialect
 from redundant_envs.language import algebra
 from redundant_envs.language.algebra import PRIMITIVES, gives_of, is_physics, physics
-from redundant_envs.robots import derived
-from redundant_envs.tasks.reach import ReachTask
 
 PLACES = (
     *(f"redundant_envs.{name}" for name in ("language.algebra", "language.draws", "scenes.ranges")),
@@ -25,7 +19,6 @@ PLACES = (
     "redundant_envs.verify.aimed",
     "studies.kinked_effects",
 )
-ROOT = Path(redundant_envs.__file__).parents[1]
 
 
 def marked_functions():
@@ -44,31 +37,6 @@ def marked_functions():
 FUNCTIONS = marked_functions()
 
 
-def test_the_scan_finds_the_physics():
-    """As many functions as there are marks in the files of the package and the studies."""
-    marks = {
-        path.relative_to(ROOT).as_posix(): len(re.findall(r"(?m)^@physics\b", path.read_text()))
-        for folder in ("redundant_envs", "studies")
-        for path in (ROOT / folder).rglob("*.py")
-    }
-    found = [f"{name.rpartition('.')[0].replace('.', '/')}.py" for name in FUNCTIONS]
-    assert {file: found.count(file) for file in found} == {file: n for file, n in marks.items() if n}
-
-
-def test_the_arms_and_the_tasks_are_made_of_marked_functions():
-    scanned = set(FUNCTIONS.values())
-    for robot in (RPRP, FOUR_R):
-        arm = type(robot)
-        assert {f for f in arm.functions if not derived.follows(f)} <= scanned
-        assert {arm.column_norms, arm.mobility_bounds, arm.held_dynamics} <= scanned | {None}
-        for effect in every_effect(robot):
-            for hook in effect.hooks(robot):
-                used = {getattr(hook, n, None) for n in ("function", "potential", "conservative")}
-                assert used <= scanned | {None}
-    assert set(ReachTask.begin_functions) <= scanned
-    assert {algebra.clamp, algebra.squash, algebra.tolerance} <= scanned
-
-
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_every_marked_function_is_in_the_dialect_and_returns_what_it_gives(name):
     """As many values are returned as quantities are named, and no quantity twice."""
@@ -77,49 +45,29 @@ def test_every_marked_function_is_in_the_dialect_and_returns_what_it_gives(name)
     assert dialect.check(FUNCTIONS[name]) == len(gives) or not gives  # a helper names none
 
 
-# ---- what is refused -----------------------------------------------------------------------------
-
 BRANCH = "where(condition, a, b)"
-TAKE = "take the function of this name from redundant_envs.algebra"
 OPERATIONS = "write + - * /, ** 2 to 4"
 REFUSED = {
     "if": ("if x > 0.0:\n    y = x\nreturn y", BRANCH),
-    "conditional expression": ("return x if x > 0.0 else y", BRANCH),
     "and": ("return where((x > 0.0) and (y > 0.0), x, y)", BRANCH),
     "not of a condition": ("return where(not x > 0.0, x, y)", BRANCH),
     "chained comparison": ("return where(0.0 < x < 1.0, x, y)", BRANCH),
     "max": ("return max(x, y)", "it calls max; write maximum(a, b)"),
-    "one of some": ("return where(x in (1.0, 2.0), x, y)", BRANCH),
-    "numpy's where": ("return np.where(x > 0.0, x, y)", f"it calls where; {TAKE}"),
+    "numpy's where": ("return np.where(x > 0.0, x, y)", "take the function of this name from redundant_envs"),
     "equal conditions": ("return where((x > 0.0) == (y > 0.0), x, y)", "conditions"),
-    "number as condition": ("return where(x, 1.0, y)", "condition"),
     "invert": ("return where(~(x > 0.0), x, y)", "logical_not"),
     "math": ("return math.sin(x)", "it calls sin; take the sine and cosine as arguments"),
     "range": ("return sum(x for _ in range(x))", "it calls range; loop over plain numbers"),
     "floor division": ("return x // y", "write floor(a / b) instead of a // b"),
-    "modulo": ("return x % y", "write a - b * floor(a / b) instead of a % b"),
-    "matrix product": ("return x @ y", OPERATIONS),
-    "complex": ("return x + 1j", OPERATIONS),
-    "attribute": ("return x.real", OPERATIONS),
-    "method": ("return x.sum()", OPERATIONS),
-    "unpacking": ("a, b = x\nreturn a", OPERATIONS),
-    "rounding": ("return round(x)", "it calls round; write floor(x + 0.5)"),
     "product with a condition": ("return (x > 0.0) * x", OPERATIONS),
     "unknown name": ("return sin(x)", "name 'sin' is not defined; take the sine and cosine"),
-    "forgotten import": ("return clamp(x, 0.0, y)", "name 'clamp' is not defined; write clamp(x, lower, "),
     "power of a constant": ("return 2.0**x", "write exp(k * x) instead of a**x"),
-    "plus": ("return +x", "write x instead of +x"),
-    "name before it is assigned": ("z = w + x\nw = y\nreturn z", "'w'"),
+    "recursion": ("return f(y, x)", "f calls itself"),
+    "condition": ("return x > 0.0", "returns a condition; return numbers, such as where(condition, 1.0, "),
     "variable exponent": ("return x**y", "the exponent is no constant; write"),
-    "half exponent": ("return x**0.5", "the exponent is 0.5; write 2, 3 or 4, or a product, 1.0 / x, sq"),
     "negative exponent": ("return x**-1", "the exponent is -1"),
     "list": ("return [x, y]", "returns a list; return numbers: one, or a tuple"),
-    "text": ("return f'{x}'", "returns a str"),
     "nothing": ("z = x", "returns a NoneType"),
-    "generator": ("return (x for x in (x, y))", "returns a generator"),
-    "condition": ("return x > 0.0", "returns a condition; return numbers, such as where(condition, 1.0, "),
-    "truth": ("return x, True", "returns a condition"),
-    "recursion": ("return f(y, x)", "f calls itself"),
     "division of constants": ("return x * (1.0 / 0.0)", "division by zero"),
 }
 
@@ -142,15 +90,8 @@ def test_what_is_outside_the_dialect_is_refused_and_said(what):
 
 
 ALLOWED = {
-    "import": "import math\nreturn x * math.pi",
     "for": "for i in (1, 2):\n    x = x + i\nreturn x",
     "branch on what is known": "return x if 2.0 > 1.0 else y",
-    "inner function": "def f(z):\n    return z\nreturn f(x)",
-    "augmented assignment": "x += 1.0\nreturn x",
-    "walrus": "return (z := x) + z",
-    "keyword": "return minimum(x, b=y)",
-    "star": "return minimum(*(x, y))",
-    "sum": "return sum([x, y, 2.0])",
     "numbers of numpy": "return x * np.float64(2.0) + np.float64(3.0) * y + np.int64(2) * x",
     "conditions": "return where((x > 0.0) & (y <= 2.0) | (x == y), sqrt(abs(x)) / 2, log(exp(y)) ** 2)",
 }

@@ -21,12 +21,13 @@ from redundant_envs.verify.recorded_bits import RECORDED
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
-QUICK = ("4R all rk8", "stops rk4, inelastic")
-"""The part of the record that is checked, since all of it would take too long."""
-pytestmark = pytest.mark.skipif(
-    not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
-    reason=f"{EMULATOR} or {COMPILER} is not installed",
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        not (shutil.which(EMULATOR) and shutil.which(COMPILER)),
+        reason=f"{EMULATOR} or {COMPILER} is not installed",
+    ),
+]
 
 
 class Emulator:
@@ -101,10 +102,7 @@ def on_arm(monkeypatch, tmp_path):
     assert calls
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
-)
+@pytest.mark.parametrize("name", RECORDED)
 def test_the_recorded_bits_are_those_of_arm(name, on_arm):
     on_arm()
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]

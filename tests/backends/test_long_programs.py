@@ -1,7 +1,5 @@
 """Scenes whose programs are long: refused at once, compiled without deep calls."""
 
-import json
-import re
 import signal
 import threading
 import time
@@ -11,7 +9,6 @@ from compiled import kernel_of, on_columns, recorded
 from numpy.testing import assert_array_equal
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
 from redundant_envs.compiler.backends import llvm, llvm_text
 from redundant_envs.compiler.backends.llvm_lanes import Vectors
 from redundant_envs.compiler.tracing import graph
@@ -33,30 +30,14 @@ def test_a_chain_of_conditions_is_as_long_as_it_likes(order, monkeypatch):
     assert_array_equal(on_columns(every, [1998.5, 1999.5])[0], [0.0, 1.0])
 
 
-def long_scene(planes):
-    walls = [e.HalfPlane(point=(0.0, -3.0 - i), name=f"p{i}") for i in range(planes)]
-    return rde.Scene(ARM, (*walls, e.Disc((1.0, 1.0), 0.1, along_links=True)), tolerance=1e-6)
-
-
-def refusal(most, effects):
-    return rf"more than {most} operations.*of its {effects} effects '\w+' has the most, about \d+: leave"
-
-
 def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(monkeypatch):
     monkeypatch.setattr(graph, "MAX_OPERATIONS", 2_000)
+    walls = [e.HalfPlane(point=(0.0, -3.0 - i), name=f"p{i}") for i in range(3)]
+    scene = rde.Scene(ARM, (*walls, e.Disc((1.0, 1.0), 0.1, along_links=True)), tolerance=1e-6)
+    said = r"more than 2000 operations.*of its 4 effects '\w+' has the most, about \d+: leave"
     for refuses in (rde.BatchSimulator, rde.listing, rde.bill):
-        with pytest.raises(ValueError, match=refusal(2000, 4)):
-            refuses(long_scene(3))
-
-
-@pytest.mark.long
-def test_commands_refuse_a_program_of_too_many_operations(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(graph, "MAX_OPERATIONS", 12_000)
-    path = tmp_path / "long.yaml"
-    path.write_text(json.dumps(long_scene(20).to_dict()))
-    for asked in ("--cost", "--bill"):
-        assert main(["scene", str(path), asked]) == 2
-        assert re.search(refusal(12000, 21), capsys.readouterr().err)
+        with pytest.raises(ValueError, match=said):
+            refuses(scene)
 
 
 def doubling():

@@ -20,15 +20,6 @@ PROCESSORS = {
     "128 bits": Processor("x86-64-v2", "+avx,+fma"),
     "no fused multiply-add": Processor("x86-64-v2", ""),
 }
-SOME = {"4R all rk8": "AVX2", "stops rk4, inelastic": "AVX2", "RPRP limit springs 1e-6": "128 bits"}
-"""Motions that are checked, each with the code of one processor; the others take longer."""
-LITTLE_EFFORT = {
-    *SOME,
-    "stops rk8, elastic",
-    "FourRReach-v0",
-    "events: 1e-6, 2 sliders, log",
-    "events: dop853, switches",
-}
 
 
 def bits(name, tables):
@@ -36,8 +27,8 @@ def bits(name, tables):
     return recorded_bits.digest(itertools.islice(recorded_bits.motion(SCENES[name]), tables))
 
 
-def key(name="4R all rk8"):
-    return batch_simulator(SCENES[name], track_work=False).key()
+def key():
+    return batch_simulator(SCENES["4R all rk8"], track_work=False).key()
 
 
 @pytest.fixture
@@ -56,22 +47,15 @@ def made_for(monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("name", "processor"),
-    [
-        (n, p) if SOME.get(n) == p else pytest.param(n, p, marks=pytest.mark.long)
-        for n in RECORDED for p in ("AVX2", "128 bits")
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
+@pytest.mark.parametrize("name", RECORDED)
 def test_the_recorded_bits_are_those_of_another_processors_code(name, processor, made_for):
     made_for(processor)
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
 
 
 @pytest.mark.quick("4R all rk8")
-@pytest.mark.parametrize(
-    "name", [n if n in LITTLE_EFFORT else pytest.param(n, marks=pytest.mark.long) for n in RECORDED]
-)
+@pytest.mark.parametrize("name", RECORDED)
 def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_effort(name, monkeypatch):
     monkeypatch.setattr(llvm, "EFFORT", 0)
     assert recorded_bits.found(name) == recorded_bits.recorded()[name]
@@ -81,9 +65,7 @@ def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_
 @pytest.mark.skipif(
     sys.platform == "win32", reason="whether the C library rounds fma once is not known there"
 )
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n.startswith("stops") else n for n in SOME]
-)
+@pytest.mark.parametrize("name", ["4R all rk8", "stops rk4, inelastic"])
 def test_without_fused_multiply_add_the_bits_are_the_same_and_one_warning_says_that_it_is_slow(
     name, made_for
 ):
@@ -97,17 +79,14 @@ def test_without_fused_multiply_add_the_bits_are_the_same_and_one_warning_says_t
 
 def test_code_of_one_processor_or_effort_is_not_another_ones(made_for, monkeypatch):
     usual = key()
+    keys = {usual}
     with monkeypatch.context() as patch:
         patch.setattr(llvm, "EFFORT", 0)
-        assert key() != usual
-    keys = {(made_for(processor), key())[1] for processor in PROCESSORS}
-    assert len(keys) == len(PROCESSORS)
-
-
-def test_programs_are_made_for_another_processor_as_long_as_it_is_chosen():
-    before = key()
+        keys.add(key())
     with llvm.target(AVX2):
-        assert key() != before
-        assert not llvm.processor().wide
-        assert llvm.processor().joins
-    assert key() == before
+        keys.add(key())
+    assert key() == usual
+    for processor in PROCESSORS:
+        made_for(processor)
+        keys.add(key())
+    assert len(keys) == 2 + len(PROCESSORS)

@@ -1,6 +1,5 @@
-"""Copies of simulators: the same bits, independent, in another process too."""
+"""Copies of simulators are independent; their bits are compared in ``test_properties.py``."""
 
-import multiprocessing
 import os
 import pickle
 import subprocess
@@ -13,7 +12,7 @@ from catalogue import COPIES, SCENES, assert_same_bits, motion, started
 
 import redundant_envs as rde
 
-FIXED, STOPS = SCENES["4R all rk8"], SCENES["stops 1e-6, inelastic"]
+STOPS = SCENES["stops 1e-6, inelastic"]
 
 
 @pytest.mark.long
@@ -34,38 +33,6 @@ def test_a_copy_is_independent(way):
     assert_same_bits(motion(batch), expected)
     twin.restore(snapshot)
     assert_same_bits(motion(twin), expected)
-
-
-@pytest.mark.long
-def test_records_are_copied_and_pickled():
-    scene = STOPS
-    trajectory = rde.simulate(scene, (0.1, 0.15, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
-    assert trajectory.events
-    for way in COPIES.values():
-        twin = way(trajectory)
-        np.testing.assert_array_equal(twin.q, trajectory.q)
-        assert twin.events == trajectory.events
-        for value in (scene, scene.robot, *scene.effects, rde.Numerics(5), trajectory.events[0]):
-            assert way(value) == value
-        assert way(scene).parameters() == scene.parameters()
-
-
-def continued(data):
-    """The motion of a simulator in another process, and what it says of a wrong state."""
-    batch = pickle.loads(data)
-    rows = motion(batch)
-    with pytest.raises(ValueError) as error:
-        batch.set_state(np.zeros(3), np.zeros(4))
-    return rows, str(error.value)
-
-
-@pytest.mark.long
-def test_a_copy_in_a_spawned_process_continues_to_the_same_bits():
-    batch = started(STOPS, varied=True, threads=2)
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        rows, error = pool.apply_async(continued, (pickle.dumps(batch),)).get(120)
-    assert_same_bits(rows, motion(batch))
-    assert "q has shape (3,)" in error
 
 
 NOTEBOOK = """
@@ -110,7 +77,6 @@ def test_a_simulator_with_an_effect_of_a_users_program_is_taken_elsewhere_by_clo
 
 
 def test_a_pickle_is_not_much_larger_than_the_numbers():
-    small, large = (rde.BatchSimulator(FIXED, n) for n in (8, 80_008))
+    small, large = (rde.BatchSimulator(SCENES["4R all rk8"], n) for n in (8, 80_008))
     of_a_lane = (len(pickle.dumps(large)) - len(pickle.dumps(small))) / 80_000
     assert of_a_lane < 1.01 * 8 * (8 + 1)  # eight states and its number; the parameters are shared
-    assert len(pickle.dumps(FIXED)) < 4000

