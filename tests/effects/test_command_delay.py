@@ -4,14 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, RPRP, assert_same_bits
+from catalogue import FOUR_R, RPRP, assert_same_bits
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects.command_delay import rest, whole_intervals
-from redundant_envs.simulator.lane.direct import cross_interval, fields_of
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.interval import Interval
 
 DT = 0.02
 STEPS = {
@@ -104,30 +101,6 @@ def test_thousands_of_steps_around_an_instant_are_confirmed_without_a_flag():
     assert np.linalg.norm(tips[0] - tips[1], axis=1).max() <= 1e-4
 
 
-def test_an_interval_that_is_crossed_again_ends_alike_without_a_compiler():
-    arm, lanes = rde.Chain("RR", (0.5, 0.5), (0.9, 0.2)), 8
-    scene = rde.Scene(arm, (e.CommandDelay(0.06, 0.1),), tolerance=1e-6, control_dt=0.2)
-    batch, rng = rde.BatchSimulator(scene, lanes), np.random.default_rng(0)
-    batch.set_state(rng.uniform(-3.0, 3.0, (lanes, 2)), rng.normal(0.0, 2.0, (lanes, 2)))
-    batch.advance(rng.uniform(-0.5, 0.5, (lanes, 2)))
-    interval, efforts = Interval(Dynamics(scene)), rng.uniform(-0.5, 0.5, (lanes, 2))
-    states = dict(zip(interval.dynamics.states, np.hstack([batch.q, batch.qd]).T, strict=True))
-    states |= dict(zip(interval.dynamics.effect_states, batch.z.T, strict=True))
-    states |= dict(zip(interval.dynamics.commands, efforts.T, strict=True)) | fields_of(interval.dynamics)
-    several = cross_interval(interval, states)
-    k = int(np.argmax(batch.advance(efforts).evaluations))
-    one = cross_interval(interval, {n: x[k] if np.ndim(x) else x for n, x in states.items()})
-    assert one["attempts"] == several["attempts"] == 2.0
-    for name, q in zip(arm.coordinates, batch.q.T, strict=True):
-        np.testing.assert_allclose(several[name], q, rtol=0.0, atol=1e-12)
-        assert one[name] == pytest.approx(q[k], rel=0.0, abs=1e-12)
-
-
-def test_one_rk8_step_with_a_delay_of_a_fraction_takes_24_evaluations():
-    delayed, _, commands = pair(FOUR_R, 0.013)
-    assert (delayed.advance(commands[0]).evaluations == 24).all()
-
-
 @pytest.mark.parametrize(
     ("seconds", "dt", "n"), [(0.3, 0.1, 3), (0.7, 0.1, 7), (0.06, 0.02, 3), (1e-19, 0.1, 0)]
 )
@@ -176,44 +149,6 @@ def test_a_delay_has_the_control_interval_of_its_scene_and_takes_no_other(kind):
     data["effects"][0]["control_dt"] = 0.5
     with pytest.raises(ValueError, match="unknown key 'control_dt'; valid: seconds, longest"):
         rde.Scene.from_dict(data)
-
-
-@pytest.mark.quick("RRR")
-@pytest.mark.parametrize("arm", [ARMS[kind] for kind in ("RRR", "PPR")], ids=["RRR", "PPR"])
-def test_any_chain_has_delayed_commands(arm):
-    delayed, bare, commands = pair(arm, 0.033, lanes=3)
-    r = 0.033 - DT
-    for command in commands[:3]:
-        delayed.advance(command)
-    for acting in (None, None, None, commands[0], commands[0], commands[1]):
-        bare.advance_partly(acting, r)
-        r = DT - r
-    assert_same_bits([delayed.q], [bare.q])
-
-
-REFUSED = {
-    "one beyond the longest": (
-        lambda: e.CommandDelay(0.2, 0.1),
-        r"seconds is 0.2 s; .* is 0.1 s: give a shorter",
-    ),
-    "too many kept commands": (
-        lambda: rde.Scene(FOUR_R, (e.CommandDelay(0.1, 20.5),), control_dt=0.02),
-        r"longest is 20.5 s, .* 1026 kept commands; at most 1024 are: give a longest below 20.48 s",
-    ),
-}
-
-
-@pytest.mark.parametrize(("make", "words"), REFUSED.values(), ids=REFUSED)
-def test_a_wrong_delay_is_refused(make, words):
-    with pytest.raises(ValueError, match=words):
-        make()
-
-
-def test_a_lane_is_refused_a_delay_beyond_the_longest():
-    delayed, _, _ = pair(FOUR_R, 0.0)
-    for wrong in (0.11, -0.01):
-        with pytest.raises(ValueError, match=r"CommandDelay\.seconds is"):
-            delayed.set_parameters({"command_delay.seconds": wrong})
 
 
 @pytest.mark.quick("lag")

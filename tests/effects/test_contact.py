@@ -115,18 +115,6 @@ def gap_of(arm, obstacle, q):
     return ((points - obstacle.point) @ normal).min(axis=1)
 
 
-def points_of(arm, q):
-    """Point masses, (count, points, 2), m."""
-    if arm.sliders():
-        (l1, l2), (t1, r1, t2, r2) = arm.lengths, q.T
-        first, second = (np.stack([np.cos(t), np.sin(t)], 1) for t in (t1, t2))
-        elbow = first * (l1 + r1)[:, None]
-        ends = first * l1, elbow, elbow + second * l2, elbow + second * (l2 + r2)[:, None]
-        return np.stack(ends, axis=1)
-    steps = np.stack([np.cos(q), np.sin(q)], 2) * np.array(arm.lengths)[:, None]
-    return np.cumsum(steps, axis=1)
-
-
 OBSTACLES = {
     "disc": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3),
     "disc along links": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3, along_links=True),
@@ -165,42 +153,6 @@ def test_a_link_that_begins_to_slide_the_other_way_is_watched():
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
-def test_the_energy_book_closes_in_contact(obstacle):
-    q, qd, efforts = near(FOUR_R, obstacle, 64, seed=4)
-    scene = rde.Scene(FOUR_R, (e.Gravity(), obstacle), tolerance=1e-10)
-    found, _ = advanced(scene, q, qd, efforts)
-    k = np.argmin(gap_of(FOUR_R, obstacle, found.q))
-    seen = np.linspace(0.0, 0.2, 21)[1:]
-    motion = rde.simulate(scene, q=q[k], qd=qd[k], times=seen, efforts=efforts[k])
-    assert gap_of(FOUR_R, obstacle, motion.q).min() < 0.0
-    assert motion.relative_error.max() < 1e-8
-
-
-@pytest.mark.long
-def test_the_potential_energy_of_a_half_plane_is_that_of_all_points_in_it():
-    floor = e.HalfPlane((0.0, -0.05), stiffness=200.0, friction=0.3, along_links=True)
-    scene = rde.Scene(FOUR_R, (floor,), tolerance=1e-10)
-    motion = rde.simulate(scene, q=(0.0,) * 4, qd=(-3.0,) * 4, times=[0.02, 0.04, 0.06])
-    depths = np.maximum(-0.05 - points_of(FOUR_R, motion.q)[..., 1], 0.0)
-    assert (depths > 0.0).sum(axis=1).max() == 3
-    expected = 0.5 * floor.stiffness * (depths**2).sum(axis=1)
-    np.testing.assert_allclose(motion.potential_energy, expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.quick("half-plane")
-@WITH
-def test_the_energy_book_closes_where_a_lost_contact_ends(obstacle):
-    """A point leaves faster than 1/c from the start on, at a depth of 20.3 mm: all of k d^2 / 2 is lost. The
-    end is found late, since no force changes there: so intervals are short."""
-    made = dataclasses.replace(obstacle, damping=5.0)
-    scene = rde.Scene(SLIDER, (made,), control_dt=0.001, tolerance=1e-6)
-    motion = rde.simulate(scene, q=[1.0203], qd=[-1.0], times=[0.05])
-    assert motion.qd[0, 0] == pytest.approx(-1.0, rel=1e-12)
-    assert motion.work[0] == pytest.approx(-0.5 * 5e3 * 0.0203**2, rel=1e-6)
-
-
 @pytest.mark.quick("-0.7-0.005-half-plane")
 @WITH
 @pytest.mark.parametrize("dt", [0.005, 0.05])
@@ -212,33 +164,6 @@ def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstac
     motion = rde.simulate(scene, q=[1.0203], qd=[rate], times=[0.1])
     missing = abs(0.5 * 5e3 * 0.0203**2 + motion.work[0])
     assert np.sqrt(2.0 * missing / 5e3) < 0.01 * dt * abs(rate)
-
-
-@pytest.mark.parametrize(
-    ("make", "told"),
-    [
-        (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm.*smaller radius"),
-        (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is .*covers the base.*opposite normal"),
-        (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is .*no direction"),
-    ],
-)  # fmt: skip
-def test_numbers_that_make_no_sense_are_refused(make, told):
-    with pytest.raises(ValueError, match=told):
-        make()
-
-
-def test_several_obstacles_have_names_of_their_own():
-    one = OBSTACLES["disc"]
-    scene = rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1, name="left")))
-    assert [scene.parameters()[f"disc{name}.radius"] for name in ("", "_left")] == [0.2, 0.1]
-    with pytest.raises(ValueError, match="second 'disc'; give one of them another 'name'"):
-        rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1)))
-
-
-def test_a_number_of_a_lane_that_covers_the_base_is_refused():
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (OBSTACLES["disc"],)), 2)
-    with pytest.raises(ValueError, match="covers"):
-        batch.set_parameters({"disc.radius": np.array([[0.1], [0.7]])})
 
 
 @pytest.mark.long

@@ -1,7 +1,5 @@
 """Forces that nobody controls: their laws, their statistics, and what they are booked as."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
@@ -150,67 +148,7 @@ def test_an_ornstein_uhlenbeck_force_in_ten_million_draws(deviation, time_consta
         assert sums[k] / count == pytest.approx(exact, abs=SIGMAS * error), k + 1
 
 
-def test_a_wandering_force_at_the_tip_starts_as_it_goes_on():
-    scene = rde.Scene(RPRP, (e.TipForce(deviation=(2.0, 0.0), time_constant=0.1),))
-    z = rde.BatchSimulator(scene, LANES).z
-    assert z[:, 0].std() == pytest.approx(2.0, rel=SIGMAS / np.sqrt(2.0 * LANES))
-    assert (z[:, 1] == 0.0).all()
-
-
 # ---- together --------------------------------------------------------------------------------------------
-
-ALL = (
-    e.TipForce(step=(1.0, -2.0), start=0.05, **PERIOD, density=0.2, deviation=3.0, time_constant=0.1),
-    e.JointTorque(
-        step=0.5, start=0.1, amplitude=0.5, frequency=3.0, density=0.05, deviation=0.5, time_constant=1.0
-    ),
-)  # fmt: skip
-METHODS = (
-    {"integrator": "rk4", "substeps": 200}, {"substeps": 10}, {"tolerance": 1e-10}, {"integrator": "dop853"},
-)  # fmt: skip
-
-
-@pytest.mark.long
-@EVERY
-def test_their_work_closes_the_energy_book(robot):
-    scene = rde.Scene(robot, (e.Gravity(), *ALL), tolerance=1e-10)
-    motion = rde.simulate(scene, Q0, QD0, np.linspace(0.0, 1.0, 11))
-    assert motion.drift < 1e-8
-    assert np.abs(motion.work).max() > 1.0
-
-
-@pytest.mark.long
-@EVERY
-def test_methods_agree(robot):
-    ends = []
-    for how in METHODS:
-        batch, _ = advanced(rde.Scene(robot, (e.Gravity(), *ALL), **how), Q0, QD0, intervals=20)
-        ends.append(np.concatenate([batch.q, batch.qd], axis=1))
-    for end in ends[:-1]:
-        np.testing.assert_allclose(end, ends[-1], rtol=1e-7, atol=1e-7)
-
-
-@pytest.mark.long
-@EVERY
-def test_a_disturbance_does_not_change_the_draws_of_another(robot):
-    one, both = (rde.BatchSimulator(rde.Scene(robot, x), 5) for x in (ALL[1:], ALL))
-    names = [n for n in one.scene.states() if "angle" not in n]
-    columns = [[*both.scene.states()].index(n) for n in names]
-    own = [[*one.scene.states()].index(n) for n in names]
-    for _ in range(4):
-        np.testing.assert_array_equal(both.z[:, columns], one.z[:, own])
-        one.advance(), both.advance()
-
-
-def test_lanes_have_numbers_of_their_own():
-    scene = rde.Scene(CART, (e.JointTorque(step=1.0, start=0.0, deviation=1.0, time_constant=0.1),))
-    batch = rde.BatchSimulator(scene, 3)
-    batch.set_parameters({"joint_torque.step": [1.0, 2.0, 3.0], "joint_torque.deviation": 0.0})
-    batch.set_state(np.zeros((3, 1)), np.zeros((3, 1)))
-    batch.advance()
-    np.testing.assert_allclose(batch.qd[:, 0], 0.02 / MASS * np.array([1.0, 2.0, 3.0]), rtol=1e-13)
-    with pytest.raises(ValueError, match=r"JointTorque.time_constant is -1.0; it must lie in"):
-        batch.set_parameters({"joint_torque.time_constant": -1.0})
 
 
 def test_what_is_absent_has_no_memory_and_no_operation():
@@ -225,52 +163,3 @@ def test_what_is_absent_has_no_memory_and_no_operation():
     units = e.JointTorque(density=1.0, deviation=1.0, time_constant=1.0).fitted(RPRP).units(RPRP)
     found = [units[name] for name in ("density[0]", "density[1]", "deviation[3]")]
     assert found == ["N m sqrt(s)", "N sqrt(s)", "N"]
-
-
-def test_a_scene_file_has_disturbances(tmp_path):
-    file = tmp_path / "windy.yaml"
-    file.write_text(
-        "robot: {type: RPRP, masses: [1.0, 1.0, 1.0, 1.0], lengths: [0.3, 0.4]}\n"
-        "effects:\n- {type: TipForce, amplitude: [1.0, 0.0], frequency: 2.0}\n"
-        "- {type: JointTorque, density: 0.1}\n"
-    )
-    tip, joints = rde.load_scene(file).effects
-    assert (tip.amplitude, tip.phase, tip.density) == ((1.0, 0.0), (0.0, 0.0), None)
-    assert joints.density == (0.1,) * 4
-
-
-REFUSED = {
-    "nothing": (e.TipForce, {}, "TipForce has no part; give one or several of step, amplitude, density"),
-    "no frequency": (e.JointTorque, {"amplitude": 1.0}, "amplitude is given without frequency; give"),
-    "no time": (e.JointTorque, {"deviation": 1.0}, "deviation is given without time_constant"),
-    "no amplitude": (e.TipForce, {"density": 1.0, "phase": 1.0}, "phase is 1.0 without amplitude; give ampl"),
-    "no entry": (e.JointTorque, {"density": ()}, "density has 0 entries; give one for each joint"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_impossible_disturbances_are_refused(what):
-    kind, given, words = REFUSED[what]
-    with pytest.raises(ValueError, match=words):
-        kind(**given)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("robot", "how"), [(RPRP, {"tolerance": 1e-6}), (FOUR_R, {})], ids=["RPRP", "FourR"])
-def test_torques_of_zero_change_no_bit(robot, how):
-    """Of a force at the tip, and of a periodic one, products join other sums: these agree to rounding."""
-    zero = e.JointTorque(step=0.0, density=0.0, deviation=0.0, time_constant=1.0)
-    effects = e.Gravity(), e.ViscousFriction(0.2)
-    ends = [
-        advanced(rde.Scene(robot, x, **how), Q0, QD0, [3.0, -2.0, 1.0, 0.5], intervals=9)[0]
-        for x in (effects, (*effects, zero), (*effects, e.TipForce(density=0.0)))
-    ]
-    np.testing.assert_array_equal(ends[1].qd, ends[0].qd)
-    np.testing.assert_allclose(ends[2].qd, ends[0].qd, rtol=1e-11, atol=1e-11)
-
-
-def test_a_number_that_is_left_out_cannot_be_set():
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (e.TipForce(density=1.0),)), 2)
-    with pytest.raises(ValueError, match=r"parameter is 'tip_force.step'; this scene has .*tip_force.den"):
-        batch.set_parameters({"tip_force.step": (1.0, 2.0)})
-    assert dataclasses.asdict(batch.scene.effects[0])["step"] is None

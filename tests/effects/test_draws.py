@@ -1,9 +1,7 @@
 """Draws of effects: their distribution, what they depend on, and the bits that they keep."""
 
-import copy
 import dataclasses
 import itertools
-import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -14,10 +12,6 @@ import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
 from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, normals, stream_of
-from redundant_envs.simulator.lane.direct import cross_interval, fields_of
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.interval import Interval
-from redundant_envs.simulator.lane.memory import Lane
 
 
 @physics
@@ -144,17 +138,6 @@ def test_normal_draws_reach_as_far_as_their_words_allow():
     )
 
 
-def test_the_motion_of_many_lanes_has_the_moments_of_its_draws():
-    batch = begun(SHAKEN["4R rk8"], 4096)
-    start = batch.z
-    assert abs(start.mean() - 1.5) < SIGMAS * 3.0 * np.sqrt((1.0 + 1.0 / 12.0) / start.size)
-    batch.advance()
-    gained = (batch.z - 0.5 * start) / 3.0
-    assert abs(gained.mean()) < SIGMAS * np.sqrt(1.01 / gained.size)
-    assert abs(gained.var() - 1.01) < SIGMAS * np.sqrt(2.0 / gained.size) * 1.01
-    assert np.abs(np.corrcoef(np.concatenate([start, gained], axis=1).T) - np.eye(8)).max() < SIGMAS / 64.0
-
-
 # ---- what they depend on -----------------------------------------------------------------------------------
 
 
@@ -192,50 +175,6 @@ def test_trajectories_have_draws_from_their_seed():
 def test_seeds_are_whole_numbers(seed):
     with pytest.raises(ValueError, match=r"seed is .* give a whole number from 0 to 2"):
         rde.BatchSimulator(SHAKEN["4R rk8"], seed=seed)
-
-
-def test_error_control_is_not_disturbed_by_draws():
-    """They are constant in an interval: as many evaluations as for the same efforts by the motors."""
-    scene, plain = SHAKEN["4R 1e-6"], rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), tolerance=1e-6)
-    batch, other = begun(scene), begun(plain)
-    for _ in range(5):
-        efforts = batch.z
-        status, same = batch.advance(), other.advance(efforts)
-        np.testing.assert_array_equal(status.evaluations, same.evaluations)
-        np.testing.assert_allclose(batch.q, other.q, rtol=0.0, atol=1e-12)
-
-
-def test_a_scene_without_draws_has_no_memory_for_them():
-    layouts = [Interval(Dynamics(s)).layout() for s in (SHAKEN["4R rk8"], rde.Scene(FOUR_R, (e.Gravity(),)))]
-    assert [sum("draw" in name for name in layout.fields) for layout in layouts] == [5, 0]
-    assert rde.BatchSimulator(rde.Scene(FOUR_R), 3).draws.shape == (3, 0)
-    with pytest.raises(ValueError, match="no effect of the scene draws"):
-        rde.BatchSimulator(rde.Scene(FOUR_R), 3).set_draws(np.zeros(5))
-
-
-# ---- bits --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.quick("4R rk8")
-@EVERY
-def test_lanes_have_the_same_bits_in_any_batch_with_any_threads_in_copies_and_snapshots(scene):
-    batch = begun(scene, 21)
-    middle = rows(batch, 2)
-    snapshot, copied = batch.save(), [copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))]
-    last = rows(batch, 3)
-    for other in copied:
-        assert_same_bits(rows(other, 3), last)
-    other = begun(scene, 21, threads=3, seed=9)
-    other.restore(snapshot)
-    assert_same_bits(rows(other, 3), last)
-    for count, threads in ((1, 1), (8, 1), (21, 2)):
-        some = begun(scene, count, threads=threads)
-        assert_same_bits(rows(some, 2), [row[:count] for row in middle])
-    elsewhere = rde.BatchSimulator(scene, 3, seed=4)
-    elsewhere.set_draws(begun(scene, 21).draws[[17, 3, 8]])
-    q = np.tile(np.array([0.3, 0.2, -0.4, 0.1]), (3, 1))
-    elsewhere.set_state(q, 0.0 * q)
-    assert_same_bits(rows(elsewhere, 2), [row[[17, 3, 8]] for row in middle])
 
 
 # ---- environments ----------------------------------------------------------------------------------------
@@ -287,13 +226,6 @@ def test_environments_have_the_same_bits_whatever_their_number_face_threads_and_
     assert len(first)
 
 
-@pytest.mark.long
-def test_a_single_environment_is_a_vector_of_one():
-    given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"])}
-    one = played(gym.make("redundant_envs/FourRReach-v0", **given))
-    assert_same_bits(one, played(gym.make_vec("redundant_envs/FourRReach-v0", 1, **given)))
-
-
 def test_a_step_that_is_undone_gives_its_draws_back():
     """After a bad action a lane is where it was, and a step from there draws what it would have drawn."""
     given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"]), "on_bad_action": "terminate"}
@@ -325,34 +257,6 @@ def test_every_episode_draws_anew_and_a_seed_gives_it_again():
 
 
 # ---- other evaluators --------------------------------------------------------------------------------------
-
-
-def at_start(batch):
-    dynamics = batch.simulator.dynamics
-    names = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
-    return fields_of(dynamics) | dict(
-        zip(names, np.hstack([batch.q, batch.qd, batch.z, batch.draws]).T, strict=True)
-    )
-
-
-@pytest.mark.quick("4R rk8")
-@EVERY
-def test_arrays_and_single_numbers_draw_what_compiled_code_draws(scene):
-    batch = begun(scene, 3)
-    interval, fields = Interval(batch.simulator.dynamics), at_start(batch)
-    initial = interval.initial_states(Lane(interval.layout(), lambda n: fields.get(n, 0.0)))
-    np.testing.assert_allclose(np.stack([*initial.values()], axis=1), batch.z, rtol=1e-14)
-    for _ in range(2):
-        fields = cross_interval(interval, fields)
-        fields = {**fields_of(interval.dynamics), **{n: fields[n] for n in at_start(batch) if n in fields}}
-        batch.advance()
-    for name, column in at_start(batch).items():
-        np.testing.assert_allclose(fields[name], column, rtol=1e-9, atol=1e-9, err_msg=name)
-    one = begun(scene, 1)
-    lane = cross_interval(interval, {n: float(np.ravel(x)[0]) for n, x in at_start(one).items()})
-    one.advance()
-    for name, column in at_start(one).items():
-        assert float(lane[name]) == pytest.approx(float(np.ravel(column)[0]), rel=1e-9, abs=1e-9), name
 
 
 def test_the_differentiable_step_draws_what_compiled_code_draws():
@@ -406,47 +310,6 @@ def test_streams_that_are_one_are_refused():
 
 def test_streams_are_the_same_for_ever():
     assert [stream_of("sensor_noise", "position"), stream_of("odd", "s")] == [16294563, 6266370]
-
-
-@physics
-def of_draw(normal1):
-    return normal1
-
-
-@physics
-def forceful(reading, uniform7):
-    return reading + uniform7
-
-
-def sensor(**state):
-    own = e.State("s", "", bind={"reading": ".s"}, **state)
-    return e.Sensing(0, told, {"reading": "phi1"}, states=(own,))
-
-
-def force(**state):
-    own = e.State("s", "", bind={"reading": ".s"}, **state)
-    return e.Force(0, told, {"reading": ".s"}, states=(own,))
-
-
-REFUSED = {
-    "force": (lambda: e.Force(0, of_draw), "function of_draw, .*'normal1' is a draw, which only .*update"),
-    "sensor": (lambda: e.Sensing(0, forceful, {"reading": "phi1"}), "'uniform7' is a draw"),
-    "rate": (lambda: force(derivative=told, rate=of_draw), "rate of the state 's'.*'normal1' is a draw"),
-    "initial of a state": (
-        lambda: sensor(update=told, initial=told),
-        r"initial told depends on \.s; it may depend on parameters, on draws and on the motion",
-    ),
-    "derivative in a sensor": (
-        lambda: sensor(derivative=told), "the state 's' of a sensor has a derivative; give an update",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_a_draw_where_a_hook_takes_none_is_refused(what):
-    hook, words = REFUSED[what]
-    with pytest.raises(ValueError, match=words):
-        rde.Scene(FOUR_R, (odd(hook),))
 
 
 def test_more_draws_than_a_stream_has_are_refused():
