@@ -1,72 +1,20 @@
 """Effects of the package and of a user in motions: accelerations, potentials, and what is booked as work."""
 
-import importlib
 import math
-import pickle
-import pkgutil
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, GROUPS, RPRP, SCENES, SoftJoint, StiffeningSpring, advanced, every_effect
+from catalogue import FOUR_R, RPRP, SoftJoint, StiffeningSpring, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
-from redundant_envs.effects.validate_hooks import RULES, roots_of
 from redundant_envs.language.limits import side_beyond
 from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.simulator.lane.dynamics import Dynamics
 
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
-
-
-def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
-    """What a module without a line in ``__init__.py`` has, nobody can name."""
-    modules = [importlib.import_module(f"{e.__name__}.{m.name}") for m in pkgutil.iter_modules(e.__path__)]
-    found = {
-        x.__name__: x
-        for module in modules
-        for x in vars(module).values()
-        if isinstance(x, type) and issubclass(x, e.Effect) and "hooks" in vars(x) and x is not e.Effect
-    }
-    assert found == e.OWN
-    assert all("example" in vars(kind) for kind in found.values())
-    groups = (every_effect, *GROUPS.values())
-    used = {type(effect) for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
-    assert used == {*found.values()}
-
-
-def test_hooks_are_bound_once_and_not_pickled():
-    scene = SCENES["RPRP users' all 1e-6"]
-    again = pickle.loads(pickle.dumps(scene))
-    assert scene.attached is scene.attached
-    assert "attached" not in scene.__getstate__()
-    assert (again, [a.key for a in again.attached]) == (scene, [a.key for a in scene.attached])
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_what_a_simulator_knows_of_its_equations_is_pickled_though_functions_of_hooks_are_not(group):
-    known = Dynamics(rde.Scene(FOUR_R, GROUPS[group](FOUR_R), tolerance=1e-6))
-    assert known.parameters.numbers
-    assert vars(pickle.loads(pickle.dumps(known))) == {
-        "scene": known.scene,
-        "track_work": False,
-        "located": True,
-    }
-
-
-def test_every_function_of_a_hook_has_a_rule():
-    for kind, rules in RULES.items():
-        assert {n for n, text in kind.__annotations__.items() if "Callable" in text} == rules.keys()
-
-
-def test_what_a_quantity_depends_on():
-    assert roots_of("phi2", FOUR_R) == {*FOUR_R.coordinates}
-    assert [roots_of(name, FOUR_R) for name in ("m4", "command1", "s1")] == [{"m4"}, {"command1"}, {"theta1"}]
-    with pytest.raises(ValueError, match="Q1"):
-        roots_of("qdd1", FOUR_R)  # it follows from forces
 
 
 # ---- the accelerations that a motion begins with --------------------------------------------------------

@@ -1,18 +1,15 @@
 """Velocities jump by impulses and where masses come and go: momentum, energy, stops, and what is undone."""
 
 import dataclasses
-import re
 from dataclasses import dataclass
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
-from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.language.algebra import physics
 
 STEPS = {
@@ -141,18 +138,6 @@ def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
         assert found.work[k] == pytest.approx(work + hand.work[0] * (time < 0.02), abs=1e-12)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-def test_an_impulse_of_zero_changes_no_bit(steps):
-    scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0,) * 2, (0.3,) * 2, 0.5)), **steps)
-    struck = dataclasses.replace(scene, effects=(*scene.effects, Blow(e.Point(3), 0.0, 0.0)))
-    rng = np.random.default_rng(0)
-    q, qd = rng.uniform(0.0, 0.3, (32, 4)), rng.normal(size=(32, 4))
-    found, expected = (advanced(s, q, qd, intervals=10)[0] for s in (struck, scene))
-    np.testing.assert_array_equal(found.q, expected.q)
-    np.testing.assert_array_equal(found.qd, expected.qd)
-
-
 @pytest.mark.quick("0.0-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
@@ -246,16 +231,6 @@ def test_the_grasp_is_at_the_first_instant_not_before_its_time():
     assert (np.argmax(taken, axis=0) + 1).tolist() == [*times.values()]
 
 
-def test_the_energy_book_closes_over_a_grasp():
-    for arm in ARMS.values():
-        scene = rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), e.PickUp(2.0, 0.1)), integrator="dop853")
-        motion = rde.simulate(scene, Q, QD, np.linspace(0.0, 0.3, 16))
-        assert motion.drift <= 1e-13
-        assert motion.z[:, 0].tolist() == [0.0] * 5 + [2.0] * 11
-        speed = np.linalg.norm(arm.jacobian(motion.q[5]) @ motion.qd[5])
-        assert speed < np.linalg.norm(arm.jacobian(motion.q[4]) @ motion.qd[4])
-
-
 thrown = physics(lambda held, keep: held * keep)
 
 
@@ -291,72 +266,3 @@ def test_a_slider_at_rest_at_its_stop_may_leave_it_where_the_arm_grasps():
     batch, _ = advanced(scene, [[0.0, 0.5]], [[0.0, 0.6]])
     momenta = np.array([[3.0 + 3.0, 1.0 + 3.0], [1.0 + 3.0, 1.0 + 3.0]]) @ batch.qd[0]
     np.testing.assert_allclose(momenta, [0.6, 0.6], rtol=1e-13)  # all of it is the second mass's
-
-
-def test_a_torch_step_picks_up_the_same_mass():
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.PickUp(0.7, 0.02), Blow(e.Point(2), 0.3, 0.1)), tolerance=1e-6)
-    step, start = rde.torch_step(scene), [torch.tensor(x)[None] for x in (Q, QD, np.ones(4))]
-    q, qd, z = step(*start, z=torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64))
-    found, _ = advanced(scene, Q, QD, np.ones(4))
-    np.testing.assert_allclose(q, found.q, atol=1e-13)
-    np.testing.assert_allclose(qd, found.qd, atol=1e-12)
-    np.testing.assert_allclose(z, found.z, atol=0.0)
-
-
-def test_each_episode_begins_without_the_object():
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.PickUp(0.7, 0.04), e.EffortLimits(3.0)), tolerance=1e-6)
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene.to_dict()).unwrapped
-    seen = []
-    for _ in range(2):
-        env.reset(seed=1)
-        seen.append([env.step(np.zeros(4, np.float32))[0] for _ in range(4)])
-    np.testing.assert_array_equal(*seen)
-
-
-# ---- what cannot be ------------------------------------------------------------------------------------
-
-falling = physics(lambda z: -z)
-
-
-def with_hooks(*hooks):
-    body = {"hooks": lambda self, arm: hooks, "__annotations__": {"k": float}, "k": 1.0}
-    return rde.Scene(FOUR_R, (dataclass(frozen=True)(type("Odd", (e.Effect,), body))(),))
-
-
-MOVES = e.State("z", "kg", derivative=falling, bind={"z": ".z"})
-REFUSED = {
-    "PickUp.mass is -1": lambda: e.PickUp(-1.0, 1.0),
-    "PickUp.mass is nan": lambda: e.PickUp(float("nan"), 1.0),
-    "PickUp.at is 0.0 s; it must be positive: give a Payload": lambda: e.PickUp(1.0, 0.0),
-    "PickUp.at is inf": lambda: e.PickUp(1.0, float("inf")),
-    "the mass '.z', a state with derivative; give one with an update": (
-        lambda: with_hooks(e.PointMass(e.Point(3), ".z", (MOVES,)))
-    ),
-    "the mass '.z', a state with when='instant'; give one with an update": (
-        lambda: with_hooks(
-            e.PointMass(
-                e.Point(3), ".z", (e.State("z", "kg", update=falling, bind={"z": ".z"}, when="instant"),)
-            ),
-            e.Instant(physics(lambda k: k), {"k": ".k"}),
-        )
-    ),
-    "the Impulse has when='instant'; give 'interval' or 'instant', the latter in an effect with an Instant": (
-        lambda: with_hooks(e.Impulse(0, knock, {"ready": ".k", "y": ".k"}, when="instant"))
-    ),
-    "mass: '.m' is not a number of this effect; it has .k": lambda: with_hooks(e.PointMass(e.Point(3), ".m")),
-    "give Point(0) to Point(3), the tip": lambda: with_hooks(e.Impulse(e.Point(4), knock)),
-    "joint is 4; give 0 to 3": lambda: with_hooks(e.Impulse(4, knock)),
-    "returns 1 values; a Impulse at a point needs 2": (
-        lambda: with_hooks(e.Impulse(e.Point(3), falling, {"z": ".k"}))
-    ),
-    "function falling": lambda: with_hooks(e.Force(0, late, {"T": "interval"})),
-}
-late = physics(lambda T: T)
-REFUSED["no quantity of FourR is called 'interval'"] = REFUSED.pop("function falling")
-
-
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_is_refused(words):
-    with pytest.raises(ValueError, match=re.escape(words)) as error:
-        REFUSED[words]()
-    assert short(str(error.value))

@@ -5,11 +5,9 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, RPRP
 
-import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.effects.sensor_delay import MAX_KEPT, steps_back
+from redundant_envs.effects.sensor_delay import steps_back
 
 IDS = pytest.mark.parametrize("env_id", ["FourRReach-v0", "RPRPReach-v0"])
 STEPS = 30
@@ -105,16 +103,6 @@ def test_motion_reward_and_info_know_the_truth(env_id, what):
     for told, known in zip(read.infos, true.infos, strict=True):
         assert dict(told) == pytest.approx(dict(known), rel=1e-13, abs=1e-15)
     assert np.abs(np.array(read.obs) - np.array(true.obs)).max() > 0.003
-
-
-@pytest.mark.long
-def test_goals_know_the_truth():
-    true, read = (motion(made("FourRGoalReach-v0", *x)) for x in ((), SENSORS["all"]))
-    for place in ("achieved_goal", "desired_goal"):
-        told, known = ([o[place] for o in x.obs] for x in (read, true))
-        np.testing.assert_allclose(told, known, rtol=1e-13, atol=1e-15)
-    told, known = (np.array([o["observation"] for o in x.obs]) for x in (read, true))
-    assert np.abs(told - known).max() > 0.01
 
 
 @pytest.mark.quick("FourRReach-v0")
@@ -239,22 +227,6 @@ def test_lanes_have_delays_of_their_own():
         env.reset(options=options)
 
 
-@pytest.mark.long
-def test_a_delay_keeps_readings_with_their_noise():
-    env = made("FourRReach-v0", e.SensorNoise(0.01, 0.02), e.SensorDelay(0.06, 0.06))
-    rng, core, kept = np.random.default_rng(0), env.unwrapped, []
-    env.reset(seed=1, options={"q": [0.3] * 4})
-    for _ in range(8):
-        (position,), states = joints_of(core.scene, core.q), states_of(env, "sensor_delay")
-        noise = states_of(env, "sensor_noise")
-        kept.append((position[1] + noise["error_of_position[1]"], states))
-        env.step(rng.uniform(-1.0, 1.0, 4).astype(np.float32))
-    for k in range(3, 8):
-        newer = [reading for reading, _ in kept[k - 3 : k + 1]][::-1]
-        states = [kept[k][1][f"position_of_joint2[{n}]"] for n in range(4)]
-        np.testing.assert_allclose(states, newer, rtol=1e-14)
-
-
 # ---- dropped samples -------------------------------------------------------------------------------------
 
 
@@ -306,58 +278,3 @@ def test_sensors_without_an_error_show_the_bits_of_good_ones(env_id, what):
     """Of ones that add nothing: the observation then is computed from readings in both."""
     good, other = (motion(made(env_id, *x)) for x in ((e.SensorBias(0.0, 0.0),), NOTHING[what]))
     np.testing.assert_array_equal(good.obs, other.obs)
-
-
-@pytest.mark.long
-def test_what_is_absent_has_no_memory():
-    one = made("FourRReach-v0", e.SensorNoise(rate=0.1)).unwrapped
-    assert [n for n in one.parameters if "sensor" in n] == ["sensor_noise.rate"]
-    assert [*one.scene.states()] == [f"sensor_noise.error_of_rate[{k}]" for k in range(4)]
-    for effect in (e.SensorBias(0.1), e.Quantisation(rate=0.1)):
-        scene = rde.Scene(RPRP, (effect,))
-        assert (len(scene.attached), len(scene.states())) == (4, 0)
-        assert rde.Scene.from_dict(scene.to_dict()) == scene
-
-
-def test_numbers_have_units():
-    scene = rde.Scene(RPRP, SENSORS["all"])
-    units = {f"{x.key}.{n}": u for x in scene.effects for n, u in x.units(RPRP).items()}
-    assert {units[f"{key}.position[1]"] for key in ("sensor_bias", "sensor_noise", "quantisation")} == {"m"}
-    assert units["sensor_noise.rate[0]"] == "rad/s"
-    assert units["sensor_delay.seconds"] == "s"
-
-
-@pytest.mark.quick("4R")
-@pytest.mark.parametrize("arm", ARMS)
-def test_every_arm_has_sensors(arm):
-    scene = rde.Scene(ARMS[arm], (e.SensorBias(0.1, 0.2), *SENSORS["all"][1:]), "rk4")
-    batch = rde.BatchSimulator(scene, 3)
-    batch.advance()
-    assert np.isfinite(batch.z).all()
-
-
-REFUSED = {
-    "no bias": (e.SensorBias, (), "SensorBias has neither position nor rate.*give one of them"),
-    "late": (
-        e.SensorDelay,
-        (0.2, 0.1),
-        "SensorDelay.seconds is 0.2 s; .* 0 to longest, which is 0.1 s",
-    ),
-}
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_impossible_sensors_are_refused(what):
-    kind, given, words = REFUSED[what]
-    with pytest.raises(ValueError, match=words):
-        kind(*given)
-
-
-@pytest.mark.long
-def test_a_sensor_keeps_at_most_1024_readings():
-    longest = (MAX_KEPT - 1) * 0.001
-    assert rde.Scene(FOUR_R, (e.SensorDelay(0.0, longest),), control_dt=0.001).effects[0].kept == 1024
-    for given, steps in ((1.024, "1024"), (1e308, "inf")):
-        words = f"SensorDelay.longest is {given} s, {steps} control steps of 0.001 s, .* 1024 readings; give"
-        with pytest.raises(ValueError, match=words.replace("+", r"\+")):
-            rde.Scene(FOUR_R, (e.SensorDelay(0.0, given),), control_dt=0.001)
