@@ -3,7 +3,6 @@
 import dataclasses
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
@@ -24,14 +23,10 @@ Q, QD = np.array((0.3, 0.2, -0.4, 0.1)), np.array((1.0, -0.4, 0.5, 0.3))
 once = physics(lambda ready: 0.0 * ready)
 
 
-@physics
-def blow(ready, x, y):
-    return ready * x, ready * y
-
-
-@physics
-def knock(ready, y):
-    return ready * y
+blow = physics(lambda ready, x, y: (ready * x, ready * y))
+knock = physics(lambda ready, y: ready * y)
+in_turn = physics(lambda ready: 1.0 - ready)
+dialled = physics(lambda delay: delay)
 
 
 @dataclass(frozen=True)
@@ -50,9 +45,6 @@ class Blow(e.Effect):
         if isinstance(self.place, e.Point):
             return (e.Impulse(self.place, blow, bind, (state,)),)
         return (e.Impulse(self.place, knock, {n: bind[n] for n in ("ready", "y")}, (state,)),)
-
-
-in_turn = physics(lambda ready: 1.0 - ready)
 
 
 class LaterBlow(Blow):
@@ -76,15 +68,12 @@ class BlowInside(Blow):
         return dataclasses.replace(hook, when="instant"), e.Instant(dialled, {"delay": ".x"})
 
 
-dialled = physics(lambda delay: delay)
-
-
 # ---- impulses ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.quick("4R-Point(number=1)-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-@pytest.mark.parametrize("place", [e.Point(1), e.Point(3), 0, 2], ids=str)
+@pytest.mark.parametrize("place", [e.Point(1), 2], ids=str)
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place, steps):
     """A motion that an impulse begins is that of a start with the velocities after it."""
@@ -158,28 +147,13 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
 
 
 @pytest.mark.long
-def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse():
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse(steps):
     """A slider between elastic stops that are a micrometre apart has more impacts than are allowed."""
     effects = e.PrismaticStop((0.0,), (1e-6,), 1.0), Blow(0, 0.0, 20.0)
-    for steps in STEPS.values():
-        scene = rde.Scene(rde.Chain("P", (2.0,)), effects, **steps)
-        found, status = advanced(scene, [[5e-7]], [[0.0]])
-        assert status.numerics.any()
-        assert (found.q.tolist(), found.qd.tolist(), found.z.tolist()) == ([[5e-7]], [[0.0]], [[1.0]])
-
-
-@pytest.mark.quick("{'integrator': 'rk8'}")
-@pytest.mark.parametrize("accuracy", [{"integrator": "rk8"}, {"tolerance": 1e-6}], ids=str)
-def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
-    monkeypatch.setitem(e.REGISTRY, "Blow", Blow)
-    scene = rde.Scene(FOUR_R, (e.Gravity(), Blow(3, 0.0, 0.0), e.EffortLimits(3.0)), **accuracy)
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene.to_dict()).unwrapped
-    env.reset(seed=1, options={"parameters": {"blow.y": 1e9}, "qd": (0.0,) * 4})
-    before = env.qd
-    _, _, terminated, _, info = env.step(np.zeros(4, np.float32))
-    assert terminated
-    assert info["numerics"]
-    np.testing.assert_array_equal(env.qd, before)
+    found, status = advanced(rde.Scene(rde.Chain("P", (2.0,)), effects, **steps), [[5e-7]], [[0.0]])
+    assert status.numerics.any()
+    assert (found.q.tolist(), found.qd.tolist(), found.z.tolist()) == ([[5e-7]], [[0.0]], [[1.0]])
 
 
 # ---- masses that come and go ---------------------------------------------------------------------------
@@ -191,32 +165,26 @@ def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
 def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, steps):
     """M qd stays, with another M; the loss, and the potential energy of the object, are booked."""
     masses = np.array([0.0, 0.01, 0.7, 50.0])
-    loaded = rde.Scene(arm, (e.Gravity(), e.PickUp(1.0, 0.05)), **steps)
+    plain = rde.Scene(arm, (e.Gravity(),), **steps)
+    loaded = dataclasses.replace(plain, effects=(*plain.effects, e.PickUp(1.0, 0.05)))
     rng = np.random.default_rng(3)
     q, qd, efforts = Q + rng.normal(size=(4, 4)) * 0.1, rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
-    change = {"pick_up.mass": masses}
     found, bare = (
         advanced(scene, q, qd, efforts, given, intervals=3, track_work=True)[0]
-        for scene, given in ((loaded, change), (dataclasses.replace(loaded, effects=(e.Gravity(),)), {}))
+        for scene, given in ((loaded, {"pick_up.mass": masses}), (plain, {}))
     )
     np.testing.assert_allclose(found.q, bare.q, atol=1e-14)
     np.testing.assert_array_equal(found.z[:, 0], masses)
-    for k, mass in enumerate(masses):
+    for here, mass, before, after, work in zip(
+        found.q, masses, bare.qd, found.qd, found.work - bare.work, strict=True
+    ):
         heavy = dataclasses.replace(arm, masses=(*arm.masses[:-1], arm.masses[-1] + mass))
-        here = found.q[k]
-        momenta = [x.mass_matrix(here) @ v for x, v in ((arm, bare.qd[k]), (heavy, found.qd[k]))]
+        both = (arm, before), (heavy, after)
+        momenta = [x.mass_matrix(here) @ v for x, v in both]
         assert np.abs(momenta[0] - momenta[1]).max() <= 1e-13 * np.abs(momenta[0]).max()
-        energies = [
-            x.kinetic_energy(here, v) + x.potential_energy(here)
-            for x, v in ((arm, bare.qd[k]), (heavy, found.qd[k]))
-        ]
-        assert found.work[k] - bare.work[k] == pytest.approx(energies[1] - energies[0], abs=1e-13)
+        energies = [x.kinetic_energy(here, v) + x.potential_energy(here) for x, v in both]
+        assert work == pytest.approx(energies[1] - energies[0], abs=1e-13)
     assert np.abs(found.qd[3] - bare.qd[3]).max() > 0.1
-    expected, _ = advanced(
-        rde.Scene(heavy, (e.Gravity(),), **steps), found.q, found.qd, efforts, {"masses": heavy.masses}
-    )
-    found.advance(efforts)
-    np.testing.assert_allclose(found.q[3], expected.q[3], atol=1e-13)
 
 
 def test_the_grasp_is_at_the_first_instant_not_before_its_time():
