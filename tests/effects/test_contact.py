@@ -15,7 +15,7 @@ SLIDER = rde.Chain("P", (2.0,))
 FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
 WALL = e.HalfPlane((1.0, 0.0), (-1.0, 0.0), 5e3, 0.3)
 BALL = e.Disc((1.5, 0.0), 0.5, 5e3, 0.3)
-LIMITS = (20.0, 12.0, 8.0, 4.0)
+
 WITH = pytest.mark.parametrize("obstacle", [WALL, BALL], ids=["half-plane", "disc"])
 
 
@@ -56,9 +56,8 @@ def test_a_point_that_is_torn_away_is_never_pulled():
     assert batch.qd[0, 0] == pytest.approx(-1.0 - 200.0 * 0.01, rel=1e-12)
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.4])
-def test_friction_is_at_most_mu_times_the_normal_force(mu):
-    rng = np.random.default_rng(1)
+def test_friction_is_at_most_mu_times_the_normal_force():
+    rng, mu = np.random.default_rng(1), 0.4
     for x, y, vx, vy in rng.normal(0.0, 0.3, (100, 4)):
         fx, fy = disc.at_tip(x, y, vx, vy, 0.0, 0.0, 2.0, 1e3, 0.1, mu, 0.05, 1.0, 1.0)
         r = np.hypot(x, y)
@@ -89,20 +88,19 @@ def test_the_shares_of_both_ends_are_the_force_at_the_point_of_contact():
     assert found > 50
 
 
-def near(arm, obstacle, lanes, seed=0):
+def near(arm, obstacle, lanes):
     """Random states of an arm whose tip or joints are near the obstacle, outside, with efforts."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     q, places = rng.uniform(-1.5, 1.5, (400 * lanes, 4)), rng.uniform(0.0, 1.0, (400 * lanes, 4))
     q[:, arm.sliders()] = 0.1 + 0.2 * places[:, arm.sliders()]
     gaps = gap_of(arm, obstacle, q)
     q = q[(gaps > 0.0) & (gaps < 0.04)][:lanes]
-    assert len(q) == lanes
-    return q, rng.normal(0.0, 2.0, (lanes, 4)), rng.uniform(-1.0, 1.0, (lanes, 4)) * LIMITS
+    return q, rng.normal(0.0, 2.0, (lanes, 4)), rng.uniform(-1.0, 1.0, (lanes, 4)) * (20.0, 12.0, 8.0, 4.0)
 
 
 def gap_of(arm, obstacle, q):
     """Distance of links (or the tip) from an obstacle, by a fine row of points along each link."""
-    points = points_of(arm, q)
+    points = arm.points(q)
     if not obstacle.along_links:
         points = points[:, -1:]
     elif isinstance(obstacle, e.Disc):
@@ -153,17 +151,18 @@ def test_a_link_that_begins_to_slide_the_other_way_is_watched():
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.quick("-0.7-0.005-half-plane")
+@pytest.mark.quick("0.005-half-plane")
 @WITH
 @pytest.mark.parametrize("dt", [0.005, 0.05])
-@pytest.mark.parametrize("rate", [-0.7, -1.0, -2.0])
-def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstacle, dt, rate):
-    """So says the page of the disc: k b^2 / 2 is missing from the work, with the way b in that time."""
+def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstacle, dt):
+    """From the start on a point leaves faster than 1/c, at a depth of 20.3 mm: all of k d^2 / 2 is lost, but
+    k b^2 / 2 with the way b in the time by which the end is found late."""
     made = dataclasses.replace(obstacle, damping=5.0)
     scene = rde.Scene(SLIDER, (made,), control_dt=dt, tolerance=1e-6)
-    motion = rde.simulate(scene, q=[1.0203], qd=[rate], times=[0.1])
+    motion = rde.simulate(scene, q=[1.0203], qd=[-1.0], times=[0.1])
+    assert motion.qd[0, 0] == pytest.approx(-1.0, rel=1e-12)
     missing = abs(0.5 * 5e3 * 0.0203**2 + motion.work[0])
-    assert np.sqrt(2.0 * missing / 5e3) < 0.01 * dt * abs(rate)
+    assert np.sqrt(2.0 * missing / 5e3) < 0.01 * dt
 
 
 @pytest.mark.long

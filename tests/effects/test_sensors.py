@@ -65,7 +65,7 @@ def in_steps(true):
 
 
 SHOWS = {
-    "bias": (e.SensorBias(BIAS, SPEEDS), lambda true, states: true + (*BIAS, *SPEEDS)),
+    "bias": (e.SensorBias(BIAS, SPEEDS), lambda true, states: true + np.array((*BIAS, *SPEEDS))),
     "steps": (e.Quantisation(tuple(WIDTHS)), lambda true, states: in_steps(true)),
     "noise": (e.SensorNoise((0.01, 0.02, 0.005, 0.01), 0.05), lambda true, states: true + states),
     "drops": (e.DroppedSamples((0.4, 0.0, 1.0, 0.5)), lambda true, states: states),
