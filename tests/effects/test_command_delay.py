@@ -137,18 +137,3 @@ def test_a_delay_has_the_control_interval_of_its_scene_and_takes_no_other(kind):
     data["effects"][0]["control_dt"] = 0.5
     with pytest.raises(ValueError, match="unknown key 'control_dt'; valid: seconds, longest"):
         rde.Scene.from_dict(data)
-
-
-def test_a_state_in_closed_form_behind_a_delay_follows_the_delayed_command():
-    """Fixed steps hold the command of each piece, as they do for commands that are delayed by hand."""
-    dt, late, behind = 0.02, 0.013, e.Lag(0.03)
-    made = rde.Scene(FOUR_R, (e.CommandDelay(late, 0.1), behind), "rk8", dt)
-    by_hand = rde.BatchSimulator(rde.Scene(FOUR_R, (behind,), "rk8", dt), 1)
-    delayed, before = rde.BatchSimulator(made, 1), np.zeros(4)
-    for command in np.random.default_rng(2).uniform(-2.0, 2.0, (5, 4)):
-        delayed.advance(command)
-        by_hand.advance_partly(before, late)
-        by_hand.advance_partly(command, dt - late)
-        before = command
-    assert np.array_equal(delayed.q, by_hand.q)
-    assert np.array_equal(delayed.qd, by_hand.qd)

@@ -145,18 +145,3 @@ def test_an_ornstein_uhlenbeck_force_in_ten_million_draws(deviation, time_consta
     for k, (exact, square) in enumerate(((0.0, 1.0), (1.0, 3.0), (0.0, 15.0), (3.0, 105.0))):
         error = np.sqrt((square - exact**2) / count)
         assert sums[k] / count == pytest.approx(exact, abs=SIGMAS * error), k + 1
-
-
-# ---- together --------------------------------------------------------------------------------------------
-
-
-def test_what_is_absent_has_no_memory_and_no_operation():
-    """Each part is what it is alone."""
-    for given in ({"step": (1.0, 2.0)}, {"density": 1.0}, {"deviation": 1.0, "time_constant": 1.0}):
-        scene = rde.Scene(FOUR_R, (e.TipForce(**given),))
-        assert len(scene.attached) == 1
-        own = {n.split(".")[1].split("[")[0] for n in scene.parameters() if "." in n}
-        assert own == {*given, *(["start"] if "step" in given else [])}
-    units = e.JointTorque(density=1.0, deviation=1.0, time_constant=1.0).fitted(RPRP).units(RPRP)
-    found = [units[name] for name in ("density[0]", "density[1]", "deviation[3]")]
-    assert found == ["N m sqrt(s)", "N sqrt(s)", "N"]

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
-from catalogue import advanced, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -114,49 +112,3 @@ def test_a_kink_is_watched_once_if_its_argument_moves(what):
 )
 def test_nothing_is_watched_without_a_tolerance_and_in_the_scenes_of_environments(made):
     assert Features(Dynamics(made)).kinks == {}
-
-
-# ---- the tolerance is kept ----------------------------------------------------------------------------
-
-EFFECTS_OF_MOTORS, UNLIMITED = (e.Gravity(), VelocityController(2.0, 100.0)), 100.0
-STAGES = ((0.118, 0.25), (0.333, 0.6), (0.651, 0.857))
-"""Times in a step between which rk8 has no stage."""
-
-
-def limits_reached_between_stages(q, qd, efforts, share=0.05, parts=200):
-    """Limits (lanes, 4) of motors that hold a rate: a little below the largest effort that each needs, where
-    it needs it between two stages."""
-    batch, _ = advanced(scene(*EFFECTS_OF_MOTORS, integrator="dop853"), q, qd, intervals=0)
-    asked = []
-    for _ in range(parts):
-        asked.append(np.abs(efforts - 2.0 * batch.qd @ RPRP.motor_map))
-        batch.advance_partly(efforts, batch.scene.control_dt / parts)
-    asked, limits = np.array(asked), np.full(q.shape, UNLIMITED)
-    last = asked.argmax(axis=0)
-    for start, end in STAGES:
-        for lane, joint in zip(*np.nonzero((last > start * parts) & (last < end * parts)), strict=True):
-            one = asked[:, lane, joint]
-            edge = max(one[int(np.ceil(start * parts))], one[int(end * parts)])
-            limits[lane, joint] = edge + share * (one.max() - edge)
-    return limits
-
-
-@pytest.mark.long
-def test_a_limit_that_is_reached_and_left_between_two_stages_is_seen():
-    """With twice as many steps it may be between two of their stages, too."""
-    rng, n, tolerance = np.random.default_rng(23), 2048, 1e-9
-    q = rng.uniform((-3.0, 0.0, -3.0, 0.0), (3.0, 0.25, 3.0, 0.25), (n, 4))
-    qd = rng.normal(0.0, (6.0, 1.0, 6.0, 1.0), (n, 4))
-    efforts = rng.uniform(-1.0, 1.0, (n, 4)) * (4.0, 10.0, 4.0, 10.0)
-    limits = limits_reached_between_stages(q, qd, efforts)
-    lanes = (limits < UNLIMITED).any(axis=1)
-    assert lanes.sum() > 200
-    start = q[lanes], qd[lanes], efforts[lanes], {"velocity_controller.limits": limits[lanes]}
-    (found, status), (fine, _), (coarse, _) = (
-        tips_after(scene(*EFFECTS_OF_MOTORS, **how), *start)
-        for how in ({"tolerance": tolerance}, {"substeps": 1024}, {"integrator": "dop853"})
-    )
-    good, sure = status.numerics == 0, np.linalg.norm(fine - coarse, axis=1) < 0.1 * tolerance
-    assert good.mean() > 0.99
-    assert (good & sure).mean() > 0.95
-    assert np.linalg.norm(found - fine, axis=1)[good & sure].max() < 2.0 * tolerance

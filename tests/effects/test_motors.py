@@ -1,6 +1,5 @@
 """Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -98,26 +97,6 @@ def test_actions_are_shares_of_the_supply_whatever_limits_follow():
     assert rde.Scene(RPRP, (e.DeadZone(0.1),)).units()["dead_zone.widths[1]"] == "N"
     with pytest.raises(ValueError, match="'dc_motor' gives 'N m', and 'second' behind it takes 'V'"):
         rde.Scene(FOUR_R, (MOTOR, type("Second", (e.DCMotor,), {"key": "second"})(R, L, K)))
-
-
-@pytest.mark.long
-def test_limits_behind_a_motor_keep_the_tolerance_with_few_evaluations():
-    """As kinks that are watched they take 3400 evaluations of such intervals."""
-    rng = np.random.default_rng(1)
-    scene = rde.Scene(
-        FOUR_R, (e.Gravity(), MOTOR, e.EffortLimits((8.0, 6.0, 4.0, 2.0)), e.ViscousFriction(0.2)),
-        tolerance=1e-6,
-    )  # fmt: skip
-    state = rng.uniform(-1.5, 1.5, (256, 4)), rng.normal(size=(256, 4)), rng.uniform(-24.0, 24.0, (256, 4))
-    found, status = advanced(scene, *state, intervals=3)
-    exact, sure = advanced(
-        dataclasses.replace(scene, integrator="dop853", tolerance=None), *state, intervals=3
-    )
-    assert not status.numerics.any()
-    assert not sure.numerics.any()
-    apart = FOUR_R.forward_kinematics(found.q) - FOUR_R.forward_kinematics(exact.q)
-    assert np.linalg.norm(apart, axis=1).max() < 3e-6
-    assert status.evaluations.mean() < 300.0
 
 
 # ---- curves, zones, play ---------------------------------------------------------------------------------
