@@ -40,22 +40,6 @@ def test_a_tendon_pulls_a_mass_and_lets_it_fly(steps, bound):
     assert (motion.potential_energy[-5:] == 0.0).all()
 
 
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
-def test_antagonists_are_a_spring_between_their_joints(arm):
-    """Twice the stiffness, while neither is slack; three joints share it by their moment arms."""
-    joints, arms = arm.joints[1:], np.array((0.05, -0.02, 0.03))
-    pair = [
-        e.Tendon(joints, tuple(side * arms), 400.0, 50.0, name) for name, side in (("a", 1.0), ("b", -1.0))
-    ]
-    rng = np.random.default_rng(0)
-    q, qd = 0.3 * rng.normal(size=(32, 4)), rng.normal(size=(32, 4))
-    found, _ = advanced(rde.Scene(arm, pair, "euler", 1e-3), q, qd)
-    longer = (q @ arm.motor_map)[:, 1:] @ arms
-    torques = np.concatenate([np.zeros((32, 1)), -2.0 * 400.0 * longer[:, None] * arms], axis=1)
-    expected = arm.forward_dynamics(q, qd, torques @ arm.motor_map.T, g=0.0)
-    assert np.abs((found.qd - qd) / 1e-3 - expected).max() <= 1e-10 * np.abs(expected).max()
-
-
 # ---- links ---------------------------------------------------------------------------------------------
 
 
@@ -127,23 +111,3 @@ def test_a_moving_base_is_felt_as_a_force_on_each_mass(name):
     np.testing.assert_array_equal(
         by_field.potential_energy, potential_energy(rde.Scene(arm, others), by_field.q)
     )
-
-
-class Wind(e.Gravity):
-    """A second field with a potential."""
-
-    key = "wind"
-
-
-def test_constant_fields_of_a_scene_add():
-    arm, q, qd = STARTS["4R"]
-    size = math.hypot(8.0, 2.0)
-    both, one = (
-        rde.simulate(rde.Scene(arm, effects, tolerance=1e-9), q, qd, TIMES)
-        for effects in (
-            (e.Gravity(8.0), Wind(2.0, (1.0, 0.0))), (e.Gravity(size, (2.0 / size, -8.0 / size)),),
-        )
-    )  # fmt: skip
-    np.testing.assert_allclose(both.q, one.q, atol=1e-12)
-    np.testing.assert_allclose(both.potential_energy, one.potential_energy, rtol=1e-13, atol=1e-13)
-    assert (both.work == 0.0).all()

@@ -171,35 +171,9 @@ def scene_of(env_id, *effects):
     return dataclasses.replace(scene, effects=(*scene.effects, *effects)).to_dict()
 
 
-def played(env, steps=12, seed=3):
-    """Observations, rewards and states of some steps of all lanes."""
-    core = env.unwrapped.core
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (steps, 4096, 4)).astype(np.float32)
-    env.reset(seed=seed)
-    found = []
-    for action in actions[:, : core.num_envs]:
-        obs, reward, *_ = env.step(action)
-        found += [obs, reward, core.memory.read(list(core.memory.layout.rows["state"]))]
-    return found
-
-
-ENVS = {"FourRReach-v0": (Shaken(), Hidden()), "RPRPReach-v0": (Shaken(2.0),)}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("env_id", ENVS)
-@pytest.mark.parametrize("mode", ["next_step", "same_step"])
-def test_environments_have_the_same_bits_whatever_their_number_threads_and_autoreset(env_id, mode):
-    given = {"scene": scene_of(env_id, *ENVS[env_id]), "autoreset_mode": mode, "max_episode_steps": 5}
-    many = played(gym.make_vec(f"redundant_envs/{env_id}", 4096, **given, threads=2))
-    for count in (1, 8):
-        some = played(gym.make_vec(f"redundant_envs/{env_id}", count, **given))
-        assert_same_bits(some, [row[:count] for row in many])
-
-
 def test_a_step_that_is_undone_gives_its_draws_back():
     """After a bad action a lane is where it was, and a step from there draws what it would have drawn."""
-    given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"]), "on_bad_action": "terminate"}
+    given = {"scene": scene_of("FourRReach-v0", Shaken(), Hidden()), "on_bad_action": "terminate"}
     env = gym.make_vec("redundant_envs/FourRReach-v0", 3, **given, autoreset_mode="disabled").unwrapped
     env.reset(seed=2)
     env.step(np.zeros((3, 4), np.float32))
@@ -223,26 +197,6 @@ def test_every_episode_draws_anew_and_a_seed_gives_it_again():
         seen.append(env.core.memory.read(names))
     np.testing.assert_array_equal(seen[0], seen[2])
     assert (seen[0] != seen[1]).all()
-
-
-# ---- other evaluators --------------------------------------------------------------------------------------
-
-
-def test_the_differentiable_step_draws_what_compiled_code_draws():
-    torch = pytest.importorskip("torch")
-    batch = begun(SHAKEN["4R 1e-6"], 3)
-    step = rde.torch_step(batch.scene)
-    q, qd, z, draws = map(torch.tensor, (batch.q, batch.qd, batch.z, batch.draws))
-    size = torch.tensor(3.0, dtype=torch.float64, requires_grad=True)
-    q, qd, z, draws = step(q, qd, torch.zeros(4), {"shaken.size": size}, z=z, draws=draws)
-    batch.advance()
-    np.testing.assert_allclose(z.detach(), batch.z, rtol=1e-11, atol=1e-11)
-    (slope,) = torch.autograd.grad(z.sum(), size)
-    assert torch.isfinite(slope)
-    with pytest.raises(ValueError, match=r"missing, and shaken has random numbers; give .*\(BatchSimulator"):
-        step(q, qd, torch.zeros(4), z=z)
-    with pytest.raises(ValueError, match="no effect of the scene draws"):
-        rde.torch_step(rde.Scene(FOUR_R))(q, qd, torch.zeros(4), draws=draws)
 
 
 # ---- what is refused ---------------------------------------------------------------------------------------

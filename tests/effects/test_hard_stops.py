@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from catalogue import EQUAL, advanced, assert_same_bits, by_another_account, tips_after
+from catalogue import EQUAL, advanced, assert_same_bits, by_another_account
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -79,28 +79,6 @@ def with_sliders(rng, at, speed, spread=1.0):
     q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(0.0, spread, (len(at), 4))
     q[:, 1::2], qd[:, 1::2] = at, speed
     return q, qd
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("restitution", "smallest"), [(0.0, -18.0), (0.5, -13.0)])
-def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, smallest):
-    """Of sliders from digits, or from picometres, before their stops, where exact steps are sure."""
-    arm, n, rng = rde.RPRP((0.5,) * 4, (0.5, 0.5)), 20_000, np.random.default_rng(0)
-    lower, upper = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])
-    gaps = 10.0 ** rng.uniform(smallest, smallest + 5.0, (n, 2))
-    gaps[::3, 1] = gaps[::3, 0]
-    high, side = at_ends(rng, n, 0.5)
-    speed = side * 10.0 ** rng.uniform(-2.0, 1.7, (n, 2)) * np.where(rng.random((n, 2)) < 0.85, 1.0, -1.0)
-    at = np.clip(np.where(high, upper, lower) - side * gaps, lower, upper)
-    states = with_sliders(rng, at, speed, 4.0)
-    (coarser, _), (finer, _), (found, status) = (
-        tips_after(scene(arm, restitution, tuple(lower), tuple(upper), **how), *states)
-        for how in ({"tolerance": 1e-9}, {"integrator": "dop853"}, {"tolerance": 1e-6})
-    )
-    sure, flagged = np.linalg.norm(coarser - finer, axis=1) <= 1e-7, status.numerics != 0
-    assert sure.mean() > 0.999
-    assert (np.linalg.norm(found - finer, axis=1) <= 1e-6)[sure & ~flagged].all()
-    assert flagged.mean() < 1e-3
 
 
 def slow_leavers():
@@ -179,21 +157,6 @@ def test_simulate_refuses_a_motion_with_too_many_impacts():
         ValueError, match=r"more than 256 impacts \(1024 .*\), or 65536 pieces, in .* at t = 0 s"
     ):
         rde.simulate(scene(gravity=0.0, tolerance=1e-6), *FAST, [0.02, 0.04])
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {"tolerance": 1e-6}], ids=str)
-def test_steps_far_too_long_end_lanes_but_never_hang(kwargs):
-    """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
-    rng, n = np.random.default_rng(0), 768
-    speed = rng.choice([50.0, 1e3, 1e8], (n, 1))
-    q = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(0, 0.3, n)] * 2)
-    qd, efforts = rng.normal(0, speed, (n, 4)), rng.normal(0, 20, (n, 4))
-    batch, status = advanced(scene(restitution=0.5, **kwargs), q, qd, efforts)
-    finite = np.isfinite(np.column_stack([batch.q, batch.qd])).all(axis=1)
-    np.testing.assert_array_equal(finite, status.numerics & rde.Numerics.NON_FINITE == 0)
-    np.testing.assert_array_equal(finite, status.finite)
-    assert (np.abs(batch.q[status.finite][:, [1, 3]] - 0.15) <= 0.15).all()
 
 
 def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():

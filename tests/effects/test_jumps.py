@@ -146,16 +146,6 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
     np.testing.assert_allclose(found.q[1:, 0], expected, atol=1e-13)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse(steps):
-    """A slider between elastic stops that are a micrometre apart has more impacts than are allowed."""
-    effects = e.PrismaticStop((0.0,), (1e-6,), 1.0), Blow(0, 0.0, 20.0)
-    found, status = advanced(rde.Scene(rde.Chain("P", (2.0,)), effects, **steps), [[5e-7]], [[0.0]])
-    assert status.numerics.any()
-    assert (found.q.tolist(), found.qd.tolist(), found.z.tolist()) == ([[5e-7]], [[0.0]], [[1.0]])
-
-
 # ---- masses that come and go ---------------------------------------------------------------------------
 
 

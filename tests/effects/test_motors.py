@@ -1,7 +1,5 @@
 """Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
 
-import itertools
-
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
@@ -116,26 +114,6 @@ def test_a_motor_brakes_with_its_stall_effort_and_passes_what_is_below_its_line(
     ):  # fmt: skip
         batch = moved(effects, command, rate, integrator="euler", control_dt=1e-3)
         assert (batch.qd[0, 0] - rate) / 1e-3 * INERTIA == pytest.approx(effort, abs=1e-9)
-
-
-@pytest.mark.long
-def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and_the_stall_effort():
-    """A force turns it, so that it drives, brakes, and is faster than its free speed."""
-    cases = itertools.product((0.0, 4.0, 8.0, 8.0 + 1e-9, 20.0), (-14.0, -2.0, 0.0, 2.0, 9.0), (-80.0, 80.0))
-    commands, rates, torques = np.array(list(cases)).T
-    for command in (commands, -commands):
-        ends = []
-        for how in ({"tolerance": 1e-8}, {"substeps": 400}):
-            scene = rde.Scene(ONE, (e.JointTorque(step=1.0), e.TorqueSpeed(8.0, 10.0)), **how)
-            batch = rde.BatchSimulator(scene, len(rates))
-            batch.set_parameters({"joint_torque.step[0]": torques})
-            batch.set_state(np.zeros((len(rates), 1)), rates[:, None])
-            for _ in range(10):
-                status = batch.advance(command[:, None])
-                assert not status.numerics.any()
-                assert status.evaluations.max() < 400 or how != {"tolerance": 1e-8}
-            ends.append(batch.qd)
-        assert np.allclose(*ends, rtol=0.0, atol=1e-6)
 
 
 def test_a_dead_zone_takes_its_width_from_commands():

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, advanced, tips_after
+from catalogue import FOUR_R, RPRP, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -79,18 +79,6 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
 
 
 # ---- what it costs --------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
-    """It settles to rounding; no noise switches it from one law to the other and back."""
-    friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
-    made, down = scene(RPRP, friction, *springs(RPRP, 5e3), tolerance=1e-6), -math.pi / 2
-    q = [[down, 0.2, down, 0.2], [down, 0.3, down, 0.3], [-down, 0.0, -down, 0.0]]
-    batch, status = advanced(made, q, np.zeros(4), intervals=1000)
-    assert (status.numerics == 0).all()
-    assert (status.evaluations <= 48).all()
-    assert batch.q[0, 1] == pytest.approx(0.3 + 3.0 * 9.81 / 5e3, abs=1e-9)
 
 
 def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():

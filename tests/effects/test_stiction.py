@@ -143,20 +143,6 @@ def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):
     assert batch.qd[0].any()
 
 
-@pytest.mark.long
-def test_rounding_of_large_forces_neither_holds_nor_tears_loose_a_joint_in_turn():
-    """The last joint balances near its limit, which is a ten-thousandth of the load."""
-    level, rng, n = 1e-4, np.random.default_rng(2), 512
-    made = rde.Scene(FOUR_R, (e.Gravity(), e.CoulombFriction(level), e.Lag(0.05)), tolerance=1e-9)
-    q = rng.uniform(-1.0, 1.0, (n, 4))
-    held = FOUR_R.gravity_forces(q) @ np.linalg.inv(FOUR_R.motor_map).T
-    batch, _ = advanced(made, q, 0.0 * q, held, {"coulomb_friction.level": HELD}, intervals=150)
-    batch.set_parameters({"coulomb_friction.level": level})
-    for _ in range(8):
-        status = batch.advance(held + rng.uniform(-3.0, 3.0, (n, 1)) * (0.0, 0.0, 0.0, level))
-        assert not status.numerics.any()
-
-
 # ---- one joint, whose motion is known -----------------------------------------------------------------
 
 INERTIA = 0.5 * 0.25**2
@@ -283,13 +269,6 @@ def test_friction_that_exceeds_the_push_ends_a_bounce_where_it_is(rate):
     assert batch.qd[0, 0] == 0.0
 
 
-def test_an_elastic_slider_with_friction_comes_to_rest_within_the_impacts_of_an_interval():
-    """From 1e-7 m it would bounce hundreds of times until its bounces are lost in rounding."""
-    batch, status = advanced(alone(1.0, 0.05), [0.3 - 1e-7], [0.0], [3.0], intervals=10)
-    assert not status.numerics.any()
-    assert (batch.q[0, 0], batch.qd[0, 0]) == (0.3, 0.0)
-
-
 @pytest.mark.parametrize(("tolerance", "bounces"), [(1e-6, False), (1e-9, True)])
 def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bounces):
     """A slider of 1 kg leaves its stop to a height of 1e-10 m, is back after 9 us, and is seen after 12."""
@@ -326,25 +305,6 @@ def test_how_late_a_rest_is_found_costs_no_accuracy():
     batch, _ = advanced(made, q, qd, efforts)
     tip = (-2.066342308202145, -9.607815077491992)
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.long
-def test_many_turns_in_an_interval_keep_its_tolerance():
-    """An elastic slider at its stop bounces 25 times, and each turn is found a little late: with a millionth
-    of the step for each, the tip was off by 2.3 tolerances."""
-    change = {
-        "masses": (0.69920851, 0.33612694, 0.73525264, 0.31453977), "lengths": (0.32852193, 0.28218189),
-        "coulomb_friction.level": (2.02688593, 0.01797826, 0.02962466, 0.62351981),
-        "prismatic_stop.restitution": 1.0, "prismatic_stop.upper": (0.25, 0.25),
-    }  # fmt: skip
-    q = joints_at(RPRP, (1.71024203, 0.24997825, 1.03931679, 0.0))
-    efforts, ends = (-3.99983506, 9.99523802, 3.99960581, -9.99959417), []
-    for how in ({"tolerance": 1e-6}, {"integrator": "dop853"}):
-        made = rde.Scene(RPRP, (e.Gravity(), e.CoulombFriction(1.0), stops(RPRP)), **how)
-        batch, status = advanced(made, q, 0.0 * q, efforts, change)
-        assert status.events[0] == 25
-        ends.append(batch.q)
-    assert np.abs(ends[0] - ends[1]).max() < 0.5e-6
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import redundant_envs as rde
 from redundant_envs.effects import Effect, Force, Gravity, LimitSpring
 from redundant_envs.language.algebra import exp, physics, sincos, where
 from redundant_envs.model.energy import potential_energy
-from redundant_envs.model.programs import batch_simulator
 
 Q0, QD0 = np.array([-1.2, 0.4, -0.4, 0.9]), np.array([0.5, -0.6, 0.9, 0.8])
 PHI2 = Q0[1] - Q0[0]
@@ -186,12 +185,3 @@ W = pushing("W", h=0.7, count=0.2, j=(0.1, 0.3))
 def test_parameters_that_read_like_others_are_rows_of_their_own(effect):
     beside, pushes = (Gravity(), LimitSpring("joint1", -2.0, 1.9)), tuple(effect.parameters().values())
     np.testing.assert_array_equal(end_of(*beside, effect), end_of(*beside, pushing("Plain", a=pushes)))
-
-
-def test_scenes_that_differ_in_names_only_are_one_program():
-    """Names of functions, classes and parameters do not change results."""
-    effects = pushing("Plain", a=(0.7, 0.2)), TIP, pushing("Other", a=(0.1, 0.9)), W
-    scenes = [rde.Scene(ARM, (effect,)) for effect in effects]
-    *alike, last = (batch_simulator(scene, False).key() for scene in scenes)
-    assert len({*alike}) == 1
-    assert last not in alike
