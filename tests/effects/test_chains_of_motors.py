@@ -3,9 +3,8 @@
 import dataclasses
 import itertools
 
-import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, advanced
+from catalogue import ARMS, FOUR_R
 
 import redundant_envs as rde
 from redundant_envs.control.computed_torque import ComputedTorque
@@ -75,17 +74,6 @@ def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
 def test_a_chain_whose_units_do_not_meet_is_refused(effects, said):
     with pytest.raises(ValueError, match=said):
         rde.Scene(FOUR_R, effects)
-
-
-def test_links_act_in_the_order_of_their_kinds():
-    kinds = "DELAY CONTROL DEAD_ZONE LAG TORQUE_SPEED LIMITS GEAR"
-    assert [link.name for link in Link] == kinds.split()
-    start, commands = (np.zeros((1, 4)), np.zeros((1, 4))), np.full((1, 4), 30.0)
-    limited, same = (
-        advanced(rde.Scene(FOUR_R, effects, "rk4"), *start, efforts)[0].qd
-        for effects, efforts in (((LIMITS, MOTOR, SERVO), commands), ((), np.full((1, 4), 0.125 * 30.0)))
-    )
-    assert np.array_equal(limited, same)
 
 
 def test_the_action_has_the_unit_of_the_earlier_link_in_any_order_of_the_effects():

@@ -31,31 +31,22 @@ dialled = physics(lambda delay: delay)
 
 @dataclass(frozen=True)
 class Blow(e.Effect):
-    """An impulse at the start of the first interval: (x, y) at a point [N s], or y on a joint [N m s]."""
+    """An impulse at the start of an interval: (x, y) at a point [N s], or y on a joint [N m s]."""
 
     place: int | e.Point
     x: float
     y: float
+    later: bool = False  # in the second interval, not in the first
 
-    static = ("place",)
+    static = ("place", "later")
 
     def hooks(self, arm):
-        state = e.State("ready", "1", update=once, bind={"ready": ".ready"}, initial=1.0)
+        update, initial = (in_turn, 0.0) if self.later else (once, 1.0)
+        state = e.State("ready", "1", update=update, bind={"ready": ".ready"}, initial=initial)
         bind = {"ready": ".ready", "x": ".x", "y": ".y"}
         if isinstance(self.place, e.Point):
             return (e.Impulse(self.place, blow, bind, (state,)),)
         return (e.Impulse(self.place, knock, {n: bind[n] for n in ("ready", "y")}, (state,)),)
-
-
-class LaterBlow(Blow):
-    """The same at the start of the second interval."""
-
-    key = "blow"
-
-    def hooks(self, arm):
-        (hook,) = super().hooks(arm)
-        (state,) = hook.states
-        return (dataclasses.replace(hook, states=(dataclasses.replace(state, update=in_turn, initial=0.0),)),)
 
 
 class BlowInside(Blow):
@@ -135,7 +126,7 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
     effects = (
         e.Gravity(2.0, (-1.0, 0.0)),
         e.PrismaticStop((0.0,), (1.0,), restitution),
-        LaterBlow(0, 0.0, 0.0),
+        Blow(0, 0.0, 0.0, later=True),
     )
     scene = rde.Scene(rde.Chain("P", (2.0,)), effects, control_dt=0.1, **steps)
     change = {"blow.y": [0.0, 0.6, -0.6]}

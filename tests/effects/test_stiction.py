@@ -305,38 +305,3 @@ def test_how_late_a_rest_is_found_costs_no_accuracy():
     batch, _ = advanced(made, q, qd, efforts)
     tip = (-2.066342308202145, -9.607815077491992)
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)
-
-
-@dataclass(frozen=True)
-class Wall(Effect):
-    """A wall to the right of the tip."""
-
-    place: float
-    restitution: float
-
-    def hooks(self, arm):
-        gap = physics(lambda tip_x, place: place - tip_x)
-        return (e.Gap(gap, ".restitution", {"place": ".place"}),)
-
-
-@pytest.mark.long
-def test_stops_walls_and_friction_go_together_and_the_energy_book_closes():
-    """Fine steps without error control and dop853 agree."""
-    rng, ends = np.random.default_rng(3), []
-    q = rng.uniform(-3.0, 3.0, (400, 4))
-    q[:, [1, 3]] = rng.choice([0.0, 0.3, 0.1, 0.2], (400, 2))
-    q = q[RPRP.forward_kinematics(q)[:, 0] < 0.25][:48]
-    qd, efforts = rng.choice([0.0, 0.0, 1.0, -1.0], q.shape), rng.uniform(-5.0, 5.0, (5, *q.shape))
-    friction = e.CoulombFriction((0.6, 0.5, 0.4, 0.3))
-    for how in ({"integrator": "dop853"}, {"substeps": 32}):
-        made = rde.Scene(RPRP, (e.Gravity(), friction, stops(RPRP, 0.4), Wall(0.3, 0.4)), **how)
-        batch, _ = advanced(made, q, qd, intervals=0, track_work=True)
-        begun, impacts = energy(batch), 0
-        for effort in efforts:
-            status = batch.advance(effort)
-            impacts += status.events.sum()
-            assert not status.numerics.any()
-        assert impacts > 20
-        assert np.abs(energy(batch) - begun - batch.work).max() < 1e-11 * np.abs(begun).max()
-        ends.append(RPRP.forward_kinematics(batch.q))
-    assert np.abs(ends[0] - ends[1]).max() < 1e-10
