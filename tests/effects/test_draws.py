@@ -11,7 +11,7 @@ from catalogue import FOUR_R, RPRP, assert_same_bits
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
-from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, normals, stream_of
+from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, stream_of
 from redundant_envs.verify import bits, evaluators, verify
 from redundant_envs.verify.checks import checks_of
 
@@ -113,13 +113,6 @@ def test_the_moments_of_ten_million_draws(kind):
         assert abs(product.mean()) < SIGMAS * (exact[1] - exact[0] ** 2) / np.sqrt(product.size)
 
 
-def test_normal_draws_reach_as_far_as_their_words_allow():
-    ends = normals(np.array([0.5, 2.0**32 - 0.5]) / 2**32, np.array([0.5, 0.5]) / 2**32)
-    np.testing.assert_allclose(
-        np.hypot(*ends), [np.sqrt(66.0 * np.log(2.0)), np.sqrt(-2.0 * np.log1p(-(2.0**-33)))]
-    )
-
-
 # ---- what they depend on -----------------------------------------------------------------------------------
 
 
@@ -155,6 +148,19 @@ def test_trajectories_have_draws_from_their_seed():
 def test_seeds_are_whole_numbers(seed):
     with pytest.raises(ValueError, match=r"seed is .* give a whole number from 0 to 2"):
         rde.BatchSimulator(SHAKEN["4R rk8"], seed=seed)
+
+
+@pytest.mark.long
+def test_draws_are_asked_for_where_there_are_some_and_refused_where_there_are_none():
+    torch, step = pytest.importorskip("torch"), rde.torch_step(SHAKEN["4R rk8"])
+    state = torch.zeros(3, 4)
+    with pytest.raises(ValueError, match=r"missing, and shaken has random numbers; give .*\(BatchSimulator"):
+        step(state, state, torch.zeros(4), z=state)
+    plain = rde.Scene(FOUR_R)
+    with pytest.raises(ValueError, match="no effect of the scene draws"):
+        rde.torch_step(plain)(state, state, torch.zeros(4), draws=torch.zeros(3, 5))
+    with pytest.raises(ValueError, match="no effect of the scene draws"):
+        rde.BatchSimulator(plain, 3).set_draws(np.zeros(5))
 
 
 @pytest.mark.long

@@ -54,16 +54,6 @@ def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffn
         assert rate == pytest.approx(0.0, abs=1e-9)
 
 
-@METHODS
-def test_teeth_without_damping_lose_no_energy_in_impacts_to_and_fro(how):
-    inertia, u = 0.5, 1.0
-    for intervals in (10, 60):
-        angle, speed, joint, rate = motor(GEAR, u, intervals, rde.Chain("R", (inertia,), (1.0,)), **how)
-        depth = max(abs(angle - joint) - 0.5 * GAP, 0.0)
-        energy = 0.5 * (inertia * rate**2 + J * speed**2 + K * depth**2)
-        assert energy == pytest.approx(u * angle, rel=1e-6)
-
-
 def test_teeth_never_pull_however_fast_they_part():
     for lead, closing, torque in (
         (0.1, 1.0, 120.0),

@@ -281,17 +281,6 @@ def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bou
 # ---- whole arms ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
-def test_events_of_friction_take_few_evaluations():
-    """With limits of 5 % of the motors' efforts; smooth friction takes hundreds of times as many."""
-    limits, rng = np.array((20.0, 12.0, 8.0, 4.0)), np.random.default_rng(9)
-    effects = e.Gravity(), e.ViscousFriction(0.2), e.CoulombFriction(tuple(0.05 * limits))
-    made = rde.Scene(single().robot, effects, tolerance=1e-6)
-    batch, _ = advanced(made, rng.uniform(-1.5, 1.5, (512, 4)), np.zeros((512, 4)), intervals=0)
-    counts = [batch.advance(rng.uniform(-1.0, 1.0, (512, 4)) * limits).evaluations.mean() for _ in range(12)]
-    assert np.mean(counts[4:]) <= 90.0
-
-
 def test_how_late_a_rest_is_found_costs_no_accuracy():
     """A slider far out has a friction of 18 N: until its rest was found, the arm was pushed as if it slid.
     Another program found the tip."""
