@@ -11,28 +11,23 @@ from redundant_envs import effects as e
 from redundant_envs.effects.command_delay import rest, whole_intervals
 
 DT = 0.02
-STEPS = {
-    "rk8": {"integrator": "rk8"},
-    "1e-6": {"tolerance": 1e-6},
-    "dop853": {"integrator": "dop853"},
-}
+STEPS = {"rk8": {"integrator": "rk8"}, "1e-6": {"tolerance": 1e-6}, "dop853": {"integrator": "dop853"}}
 FRACTIONS = {0.013: (0, 0.013), 0.02: (1, 0.0), 0.033: (1, 0.033 - DT), 0.06: (3, 0.0)}
 """Delays, s: whole intervals, and the rest."""
 
 
-def pair(arm, seconds, lanes=12, dt=DT, **steps):
+def pair(arm, seconds, lanes=12, **steps):
     """A simulator with a delay, one without, and commands of some intervals."""
     own = (e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5),) if arm is RPRP else ()
-    bare = rde.Scene(arm, (e.Gravity(), *own), control_dt=dt, **steps)
+    bare = rde.Scene(arm, (e.Gravity(), *own), control_dt=DT, **steps)
     delayed = dataclasses.replace(bare, effects=(e.CommandDelay(seconds, 0.1), *bare.effects))
     rng = np.random.default_rng(5)
-    count = len(arm.joints)
-    q, qd = rng.uniform(-1.0, 1.0, (lanes, count)), rng.normal(size=(lanes, count))
+    q, qd = rng.uniform(-1.0, 1.0, (lanes, 4)), rng.normal(size=(lanes, 4))
     q[:, np.array(arm.prismatic)] *= 0.1
     made = [rde.BatchSimulator(scene, lanes) for scene in (delayed, bare)]
     for batch in made:
         batch.set_state(q, qd)
-    return (*made, rng.uniform(-4.0, 4.0, (7, lanes, count)))
+    return (*made, rng.uniform(-4.0, 4.0, (7, lanes, 4)))
 
 
 @pytest.mark.quick("0.02-4R-rk8")

@@ -74,9 +74,9 @@ def at_ends(rng, n, share):
     return upper, np.where(upper, 1.0, -1.0)
 
 
-def with_sliders(rng, at, speed, spread=1.0):
+def with_sliders(rng, at, speed):
     """q and qd, (n, 4), with sliders somewhere at a speed."""
-    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(0.0, spread, (len(at), 4))
+    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(size=(len(at), 4))
     q[:, 1::2], qd[:, 1::2] = at, speed
     return q, qd
 
@@ -94,7 +94,7 @@ def slow_leavers():
 
 
 def pressed():
-    """Such states of two sliders and efforts, (100, 4) each: one stands at a stop, the other may strike one."""
+    """The same, (100, 4) each, of sliders one of which stands at a stop, and the other may strike one."""
     rng, n = np.random.default_rng(3), 100
     upper, side = at_ends(rng, n, 0.5)
     stands = rng.random((n, 2)) < 0.5
