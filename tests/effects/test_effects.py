@@ -1,16 +1,16 @@
-"""Effects of the package and of a user in motions: accelerations, potentials, and what is booked as work."""
+"""Effects of the package and of a user follow their equations: forces, limits of efforts, and gravity."""
 
 import math
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, SoftJoint, StiffeningSpring, advanced
+from catalogue import FOUR_R, RPRP, StiffeningSpring, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
 from redundant_envs.language.limits import side_beyond
-from redundant_envs.model.energy import kinetic_energy, potential_energy
+from redundant_envs.model.energy import potential_energy
 
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
@@ -148,19 +148,3 @@ def test_limit_spring_is_one_sided_and_continuous():
     for rate, force in ((0.0, -40.0), (10.0, -47.0), (-10.0, -33.0), (-1000.0, 0.0)):
         assert spring_force(0.4, rate) == pytest.approx(force, rel=1e-14)
         assert spring_force(-0.3, -rate) == pytest.approx(-force, rel=1e-14)
-
-
-# ---- what counts as potential energy, and what as work --------------------------------------------------
-
-
-@pytest.mark.quick("(SoftJoint(k=8.0, c=8.0),)")
-@pytest.mark.parametrize(
-    "effects", [(SoftJoint(8.0, 8.0),), (e.Gravity(9.81), StiffeningSpring(8.0))], ids=str
-)
-def test_a_force_is_booked_as_potential_as_far_as_it_is_conservative(effects):
-    """The rest counts as work: a force that is entirely the slope of its potential does no work at all."""
-    scene = rde.Scene(FOUR_R, effects, tolerance=1e-9)
-    motion = rde.simulate(scene, Q0, QD0, np.linspace(0.0, 1.0, 21)[1:])
-    start = kinetic_energy(scene, Q0, QD0) + potential_energy(scene, Q0)
-    assert np.abs(motion.kinetic_energy + motion.potential_energy - motion.work - start).max() < 1e-8
-    assert (motion.work < -0.1).all() if len(effects) == 1 else (motion.work == 0.0).all()
