@@ -1,6 +1,8 @@
-"""Functions of users that are allowed act as their code says, also when they are defined again."""
+"""Functions of users that are allowed act as their code says, also when they are defined again, and what a
+message says to write instead of a function of Python or NumPy is the same function."""
 
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from catalogue import advanced
 from one_force import ARM, with_force
 
 import redundant_envs as rde
-from redundant_envs.language.algebra import exp, physics, sincos, where
+from redundant_envs.compiler import dialect
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import PRIMITIVES, exp, physics, sincos, where
 
 Q0, QD0 = np.array([-1.2, 0.4, -0.4, 0.9]), np.array([0.5, -0.6, 0.9, 0.8])
 PHI2 = Q0[1] - Q0[0]
@@ -103,3 +107,30 @@ def test_a_function_whose_code_is_replaced_is_the_new_one(made, replace, monkeyp
     ):  # fmt: skip
         replace(shape, new, method)
         assert acts_as(shape, force, bind)
+
+
+# ---- what is written instead of functions that are called by habit ---------------------------------
+
+NAMES = {name: getattr(algebra, name) for name in (*PRIMITIVES, "clamp", "squash", "sincos", "logical_not")}
+INSTEAD = {
+    "tanh": np.tanh, "sinh": np.sinh, "cosh": np.cosh, "sign": np.sign,
+    "ceil": np.ceil, "int": np.trunc, "square": np.square, "radians": np.radians, "degrees": np.degrees,
+    "reciprocal": np.reciprocal, "negative": np.negative, "heaviside": lambda x: np.heaviside(x, 1.0),
+    "round": lambda x: np.floor(x + 0.5), "fabs": np.abs,
+    "mod": np.mod, "hypot": np.hypot, "max": np.maximum, "min": np.minimum,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", INSTEAD)
+def test_what_is_written_instead_is_the_same_function(name):
+    written = re.match(r"write (.*?)(, (or|which) .*| with .*)?$", dialect._INSTEAD[name])[1]
+    names = [n for n in "abxy" if re.search(rf"\b{n}\b", written)]
+    function = physics(eval(f"lambda {', '.join(names)}: {written}", {**NAMES, "__name__": "prompt"}))
+    dialect.check(function)
+    values = (
+        np.array([-3.7, -1.0, -0.4, 0.3, 0.5, 2.0, 6.2]),
+        np.array([2.0, -0.7, -0.4, 3.0, 1.0, 2.0, -5.0]),
+    )
+    given = values[: len(names)]
+    np.testing.assert_allclose(function(*given), INSTEAD[name](*given), rtol=1e-13, atol=1e-15)
+    assert isinstance(function(*(0.3, 0.7)[: len(names)]), float)
