@@ -111,7 +111,6 @@ def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
     tips = [arm.forward_kinematics(batch.q) for batch in (found, exact, free)]
     assert np.linalg.norm(tips[0] - tips[1], axis=1).max() < 1e-6
     assert (np.linalg.norm(tips[0] - tips[2], axis=1) > 1e-4).sum() > 20
-    assert status.evaluations.mean() <= 150.0
 
 
 def test_a_link_that_begins_to_slide_the_other_way_is_watched():
