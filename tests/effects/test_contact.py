@@ -15,7 +15,7 @@ SLIDER = rde.Chain("P", (2.0,))
 FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
 WALL = e.HalfPlane((1.0, 0.0), (-1.0, 0.0), 5e3, 0.3)
 BALL = e.Disc((1.5, 0.0), 0.5, 5e3, 0.3)
-LIMITS = (20.0, 12.0, 8.0, 4.0)
+
 WITH = pytest.mark.parametrize("obstacle", [WALL, BALL], ids=["half-plane", "disc"])
 
 
@@ -56,9 +56,8 @@ def test_a_point_that_is_torn_away_is_never_pulled():
     assert batch.qd[0, 0] == pytest.approx(-1.0 - 200.0 * 0.01, rel=1e-12)
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.4])
-def test_friction_is_at_most_mu_times_the_normal_force(mu):
-    rng = np.random.default_rng(1)
+def test_friction_is_at_most_mu_times_the_normal_force():
+    rng, mu = np.random.default_rng(1), 0.4
     for x, y, vx, vy in rng.normal(0.0, 0.3, (100, 4)):
         fx, fy = disc.at_tip(x, y, vx, vy, 0.0, 0.0, 2.0, 1e3, 0.1, mu, 0.05, 1.0, 1.0)
         r = np.hypot(x, y)
@@ -89,44 +88,6 @@ def test_the_shares_of_both_ends_are_the_force_at_the_point_of_contact():
     assert found > 50
 
 
-def near(arm, obstacle, lanes, seed=0):
-    """Random states of an arm whose tip or joints are near the obstacle, outside, with efforts."""
-    rng = np.random.default_rng(seed)
-    q, places = rng.uniform(-1.5, 1.5, (400 * lanes, 4)), rng.uniform(0.0, 1.0, (400 * lanes, 4))
-    q[:, arm.sliders()] = 0.1 + 0.2 * places[:, arm.sliders()]
-    gaps = gap_of(arm, obstacle, q)
-    q = q[(gaps > 0.0) & (gaps < 0.04)][:lanes]
-    assert len(q) == lanes
-    return q, rng.normal(0.0, 2.0, (lanes, 4)), rng.uniform(-1.0, 1.0, (lanes, 4)) * LIMITS
-
-
-def gap_of(arm, obstacle, q):
-    """Distance of links (or the tip) from an obstacle, by a fine row of points along each link."""
-    points = points_of(arm, q)
-    if not obstacle.along_links:
-        points = points[:, -1:]
-    elif isinstance(obstacle, e.Disc):
-        base = np.concatenate([np.zeros((len(q), 1, 2)), points], axis=1)
-        s = np.linspace(0.0, 1.0, 20)[:, None]
-        points = (base[:, :-1, None] * (1.0 - s) + base[:, 1:, None] * s).reshape(len(q), -1, 2)
-    if isinstance(obstacle, e.Disc):
-        return np.linalg.norm(points - obstacle.centre, axis=2).min(axis=1) - obstacle.radius
-    normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
-    return ((points - obstacle.point) @ normal).min(axis=1)
-
-
-def points_of(arm, q):
-    """Point masses, (count, points, 2), m."""
-    if arm.sliders():
-        (l1, l2), (t1, r1, t2, r2) = arm.lengths, q.T
-        first, second = (np.stack([np.cos(t), np.sin(t)], 1) for t in (t1, t2))
-        elbow = first * (l1 + r1)[:, None]
-        ends = first * l1, elbow, elbow + second * l2, elbow + second * (l2 + r2)[:, None]
-        return np.stack(ends, axis=1)
-    steps = np.stack([np.cos(q), np.sin(q)], 2) * np.array(arm.lengths)[:, None]
-    return np.cumsum(steps, axis=1)
-
-
 OBSTACLES = {
     "disc": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3),
     "disc along links": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3, along_links=True),
@@ -139,16 +100,17 @@ OBSTACLES = {
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 @pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
 def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
-    state = near(arm, obstacle, 64)
-    scene = rde.Scene(arm, (e.Gravity(), obstacle), tolerance=1e-6)
-    found, status = advanced(scene, *state)
-    exact, sure = advanced(dataclasses.replace(scene, tolerance=None, integrator="dop853"), *state)
+    scene, rng = rde.Scene(arm, (obstacle,), tolerance=1e-6), np.random.default_rng(0)
+    turned, slid, qd = rng.uniform((-1.5, 0.1, -2.0), (1.5, 0.3, 2.0), (512, 4, 3)).transpose(2, 0, 1)
+    start = np.where(arm.prismatic, slid, turned), qd
+    found, status = advanced(scene, *start)
+    exact, sure = advanced(dataclasses.replace(scene, tolerance=None, integrator="dop853"), *start)
+    free, _ = advanced(dataclasses.replace(scene, effects=()), *start)
     assert not status.numerics.any()
     assert not sure.numerics.any()
-    apart = arm.forward_kinematics(found.q) - arm.forward_kinematics(exact.q)
-    assert np.linalg.norm(apart, axis=1).max() < 1e-6
-    assert (gap_of(arm, obstacle, found.q) < 0.0).sum() > 5
-    assert np.median(status.evaluations) <= 150.0
+    tips = [arm.forward_kinematics(batch.q) for batch in (found, exact, free)]
+    assert np.linalg.norm(tips[0] - tips[1], axis=1).max() < 1e-6
+    assert (np.linalg.norm(tips[0] - tips[2], axis=1) > 1e-4).sum() > 20
 
 
 def test_a_link_that_begins_to_slide_the_other_way_is_watched():
@@ -165,95 +127,15 @@ def test_a_link_that_begins_to_slide_the_other_way_is_watched():
     np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
-def test_the_energy_book_closes_in_contact(obstacle):
-    q, qd, efforts = near(FOUR_R, obstacle, 64, seed=4)
-    scene = rde.Scene(FOUR_R, (e.Gravity(), obstacle), tolerance=1e-10)
-    found, _ = advanced(scene, q, qd, efforts)
-    k = np.argmin(gap_of(FOUR_R, obstacle, found.q))
-    seen = np.linspace(0.0, 0.2, 21)[1:]
-    motion = rde.simulate(scene, q=q[k], qd=qd[k], times=seen, efforts=efforts[k])
-    assert gap_of(FOUR_R, obstacle, motion.q).min() < 0.0
-    assert motion.relative_error.max() < 1e-8
-
-
-@pytest.mark.long
-def test_the_potential_energy_of_a_half_plane_is_that_of_all_points_in_it():
-    floor = e.HalfPlane((0.0, -0.05), stiffness=200.0, friction=0.3, along_links=True)
-    scene = rde.Scene(FOUR_R, (floor,), tolerance=1e-10)
-    motion = rde.simulate(scene, q=(0.0,) * 4, qd=(-3.0,) * 4, times=[0.02, 0.04, 0.06])
-    depths = np.maximum(-0.05 - points_of(FOUR_R, motion.q)[..., 1], 0.0)
-    assert (depths > 0.0).sum(axis=1).max() == 3
-    expected = 0.5 * floor.stiffness * (depths**2).sum(axis=1)
-    np.testing.assert_allclose(motion.potential_energy, expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.quick("half-plane")
-@WITH
-def test_the_energy_book_closes_where_a_lost_contact_ends(obstacle):
-    """A point leaves faster than 1/c from the start on, at a depth of 20.3 mm: all of k d^2 / 2 is lost. The
-    end is found late, since no force changes there: so intervals are short."""
-    made = dataclasses.replace(obstacle, damping=5.0)
-    scene = rde.Scene(SLIDER, (made,), control_dt=0.001, tolerance=1e-6)
-    motion = rde.simulate(scene, q=[1.0203], qd=[-1.0], times=[0.05])
-    assert motion.qd[0, 0] == pytest.approx(-1.0, rel=1e-12)
-    assert motion.work[0] == pytest.approx(-0.5 * 5e3 * 0.0203**2, rel=1e-6)
-
-
-@pytest.mark.quick("-0.7-0.005-half-plane")
+@pytest.mark.quick("0.005-half-plane")
 @WITH
 @pytest.mark.parametrize("dt", [0.005, 0.05])
-@pytest.mark.parametrize("rate", [-0.7, -1.0, -2.0])
-def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstacle, dt, rate):
-    """So says the page of the disc: k b^2 / 2 is missing from the work, with the way b in that time."""
+def test_a_lost_contact_ends_late_by_less_than_a_hundredth_of_an_interval(obstacle, dt):
+    """From the start on a point leaves faster than 1/c, at a depth of 20.3 mm: all of k d^2 / 2 is lost, but
+    k b^2 / 2 with the way b in the time by which the end is found late."""
     made = dataclasses.replace(obstacle, damping=5.0)
     scene = rde.Scene(SLIDER, (made,), control_dt=dt, tolerance=1e-6)
-    motion = rde.simulate(scene, q=[1.0203], qd=[rate], times=[0.1])
+    motion = rde.simulate(scene, q=[1.0203], qd=[-1.0], times=[0.1])
+    assert motion.qd[0, 0] == pytest.approx(-1.0, rel=1e-12)
     missing = abs(0.5 * 5e3 * 0.0203**2 + motion.work[0])
-    assert np.sqrt(2.0 * missing / 5e3) < 0.01 * dt * abs(rate)
-
-
-@pytest.mark.parametrize(
-    ("make", "told"),
-    [
-        (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm.*smaller radius"),
-        (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is .*covers the base.*opposite normal"),
-        (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is .*no direction"),
-    ],
-)  # fmt: skip
-def test_numbers_that_make_no_sense_are_refused(make, told):
-    with pytest.raises(ValueError, match=told):
-        make()
-
-
-def test_several_obstacles_have_names_of_their_own():
-    one = OBSTACLES["disc"]
-    scene = rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1, name="left")))
-    assert [scene.parameters()[f"disc{name}.radius"] for name in ("", "_left")] == [0.2, 0.1]
-    with pytest.raises(ValueError, match="second 'disc'; give one of them another 'name'"):
-        rde.Scene(FOUR_R, (one, dataclasses.replace(one, radius=0.1)))
-
-
-def test_a_number_of_a_lane_that_covers_the_base_is_refused():
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (OBSTACLES["disc"],)), 2)
-    with pytest.raises(ValueError, match="covers"):
-        batch.set_parameters({"disc.radius": np.array([[0.1], [0.7]])})
-
-
-@pytest.mark.long
-def test_contacts_that_begin_and_end_together_are_found_together():
-    """Two equal discs are one of twice the stiffness, whose guards pass 0 at the same time."""
-    numbers, rng = {"centre": (0.6, 0.1), "radius": 0.25, "damping": 0.1}, np.random.default_rng(1)
-    two = e.Disc(**numbers, stiffness=1e3), e.Disc(**numbers, stiffness=1e3, name="same")
-    one = (e.Disc(**numbers, stiffness=2e3),)
-    q = np.cumsum(rng.uniform(-1.0, 1.0, (256, 4)), axis=1)
-    qd, efforts = rng.normal(size=(256, 4)) * 2.0, rng.uniform(-3.0, 3.0, (256, 4))
-    ends = []
-    for discs in (one, two):
-        scene = rde.Scene(FOUR_R, (e.Gravity(), *discs), tolerance=1e-6)
-        batch, status = advanced(scene, q, qd, efforts, intervals=2)
-        assert not status.numerics.any()
-        assert status.evaluations.max() < 400
-        ends.append(FOUR_R.forward_kinematics(batch.q))
-    assert np.abs(ends[0] - ends[1]).max() < 1e-5
+    assert np.sqrt(2.0 * missing / 5e3) < 0.01 * dt

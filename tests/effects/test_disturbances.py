@@ -1,10 +1,8 @@
 """Forces that nobody controls: their laws, their statistics, and what they are booked as."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, advanced
+from catalogue import FOUR_R, RPRP
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -15,7 +13,7 @@ MASS = 2.0
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
-PERIOD = {"amplitude": (3.0, -2.0), "frequency": 5.0, "phase": (0.4, 1.1)}
+
 SIGMAS = 4.0
 """Standard errors by which a moment may differ."""
 
@@ -32,30 +30,10 @@ def pushed(effect, intervals, control_dt=0.02, count=1, **kwargs):
 # ---- steps and periodic forces ---------------------------------------------------------------------------
 
 
-@EVERY
-def test_a_motion_begins_with_the_accelerations_of_the_forces(robot):
-    tip, joints = (3.0, -2.0), (0.5, -0.2, 0.3, 0.1)
-    scene = rde.Scene(robot, (e.TipForce(step=tip), e.JointTorque(step=joints)), "euler", control_dt=1e-3)
-    batch, _ = advanced(scene, Q0, QD0)
-    forces = robot.jacobian(Q0).T @ tip + robot.motor_map @ joints
-    qdd = robot.forward_dynamics(Q0, QD0, forces, 0.0)
-    assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
-    phases = (0.3, 0.9, -0.4, 1.0)
-    effects = e.TipForce(**PERIOD), e.JointTorque(amplitude=joints, frequency=3.0, phase=phases)
-    batch, _ = advanced(rde.Scene(robot, effects, "euler", control_dt=1e-3), Q0, QD0)
-    tip = np.array(PERIOD["amplitude"]) * np.sin(PERIOD["phase"])
-    forces = robot.jacobian(Q0).T @ tip + robot.motor_map @ (np.array(joints) * np.sin(phases))
-    qdd = robot.forward_dynamics(Q0, QD0, forces, 0.0)
-    assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
-
-
 @pytest.mark.parametrize(
     ("start", "control_dt", "first"),
-    [
-        (None, 0.02, 0), (0.0, 0.02, 0), (0.1, 0.02, 5), (0.09, 0.02, 5), (0.11, 0.02, 6), (0.3, 0.1, 3),
-        (0.7, 0.1, 7), (1e-6, 0.02, 1), (5.7, 0.1, 57),
-    ],
-)  # fmt: skip
+    [(None, 0.02, 0), (0.1, 0.02, 5), (0.09, 0.02, 5), (0.3, 0.1, 3), (1e-6, 0.02, 1)],
+)
 def test_a_step_begins_with_the_first_interval_that_begins_then_or_later(start, control_dt, first):
     batch = pushed(e.JointTorque(step=6.0, start=start), first, control_dt)
     assert (batch.qd == 0.0).all()
@@ -103,7 +81,7 @@ LANES = 200_000
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("control_dt", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("control_dt", [0.005, 0.1])
 def test_white_noise_does_not_depend_on_the_interval(control_dt):
     """The velocity of a free mass has the variance density^2 t / m^2, whatever the interval."""
     density, time = 1.5, 0.4
@@ -132,145 +110,14 @@ def test_an_ornstein_uhlenbeck_force_in_ten_million_draws(deviation, time_consta
     effect = e.JointTorque(deviation=deviation, time_constant=time_constant)
     lanes, steps, decay = 50_000, 200, np.exp(-control_dt / time_constant)
     batch = pushed(effect, 0, control_dt, lanes, integrator="euler")
-    before = start = batch.z[:, 0]
-    sums, count = np.zeros(4), 0
-    for step in range(1, steps + 1):
+    before, sums = batch.z[:, 0], np.zeros(4)
+    for _ in range(steps):
         batch.advance()
         now = batch.z[:, 0]
         drawn = (now - before * decay) / (deviation * np.sqrt(1.0 - decay * decay))
-        sums, count, before = sums + [(drawn**k).sum() for k in (1, 2, 3, 4)], count + drawn.size, now
-        if step in (1, 5, 50, steps):
-            assert now.mean() == pytest.approx(0.0, abs=SIGMAS * deviation / np.sqrt(lanes))
-            assert now.var() / deviation**2 == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / lanes))
-            together = np.mean(start * now) / deviation**2
-            assert together == pytest.approx(decay**step, abs=SIGMAS * np.sqrt(2.0 / lanes))
-    assert count == 10_000_000
+        sums, before = sums + [(drawn**k).sum() for k in (1, 2, 3, 4)], now
+        assert now.var() / deviation**2 == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / lanes))
+    count = steps * lanes
     for k, (exact, square) in enumerate(((0.0, 1.0), (1.0, 3.0), (0.0, 15.0), (3.0, 105.0))):
         error = np.sqrt((square - exact**2) / count)
         assert sums[k] / count == pytest.approx(exact, abs=SIGMAS * error), k + 1
-
-
-def test_a_wandering_force_at_the_tip_starts_as_it_goes_on():
-    scene = rde.Scene(RPRP, (e.TipForce(deviation=(2.0, 0.0), time_constant=0.1),))
-    z = rde.BatchSimulator(scene, LANES).z
-    assert z[:, 0].std() == pytest.approx(2.0, rel=SIGMAS / np.sqrt(2.0 * LANES))
-    assert (z[:, 1] == 0.0).all()
-
-
-# ---- together --------------------------------------------------------------------------------------------
-
-ALL = (
-    e.TipForce(step=(1.0, -2.0), start=0.05, **PERIOD, density=0.2, deviation=3.0, time_constant=0.1),
-    e.JointTorque(
-        step=0.5, start=0.1, amplitude=0.5, frequency=3.0, density=0.05, deviation=0.5, time_constant=1.0
-    ),
-)  # fmt: skip
-METHODS = (
-    {"integrator": "rk4", "substeps": 200}, {"substeps": 10}, {"tolerance": 1e-10}, {"integrator": "dop853"},
-)  # fmt: skip
-
-
-@pytest.mark.long
-@EVERY
-def test_their_work_closes_the_energy_book(robot):
-    scene = rde.Scene(robot, (e.Gravity(), *ALL), tolerance=1e-10)
-    motion = rde.simulate(scene, Q0, QD0, np.linspace(0.0, 1.0, 11))
-    assert motion.drift < 1e-8
-    assert np.abs(motion.work).max() > 1.0
-
-
-@pytest.mark.long
-@EVERY
-def test_methods_agree(robot):
-    ends = []
-    for how in METHODS:
-        batch, _ = advanced(rde.Scene(robot, (e.Gravity(), *ALL), **how), Q0, QD0, intervals=20)
-        ends.append(np.concatenate([batch.q, batch.qd], axis=1))
-    for end in ends[:-1]:
-        np.testing.assert_allclose(end, ends[-1], rtol=1e-7, atol=1e-7)
-
-
-@pytest.mark.long
-@EVERY
-def test_a_disturbance_does_not_change_the_draws_of_another(robot):
-    one, both = (rde.BatchSimulator(rde.Scene(robot, x), 5) for x in (ALL[1:], ALL))
-    names = [n for n in one.scene.states() if "angle" not in n]
-    columns = [[*both.scene.states()].index(n) for n in names]
-    own = [[*one.scene.states()].index(n) for n in names]
-    for _ in range(4):
-        np.testing.assert_array_equal(both.z[:, columns], one.z[:, own])
-        one.advance(), both.advance()
-
-
-def test_lanes_have_numbers_of_their_own():
-    scene = rde.Scene(CART, (e.JointTorque(step=1.0, start=0.0, deviation=1.0, time_constant=0.1),))
-    batch = rde.BatchSimulator(scene, 3)
-    batch.set_parameters({"joint_torque.step": [1.0, 2.0, 3.0], "joint_torque.deviation": 0.0})
-    batch.set_state(np.zeros((3, 1)), np.zeros((3, 1)))
-    batch.advance()
-    np.testing.assert_allclose(batch.qd[:, 0], 0.02 / MASS * np.array([1.0, 2.0, 3.0]), rtol=1e-13)
-    with pytest.raises(ValueError, match=r"JointTorque.time_constant is -1.0; it must lie in"):
-        batch.set_parameters({"joint_torque.time_constant": -1.0})
-
-
-def test_what_is_absent_has_no_memory_and_no_operation():
-    """Each part is what it is alone."""
-    parts = ({"step": (1.0, 2.0)}, {**PERIOD}, {"density": 1.0}, {"deviation": 1.0, "time_constant": 1.0})
-    for given in parts:
-        scene = rde.Scene(FOUR_R, (e.TipForce(**given),))
-        assert len(scene.attached) == 1
-        assert rde.Scene.from_dict(scene.to_dict()) == scene
-        own = {n.split(".")[1].split("[")[0] for n in scene.parameters() if "." in n}
-        assert own == {*given, *(["start"] if "step" in given else [])}
-    units = e.JointTorque(density=1.0, deviation=1.0, time_constant=1.0).fitted(RPRP).units(RPRP)
-    found = [units[name] for name in ("density[0]", "density[1]", "deviation[3]")]
-    assert found == ["N m sqrt(s)", "N sqrt(s)", "N"]
-
-
-def test_a_scene_file_has_disturbances(tmp_path):
-    file = tmp_path / "windy.yaml"
-    file.write_text(
-        "robot: {type: RPRP, masses: [1.0, 1.0, 1.0, 1.0], lengths: [0.3, 0.4]}\n"
-        "effects:\n- {type: TipForce, amplitude: [1.0, 0.0], frequency: 2.0}\n"
-        "- {type: JointTorque, density: 0.1}\n"
-    )
-    tip, joints = rde.load_scene(file).effects
-    assert (tip.amplitude, tip.phase, tip.density) == ((1.0, 0.0), (0.0, 0.0), None)
-    assert joints.density == (0.1,) * 4
-
-
-REFUSED = {
-    "nothing": (e.TipForce, {}, "TipForce has no part; give one or several of step, amplitude, density"),
-    "no frequency": (e.JointTorque, {"amplitude": 1.0}, "amplitude is given without frequency; give"),
-    "no time": (e.JointTorque, {"deviation": 1.0}, "deviation is given without time_constant"),
-    "no amplitude": (e.TipForce, {"density": 1.0, "phase": 1.0}, "phase is 1.0 without amplitude; give ampl"),
-    "no entry": (e.JointTorque, {"density": ()}, "density has 0 entries; give one for each joint"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_impossible_disturbances_are_refused(what):
-    kind, given, words = REFUSED[what]
-    with pytest.raises(ValueError, match=words):
-        kind(**given)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("robot", "how"), [(RPRP, {"tolerance": 1e-6}), (FOUR_R, {})], ids=["RPRP", "FourR"])
-def test_torques_of_zero_change_no_bit(robot, how):
-    """Of a force at the tip, and of a periodic one, products join other sums: these agree to rounding."""
-    zero = e.JointTorque(step=0.0, density=0.0, deviation=0.0, time_constant=1.0)
-    effects = e.Gravity(), e.ViscousFriction(0.2)
-    ends = [
-        advanced(rde.Scene(robot, x, **how), Q0, QD0, [3.0, -2.0, 1.0, 0.5], intervals=9)[0]
-        for x in (effects, (*effects, zero), (*effects, e.TipForce(density=0.0)))
-    ]
-    np.testing.assert_array_equal(ends[1].qd, ends[0].qd)
-    np.testing.assert_allclose(ends[2].qd, ends[0].qd, rtol=1e-11, atol=1e-11)
-
-
-def test_a_number_that_is_left_out_cannot_be_set():
-    batch = rde.BatchSimulator(rde.Scene(FOUR_R, (e.TipForce(density=1.0),)), 2)
-    with pytest.raises(ValueError, match=r"parameter is 'tip_force.step'; this scene has .*tip_force.den"):
-        batch.set_parameters({"tip_force.step": (1.0, 2.0)})
-    assert dataclasses.asdict(batch.scene.effects[0])["step"] is None

@@ -1,9 +1,7 @@
 """Draws of effects: their distribution, what they depend on, and the bits that they keep."""
 
-import copy
 import dataclasses
 import itertools
-import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -13,26 +11,14 @@ from catalogue import FOUR_R, RPRP, assert_same_bits
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
-from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, normals, stream_of
-from redundant_envs.simulator.lane.direct import cross_interval, fields_of
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.interval import Interval
-from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, stream_of
+from redundant_envs.verify import bits, evaluators, verify
+from redundant_envs.verify.checks import checks_of
 
-
-@physics
-def push_of(push):
-    return push
-
-
-@physics
-def drawn_push(normal1, uniform1, size):
-    return size * (normal1 + uniform1)
-
-
-@physics
-def next_push(push, normal1, normal2, size):
-    return 0.5 * push + size * (normal1 + 0.1 * normal2)
+push_of, told = physics(lambda push: push), physics(lambda reading: reading)
+hidden = physics(lambda uniform3: uniform3)
+drawn_push = physics(lambda normal1, uniform1, size: size * (normal1 + uniform1))
+next_push = physics(lambda push, normal1, normal2, size: 0.5 * push + size * (normal1 + 0.1 * normal2))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,16 +40,6 @@ class Shaken(e.Effect):
         )  # fmt: skip
 
 
-@physics
-def told(reading):
-    return reading
-
-
-@physics
-def hidden(uniform3):
-    return uniform3
-
-
 @dataclasses.dataclass(frozen=True)
 class Hidden(e.Effect):
     """A sensor that draws and tells the truth."""
@@ -82,15 +58,16 @@ SHAKEN = {
         RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5), Shaken(9.0)), tolerance=1e-6
     ),
     "RPRP dop853": rde.Scene(RPRP, (Shaken(),), "dop853"),
-    "4R rk4": rde.Scene(FOUR_R, (Shaken(),), "rk4", substeps=3),
 }
-EVERY = pytest.mark.parametrize("scene", SHAKEN.values(), ids=SHAKEN)
+
+
+START = (0.3, 0.2, -0.4, 0.1)
+CHECKS = [c for c in checks_of(bits, evaluators) if c is not bits.record]
 
 
 def begun(scene, count=13, **kwargs):
     batch = rde.BatchSimulator(scene, count, **kwargs)
-    q = np.tile(np.array([0.3, 0.2, -0.4, 0.1]), (count, 1))
-    batch.set_state(q, 0.0 * q)
+    batch.set_state(np.tile(START, (count, 1)), np.zeros((count, 4)))
     return batch
 
 
@@ -125,34 +102,15 @@ def all_draws(normal, count=DRAWS):
 @pytest.mark.parametrize("kind", MOMENTS)
 def test_the_moments_of_ten_million_draws(kind):
     x, exact = all_draws(kind == "normal"), MOMENTS[kind]
+    assert x.size == DRAWS
     for k in range(4):
         error = np.sqrt((exact[2 * k + 1] - exact[k] ** 2) / x.size)
         assert abs((x ** (k + 1)).mean() - exact[k]) < SIGMAS * error, k + 1
-    assert x.size == DRAWS
-    flat = x.reshape(4, -1, 1000)
-    neighbours = [(flat[:, :, 1:], flat[:, :, :-1]), (flat[:, 1:], flat[:, :-1])]
-    neighbours += [(flat[i], flat[j]) for i, j in itertools.combinations(range(4), 2)]
-    for a, b in neighbours:  # lanes, intervals, numbers of draws
+    x = x.reshape(4, -1, 1000)
+    lanes, intervals, draws = (x[:, :, 1:], x[:, :, :-1]), (x[:, 1:], x[:, :-1]), (x[1:], x[:-1])
+    for a, b in (lanes, intervals, draws):
         product = (a - exact[0]) * (b - exact[0])
         assert abs(product.mean()) < SIGMAS * (exact[1] - exact[0] ** 2) / np.sqrt(product.size)
-
-
-def test_normal_draws_reach_as_far_as_their_words_allow():
-    ends = normals(np.array([0.5, 2.0**32 - 0.5]) / 2**32, np.array([0.5, 0.5]) / 2**32)
-    np.testing.assert_allclose(
-        np.hypot(*ends), [np.sqrt(66.0 * np.log(2.0)), np.sqrt(-2.0 * np.log1p(-(2.0**-33)))]
-    )
-
-
-def test_the_motion_of_many_lanes_has_the_moments_of_its_draws():
-    batch = begun(SHAKEN["4R rk8"], 4096)
-    start = batch.z
-    assert abs(start.mean() - 1.5) < SIGMAS * 3.0 * np.sqrt((1.0 + 1.0 / 12.0) / start.size)
-    batch.advance()
-    gained = (batch.z - 0.5 * start) / 3.0
-    assert abs(gained.mean()) < SIGMAS * np.sqrt(1.01 / gained.size)
-    assert abs(gained.var() - 1.01) < SIGMAS * np.sqrt(2.0 / gained.size) * 1.01
-    assert np.abs(np.corrcoef(np.concatenate([start, gained], axis=1).T) - np.eye(8)).max() < SIGMAS / 64.0
 
 
 # ---- what they depend on -----------------------------------------------------------------------------------
@@ -171,11 +129,9 @@ def test_lanes_have_draws_of_their_own_and_a_motion_has_the_same_again():
     batch = begun(SHAKEN["4R 1e-6"])
     first = rows(batch)
     assert len(np.unique(first[0])) == first[0].size
-    q = np.tile(np.array([0.3, 0.2, -0.4, 0.1]), (13, 1))
-    batch.set_state(q, 0.0 * q)
+    batch.set_state(np.tile(START, (13, 1)), np.zeros((13, 4)))
     assert_same_bits(rows(batch), first)
-    other = rows(begun(SHAKEN["4R 1e-6"], seed=1))
-    assert np.intersect1d(other[0], first[0]).size == 0
+    assert np.intersect1d(rows(begun(SHAKEN["4R 1e-6"], seed=1))[0], first[0]).size == 0
 
 
 def test_trajectories_have_draws_from_their_seed():
@@ -188,115 +144,42 @@ def test_trajectories_have_draws_from_their_seed():
     np.testing.assert_array_equal(fewer.q[-1], one.q[-1])
 
 
-@pytest.mark.parametrize("seed", [-1, 2**64, 1.0, True, None, "0"])
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.0, None])
 def test_seeds_are_whole_numbers(seed):
     with pytest.raises(ValueError, match=r"seed is .* give a whole number from 0 to 2"):
         rde.BatchSimulator(SHAKEN["4R rk8"], seed=seed)
 
 
-def test_error_control_is_not_disturbed_by_draws():
-    """They are constant in an interval: as many evaluations as for the same efforts by the motors."""
-    scene, plain = SHAKEN["4R 1e-6"], rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.1)), tolerance=1e-6)
-    batch, other = begun(scene), begun(plain)
-    for _ in range(5):
-        efforts = batch.z
-        status, same = batch.advance(), other.advance(efforts)
-        np.testing.assert_array_equal(status.evaluations, same.evaluations)
-        np.testing.assert_allclose(batch.q, other.q, rtol=0.0, atol=1e-12)
-
-
-def test_a_scene_without_draws_has_no_memory_for_them():
-    layouts = [Interval(Dynamics(s)).layout() for s in (SHAKEN["4R rk8"], rde.Scene(FOUR_R, (e.Gravity(),)))]
-    assert [sum("draw" in name for name in layout.fields) for layout in layouts] == [5, 0]
-    assert rde.BatchSimulator(rde.Scene(FOUR_R), 3).draws.shape == (3, 0)
+@pytest.mark.long
+def test_draws_are_asked_for_where_there_are_some_and_refused_where_there_are_none():
+    torch, step = pytest.importorskip("torch"), rde.torch_step(SHAKEN["4R rk8"])
+    state = torch.zeros(3, 4)
+    with pytest.raises(ValueError, match=r"missing, and shaken has random numbers; give .*\(BatchSimulator"):
+        step(state, state, torch.zeros(4), z=state)
+    plain = rde.Scene(FOUR_R)
     with pytest.raises(ValueError, match="no effect of the scene draws"):
-        rde.BatchSimulator(rde.Scene(FOUR_R), 3).set_draws(np.zeros(5))
+        rde.torch_step(plain)(state, state, torch.zeros(4), draws=torch.zeros(3, 5))
+    with pytest.raises(ValueError, match="no effect of the scene draws"):
+        rde.BatchSimulator(plain, 3).set_draws(np.zeros(5))
 
 
-# ---- bits --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.quick("4R rk8")
-@EVERY
-def test_lanes_have_the_same_bits_in_any_batch_with_any_threads_in_copies_and_snapshots(scene):
-    batch = begun(scene, 21)
-    middle = rows(batch, 2)
-    snapshot, copied = batch.save(), [copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))]
-    last = rows(batch, 3)
-    for other in copied:
-        assert_same_bits(rows(other, 3), last)
-    other = begun(scene, 21, threads=3, seed=9)
-    other.restore(snapshot)
-    assert_same_bits(rows(other, 3), last)
-    for count, threads in ((1, 1), (8, 1), (21, 2)):
-        some = begun(scene, count, threads=threads)
-        assert_same_bits(rows(some, 2), [row[:count] for row in middle])
-    elsewhere = rde.BatchSimulator(scene, 3, seed=4)
-    elsewhere.set_draws(begun(scene, 21).draws[[17, 3, 8]])
-    q = np.tile(np.array([0.3, 0.2, -0.4, 0.1]), (3, 1))
-    elsewhere.set_state(q, 0.0 * q)
-    assert_same_bits(rows(elsewhere, 2), [row[[17, 3, 8]] for row in middle])
+@pytest.mark.long
+@pytest.mark.parametrize("name", SHAKEN)
+def test_draws_keep_the_bits_of_lanes_and_all_evaluators_draw_the_same(name):
+    assert verify(SHAKEN[name], 32, checks=CHECKS).misses == ()
 
 
 # ---- environments ----------------------------------------------------------------------------------------
 
 
-def scene_of(env_id, *effects, **changes):
+def scene_of(env_id, *effects):
     scene = gym.make(f"redundant_envs/{env_id}").unwrapped.scene
-    return dataclasses.replace(scene, effects=(*scene.effects, *effects), **changes).to_dict()
-
-
-def played(env, steps=12, seed=3):
-    """Observations, rewards and states of some steps of all lanes, whatever face they have."""
-    core = env.unwrapped.core
-    lanes = core.num_envs
-    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (steps, 4096, 4)).astype(np.float32)[:, :lanes]
-    env.reset(seed=seed)
-    found = []
-    for action in actions:
-        obs, reward, *_ = env.step(action if hasattr(env.unwrapped, "num_envs") else action[0])
-        states = list(core.memory.layout.rows["state"])
-        found += [np.atleast_2d(obs), np.atleast_1d(reward), core.memory.read(states)]
-    return found
-
-
-ENVS = {"FourRReach-v0": (Shaken(), Hidden()), "RPRPReach-v0": (Shaken(2.0),)}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("env_id", ENVS)
-@pytest.mark.parametrize("mode", ["next_step", "same_step"])
-def test_environments_have_the_same_bits_whatever_their_number_face_threads_and_autoreset(env_id, mode):
-    given = {"scene": scene_of(env_id, *ENVS[env_id]), "autoreset_mode": mode, "max_episode_steps": 5}
-
-    def made(count, **more):
-        return gym.make_vec(f"redundant_envs/{env_id}", count, **given, **more)
-
-    many = played(made(4096, threads=2))
-    for count in (1, 8):
-        assert_same_bits(played(made(count)), [row[:count] for row in many])
-    env = made(8)
-    first = played(env, 7)
-    state = env.unwrapped.get_state()
-    again = made(8)
-    again.reset(seed=77)
-    again.unwrapped.set_state(state)
-    env.step(np.ones((8, 4), np.float32)), again.step(np.ones((8, 4), np.float32))
-    names = [*env.unwrapped.core.memory.layout.rows["state"]]
-    assert_same_bits(*(x.unwrapped.core.memory.read(names) for x in (env, again)))
-    assert len(first)
-
-
-@pytest.mark.long
-def test_a_single_environment_is_a_vector_of_one():
-    given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"])}
-    one = played(gym.make("redundant_envs/FourRReach-v0", **given))
-    assert_same_bits(one, played(gym.make_vec("redundant_envs/FourRReach-v0", 1, **given)))
+    return dataclasses.replace(scene, effects=(*scene.effects, *effects)).to_dict()
 
 
 def test_a_step_that_is_undone_gives_its_draws_back():
     """After a bad action a lane is where it was, and a step from there draws what it would have drawn."""
-    given = {"scene": scene_of("FourRReach-v0", *ENVS["FourRReach-v0"]), "on_bad_action": "terminate"}
+    given = {"scene": scene_of("FourRReach-v0", Shaken(), Hidden()), "on_bad_action": "terminate"}
     env = gym.make_vec("redundant_envs/FourRReach-v0", 3, **given, autoreset_mode="disabled").unwrapped
     env.reset(seed=2)
     env.step(np.zeros((3, 4), np.float32))
@@ -314,78 +197,22 @@ def test_a_step_that_is_undone_gives_its_draws_back():
 @pytest.mark.long
 def test_every_episode_draws_anew_and_a_seed_gives_it_again():
     env = gym.make("redundant_envs/FourRReach-v0", scene=scene_of("FourRReach-v0", Shaken())).unwrapped
-    seen = []
+    names, seen = [f"shaken.push[{k}]" for k in range(4)], []
     for seed in (1, None, 1):
         env.reset(seed=seed, options={"q": np.zeros(4)})
-        seen.append(env.core.memory.read(env.core.memory.layout.rows["state"]))
+        seen.append(env.core.memory.read(names))
     np.testing.assert_array_equal(seen[0], seen[2])
-    names = [*env.core.memory.layout.rows["state"]]
-    differs = [n for n, a, b in zip(names, *(s[0] for s in seen[:2]), strict=True) if a != b]
-    assert {f"shaken.push[{k}]" for k in range(4)} < {*differs}
-
-
-# ---- other evaluators --------------------------------------------------------------------------------------
-
-
-def at_start(batch):
-    dynamics = batch.simulator.dynamics
-    names = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
-    return fields_of(dynamics) | dict(
-        zip(names, np.hstack([batch.q, batch.qd, batch.z, batch.draws]).T, strict=True)
-    )
-
-
-@pytest.mark.quick("4R rk8")
-@EVERY
-def test_arrays_and_single_numbers_draw_what_compiled_code_draws(scene):
-    batch = begun(scene, 3)
-    interval, fields = Interval(batch.simulator.dynamics), at_start(batch)
-    initial = interval.initial_states(Lane(interval.layout(), lambda n: fields.get(n, 0.0)))
-    np.testing.assert_allclose(np.stack([*initial.values()], axis=1), batch.z, rtol=1e-14)
-    for _ in range(2):
-        fields = cross_interval(interval, fields)
-        fields = {**fields_of(interval.dynamics), **{n: fields[n] for n in at_start(batch) if n in fields}}
-        batch.advance()
-    for name, column in at_start(batch).items():
-        np.testing.assert_allclose(fields[name], column, rtol=1e-9, atol=1e-9, err_msg=name)
-    one = begun(scene, 1)
-    lane = cross_interval(interval, {n: float(np.ravel(x)[0]) for n, x in at_start(one).items()})
-    one.advance()
-    for name, column in at_start(one).items():
-        assert float(lane[name]) == pytest.approx(float(np.ravel(column)[0]), rel=1e-9, abs=1e-9), name
-
-
-def test_the_differentiable_step_draws_what_compiled_code_draws():
-    torch = pytest.importorskip("torch")
-    batch = begun(SHAKEN["4R 1e-6"], 3)
-    step = rde.torch_step(batch.scene)
-    q, qd, z, draws = map(torch.tensor, (batch.q, batch.qd, batch.z, batch.draws))
-    size = torch.tensor(3.0, dtype=torch.float64, requires_grad=True)
-    for _ in range(3):
-        q, qd, z, draws = step(q, qd, torch.zeros(4), {"shaken.size": size}, z=z, draws=draws)
-        batch.advance()
-    for found, known in ((q, batch.q), (qd, batch.qd), (z, batch.z), (draws, batch.draws)):
-        np.testing.assert_allclose(found.detach(), known, rtol=1e-11, atol=1e-11)
-    (slope,) = torch.autograd.grad(z.sum(), size)
-    assert torch.isfinite(slope)
-    with pytest.raises(ValueError, match=r"missing, and shaken has random numbers; give .*\(BatchSimulator"):
-        step(q, qd, torch.zeros(4), z=z)
-    with pytest.raises(ValueError, match="no effect of the scene draws"):
-        rde.torch_step(rde.Scene(FOUR_R))(q, qd, torch.zeros(4), draws=draws)
+    assert (seen[0] != seen[1]).all()
 
 
 # ---- what is refused ---------------------------------------------------------------------------------------
 
 
-def odd(hook):
-    body = {"__annotations__": {}, "hooks": lambda self, arm: (hook(),)}
-    return dataclasses.dataclass(frozen=True)(type("Odd", (e.Effect,), body))()
-
-
 def with_states(*names, update=hidden):
     """An effect whose states of some names draw."""
     states = tuple(e.State(name, "", update=update) for name in names)
-    return odd(lambda: e.Sensing(0, told, {"reading": "phi1"}, states=states))
+    hooks = (e.Sensing(0, told, {"reading": "phi1"}, states=states),)
+    return type("Odd", (e.Effect,), {"hooks": lambda self, arm: hooks})()
 
 
 def colliding():
@@ -406,47 +233,6 @@ def test_streams_that_are_one_are_refused():
 
 def test_streams_are_the_same_for_ever():
     assert [stream_of("sensor_noise", "position"), stream_of("odd", "s")] == [16294563, 6266370]
-
-
-@physics
-def of_draw(normal1):
-    return normal1
-
-
-@physics
-def forceful(reading, uniform7):
-    return reading + uniform7
-
-
-def sensor(**state):
-    own = e.State("s", "", bind={"reading": ".s"}, **state)
-    return e.Sensing(0, told, {"reading": "phi1"}, states=(own,))
-
-
-def force(**state):
-    own = e.State("s", "", bind={"reading": ".s"}, **state)
-    return e.Force(0, told, {"reading": ".s"}, states=(own,))
-
-
-REFUSED = {
-    "force": (lambda: e.Force(0, of_draw), "function of_draw, .*'normal1' is a draw, which only .*update"),
-    "sensor": (lambda: e.Sensing(0, forceful, {"reading": "phi1"}), "'uniform7' is a draw"),
-    "rate": (lambda: force(derivative=told, rate=of_draw), "rate of the state 's'.*'normal1' is a draw"),
-    "initial of a state": (
-        lambda: sensor(update=told, initial=told),
-        r"initial told depends on \.s; it may depend on parameters, on draws and on the motion",
-    ),
-    "derivative in a sensor": (
-        lambda: sensor(derivative=told), "the state 's' of a sensor has a derivative; give an update",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_a_draw_where_a_hook_takes_none_is_refused(what):
-    hook, words = REFUSED[what]
-    with pytest.raises(ValueError, match=words):
-        rde.Scene(FOUR_R, (odd(hook),))
 
 
 def test_more_draws_than_a_stream_has_are_refused():

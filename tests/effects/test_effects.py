@@ -1,117 +1,92 @@
-"""Effects of the package and of a user in motions: accelerations, potentials, and what is booked as work."""
+"""Effects of the package and of a user follow their equations: forces, limits of efforts, and gravity."""
 
-import importlib
 import math
-import pickle
-import pkgutil
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, GROUPS, RPRP, SCENES, SoftJoint, StiffeningSpring, advanced, every_effect
+from catalogue import FOUR_R, RPRP, StiffeningSpring, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import limit_spring
-from redundant_envs.effects.validate_hooks import RULES, roots_of
 from redundant_envs.language.limits import side_beyond
-from redundant_envs.model.energy import kinetic_energy, potential_energy
-from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.model.energy import potential_energy
 
 EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
 Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
 QD0 = np.array([0.5, -0.6, 0.9, 0.8])
 
 
-def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
-    """What a module without a line in ``__init__.py`` has, nobody can name."""
-    modules = [importlib.import_module(f"{e.__name__}.{m.name}") for m in pkgutil.iter_modules(e.__path__)]
-    found = {
-        x.__name__: x
-        for module in modules
-        for x in vars(module).values()
-        if isinstance(x, type) and issubclass(x, e.Effect) and "hooks" in vars(x) and x is not e.Effect
-    }
-    assert found == e.OWN
-    assert all("example" in vars(kind) for kind in found.values())
-    groups = (every_effect, *GROUPS.values())
-    used = {type(effect) for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
-    assert used == {*found.values()}
-
-
-def test_hooks_are_bound_once_and_not_pickled():
-    scene = SCENES["RPRP users' all 1e-6"]
-    again = pickle.loads(pickle.dumps(scene))
-    assert scene.attached is scene.attached
-    assert "attached" not in scene.__getstate__()
-    assert (again, [a.key for a in again.attached]) == (scene, [a.key for a in scene.attached])
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_what_a_simulator_knows_of_its_equations_is_pickled_though_functions_of_hooks_are_not(group):
-    known = Dynamics(rde.Scene(FOUR_R, GROUPS[group](FOUR_R), tolerance=1e-6))
-    assert known.parameters.numbers
-    assert vars(pickle.loads(pickle.dumps(known))) == {
-        "scene": known.scene,
-        "track_work": False,
-        "located": True,
-    }
-
-
-def test_every_function_of_a_hook_has_a_rule():
-    for kind, rules in RULES.items():
-        assert {n for n, text in kind.__annotations__.items() if "Callable" in text} == rules.keys()
-
-
-def test_what_a_quantity_depends_on():
-    assert roots_of("phi2", FOUR_R) == {*FOUR_R.coordinates}
-    assert [roots_of(name, FOUR_R) for name in ("m4", "command1", "s1")] == [{"m4"}, {"command1"}, {"theta1"}]
-    with pytest.raises(ValueError, match="Q1"):
-        roots_of("qdd1", FOUR_R)  # it follows from forces
-
-
 # ---- the accelerations that a motion begins with --------------------------------------------------------
 
-K, LOWER, UPPER = np.array((20.0, 31.0)), np.array((0.05, -0.1)), np.array((0.3, 0.25))
-PULL = K * (Q0[[1, 3]] - UPPER) + K * (Q0[[1, 3]] - LOWER)
-"""k (r - r_max) + k (r - r_min) on the left-hand side of the printed H2 and H4 (report 1.3)."""
-STRETCH = 0.5 * (K * (UPPER - Q0[[1, 3]]) ** 2 + K * (LOWER - Q0[[1, 3]]) ** 2).sum()
-"""PE of report 1.1, J."""
-RIGID = np.full(4, 1.5)
-"""Equal absolute rates: 4R turns as one body, and loses power at joint 1 alone."""
-EFFORTS, DAMPING = (1.0, 2.0, -0.5, 0.3), (2.0, 7.0, 8.0, 9.0)
+COMMANDS, DAMPING = np.array((1.0, 2.0, -0.5, 0.3)), np.array((2.0, 7.0, 8.0, 9.0))
+TIP, JOINTS = np.array((3.0, -2.0)), np.array((0.5, -0.2, 0.3, 0.1))
+PHASE, PHASES, ARMS_OF_TENDON = (0.4, 1.1), (0.3, 0.9, -0.4, 1.0), np.array((0.05, -0.02, 0.03))
+
+
+def rates(arm):
+    return arm.motor_map.T @ QD0
+
+
+def last(arm):
+    return (arm.motor_map.T @ Q0)[3]
+
+
+def antagonists(arm):
+    """Two tendons, neither of which is slack."""
+    sides = (("a", 1.0), ("b", -1.0))
+    return tuple(e.Tendon(arm.joints[1:], tuple(s * ARMS_OF_TENDON), 400.0, 50.0, n) for n, s in sides)
+
+
 BEGUN = {
-    "gravity": (lambda arm: e.Gravity(1.62), QD0, EFFORTS, lambda arm: arm.motor_map @ EFFORTS, 1.62, None),
-    "centring spring": (
-        lambda arm: e.CentringSpring(K, LOWER, UPPER), QD0, None,
-        lambda arm: np.array([0.0, -PULL[0], 0.0, -PULL[1]]), 0.0, lambda arm: STRETCH,
+    "efforts": (lambda arm: (), lambda arm: COMMANDS),
+    "user's spring": (lambda arm: (StiffeningSpring(8.0),), lambda arm: (0, 0, 0, -8.0 * last(arm) ** 3)),
+    "viscous friction": (lambda arm: (e.ViscousFriction(DAMPING),), lambda arm: -DAMPING * rates(arm)),
+    "torques": (lambda arm: (e.JointTorque(step=tuple(JOINTS)),), lambda arm: JOINTS),
+    "periodic torques": (
+        lambda arm: (e.JointTorque(amplitude=tuple(JOINTS), frequency=3.0, phase=PHASES),),
+        lambda arm: JOINTS * np.sin(PHASES),
     ),
-    "a user's spring": (
-        lambda arm: StiffeningSpring(8.0), QD0, None,
-        lambda arm: arm.motor_map @ (0.0, 0.0, 0.0, -8.0 * (arm.motor_map.T @ Q0)[3] ** 3), 0.0,
-        lambda arm: 0.25 * 8.0 * (arm.motor_map.T @ Q0)[3] ** 4,
+    "antagonists, twice as stiff": (
+        antagonists,
+        lambda arm: (
+            -2.0 * 400.0 * (arm.motor_map.T @ Q0)[1:] @ ARMS_OF_TENDON * np.array((0, *ARMS_OF_TENDON))
+        ),
     ),
-} | {
-    f"friction, {what}": (
-        lambda arm: e.ViscousFriction(DAMPING), qd, None,
-        lambda arm, qd=qd: -arm.motor_map @ np.diag(DAMPING) @ arm.motor_map.T @ qd, 0.0, None,
-    )
-    for what, qd in (("rigid", RIGID), ("bent", QD0))
-}  # fmt: skip
-"""Effect, rates, efforts, the generalized forces that it means, g, and its potential."""
+    "force at the tip": (
+        lambda arm: (e.TipForce(step=tuple(TIP)),),
+        lambda arm: np.linalg.solve(arm.motor_map, arm.jacobian(Q0).T @ TIP),
+    ),
+    "periodic force at the tip": (
+        lambda arm: (e.TipForce(amplitude=tuple(TIP), frequency=5.0, phase=PHASE),),
+        lambda arm: np.linalg.solve(arm.motor_map, arm.jacobian(Q0).T @ (TIP * np.sin(PHASE))),
+    ),
+}
+"""Effects, and the efforts of joints that they mean."""
 
 
-@pytest.mark.parametrize(
-    ("robot", "what"),
-    [(arm, what) for what in BEGUN for arm in (RPRP, FOUR_R) if arm.sliders() or what != "centring spring"],
-)
+@EVERY
+@pytest.mark.parametrize("what", BEGUN)
 def test_a_motion_begins_with_the_acceleration_of_an_effect(robot, what):
-    effect, qd, efforts, forces, g, potential = BEGUN[what]
-    scene = rde.Scene(robot, (effect(robot),), "euler", control_dt=1e-3)
-    batch, _ = advanced(scene, Q0, qd, efforts)
-    qdd = robot.forward_dynamics(Q0, qd, forces(robot), g)
-    assert np.abs((batch.qd[0] - qd) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
-    if potential is not None:
-        assert potential_energy(scene, Q0) == pytest.approx(potential(robot), rel=1e-14)
+    effects, means = BEGUN[what]
+    made = rde.Scene(robot, (*effects(robot), e.Gravity(1.62)), "euler", control_dt=1e-3)
+    batch, _ = advanced(made, Q0, QD0, COMMANDS if what == "efforts" else None)
+    qdd = robot.forward_dynamics(Q0, QD0, robot.motor_map @ means(robot), 1.62)
+    assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
+
+
+K, LOWER, UPPER = np.array((20.0, 31.0)), np.array((0.05, -0.1)), np.array((0.3, 0.25))
+
+
+def test_centring_springs_are_those_of_the_report():
+    """k (r - r_max) + k (r - r_min) on the left-hand side of H2 and H4 (1.3), and PE of 1.1, J."""
+    scene = rde.Scene(RPRP, (e.CentringSpring(K, LOWER, UPPER),), "euler", control_dt=1e-3)
+    r, batch = Q0[[1, 3]], advanced(scene, Q0, QD0)[0]
+    first, second = K * (r - UPPER) + K * (r - LOWER)
+    qdd = RPRP.forward_dynamics(Q0, QD0, np.array([0.0, -first, 0.0, -second]), 0.0)
+    assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
+    stretched = 0.5 * (K * (UPPER - r) ** 2 + K * (LOWER - r) ** 2).sum()
+    assert potential_energy(scene, Q0) == pytest.approx(stretched, rel=1e-14)
 
 
 @EVERY
@@ -173,19 +148,3 @@ def test_limit_spring_is_one_sided_and_continuous():
     for rate, force in ((0.0, -40.0), (10.0, -47.0), (-10.0, -33.0), (-1000.0, 0.0)):
         assert spring_force(0.4, rate) == pytest.approx(force, rel=1e-14)
         assert spring_force(-0.3, -rate) == pytest.approx(-force, rel=1e-14)
-
-
-# ---- what counts as potential energy, and what as work --------------------------------------------------
-
-
-@pytest.mark.quick("(SoftJoint(k=8.0, c=8.0),)")
-@pytest.mark.parametrize(
-    "effects", [(SoftJoint(8.0, 8.0),), (e.Gravity(9.81), StiffeningSpring(8.0))], ids=str
-)
-def test_a_force_is_booked_as_potential_as_far_as_it_is_conservative(effects):
-    """The rest counts as work: a force that is entirely the slope of its potential does no work at all."""
-    scene = rde.Scene(FOUR_R, effects, tolerance=1e-9)
-    motion = rde.simulate(scene, Q0, QD0, np.linspace(0.0, 1.0, 21)[1:])
-    start = kinetic_energy(scene, Q0, QD0) + potential_energy(scene, Q0)
-    assert np.abs(motion.kinetic_energy + motion.potential_energy - motion.work - start).max() < 1e-8
-    assert (motion.work < -0.1).all() if len(effects) == 1 else (motion.work == 0.0).all()

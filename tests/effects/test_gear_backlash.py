@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, advanced
+from catalogue import advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -54,16 +54,6 @@ def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffn
         assert rate == pytest.approx(0.0, abs=1e-9)
 
 
-@METHODS
-def test_teeth_without_damping_lose_no_energy_in_impacts_to_and_fro(how):
-    inertia, u = 0.5, 1.0
-    for intervals in (10, 60):
-        angle, speed, joint, rate = motor(GEAR, u, intervals, rde.Chain("R", (inertia,), (1.0,)), **how)
-        depth = max(abs(angle - joint) - 0.5 * GAP, 0.0)
-        energy = 0.5 * (inertia * rate**2 + J * speed**2 + K * depth**2)
-        assert energy == pytest.approx(u * angle, rel=1e-6)
-
-
 def test_teeth_never_pull_however_fast_they_part():
     for lead, closing, torque in (
         (0.1, 1.0, 120.0),
@@ -73,17 +63,3 @@ def test_teeth_never_pull_however_fast_they_part():
     ):
         sides = [1.0 if x >= 0.0 else -1.0 for x in contacts(lead, 0.0, 0.0)]
         assert teeth(lead, closing, 0.0, 0.0, 0.0, K, 1e3, *sides) == pytest.approx(torque)
-
-
-@pytest.mark.filterwarnings("ignore:scene has no tolerance:UserWarning")
-@pytest.mark.quick("{'integrator': 'rk8', 'substeps': 4}")
-@pytest.mark.parametrize("how", [{"integrator": "rk8", "substeps": 4}, {"tolerance": 1e-6}], ids=str)
-def test_the_energy_book_closes_at_the_joints(how):
-    limits = e.EffortLimits((8.0, 6.0, 4.0, 2.0))
-    gear = e.GearBacklash(0.02, 60.0, (0.05, 0.05, 0.02, 0.02), 2.0)
-    scene = rde.Scene(FOUR_R, (e.Gravity(), gear, limits), **how)
-    motion = rde.simulate(
-        scene, [0.1] * 4, [0.5] * 4, np.linspace(0.0, 0.2, 11), lambda t, q, qd: [9.0 - 100.0 * t] * 4
-    )
-    assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
-    assert np.abs(motion.work).max() > 0.01

@@ -1,13 +1,11 @@
 """Hard stops: impacts where and when they happen, sliders that rest and leave, and endless searches."""
 
-import dataclasses
 import itertools
-import json
 import math
 
 import numpy as np
 import pytest
-from catalogue import EQUAL, advanced, assert_same_bits, by_another_account, tips_after
+from catalogue import EQUAL, advanced, assert_same_bits, by_another_account
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -24,23 +22,13 @@ def scene(arm=ARM, restitution=1.0, lower=(0.0, 0.0), upper=(0.3, 0.3), gravity=
 # ---- impacts --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk4", 3), ("rk8", 2)])
+@pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk4", 3)])
 def test_the_time_of_an_impact_does_not_depend_on_the_substep_it_falls_in(integrator, substeps):
     made = scene(upper=(0.4, 0.4), gravity=0.0, integrator=integrator, substeps=substeps)
     speed = 1.003  # the arm lies still and straight: slider 2 glides alone
     events = rde.simulate(made, [0.0, 0.2, 0.0, 0.2], [0.0, 0.0, 0.0, speed], [0.3]).events
     assert events[0].joint == "r2"
     assert events[0].time == pytest.approx(0.2 / speed, abs=1e-12)
-
-
-@pytest.mark.long
-def test_a_near_miss_of_one_slider_does_not_hide_the_graze_of_the_other():
-    arm = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
-    made = scene(arm, lower=(-0.9, -0.9), gravity=0.0, tolerance=1e-6)
-    q = [[0, 0.3 - 0.0025 * 1.02, np.pi / 2, 0.297], [0, 0.1, np.pi / 2, 0.297]]
-    batch, status = advanced(made, q, [0, 1.0, 0, 1.2], [[0, -200 * (1 + 2e-6), 0, -200e-6]] * 2)
-    assert status.events.tolist() == [1, 1]
-    assert batch.q[0, 3] == pytest.approx(batch.q[1, 3], abs=1e-9)
 
 
 @pytest.mark.long
@@ -64,14 +52,13 @@ def test_units_of_time_and_mass_change_no_bit_of_a_motion_with_impacts(how):
         assert_same_bits(found[0], other)
 
 
-def test_a_hard_stop_decides_the_travel_also_from_its_file():
+def test_a_hard_stop_decides_the_travel():
     springs = (e.LimitSpring("r1", -0.1, 0.5), e.LimitSpring("r2", -0.1, 0.5))
     stop = e.PrismaticStop((0.0, 0.0), (0.25, 0.25))
     for effects in ((stop,), (stop, *springs), (*springs, stop)):
         ends = rde.Scene(ARM, effects).travel()[1]
         assert ends == ("prismatic_stop.lower[0]", "prismatic_stop.upper[0]")
     made = rde.Scene(ARM, (e.PrismaticStop((None, 0.0), (0.3, None), 0.5),))
-    assert rde.Scene.from_dict(json.loads(json.dumps(made.to_dict()))) == made
     assert made.travel() == {}
 
 
@@ -87,70 +74,11 @@ def at_ends(rng, n, share):
     return upper, np.where(upper, 1.0, -1.0)
 
 
-def with_sliders(rng, at, speed, spread=1.0):
+def with_sliders(rng, at, speed):
     """q and qd, (n, 4), with sliders somewhere at a speed."""
-    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(0.0, spread, (len(at), 4))
+    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(size=(len(at), 4))
     q[:, 1::2], qd[:, 1::2] = at, speed
     return q, qd
-
-
-def mostly(rng, n, share):
-    """1 for a share of some numbers, -1 for the others."""
-    return np.where(rng.random((n, 2)) < share, 1.0, -1.0)
-
-
-def judged(found, coarser, finer, most):
-    """Distances of tips from those of the finest steps, where these are sure."""
-    sure = np.linalg.norm(coarser - finer, axis=1) <= most
-    assert sure.mean() > 0.999
-    return np.linalg.norm(found - finer, axis=1)[sure], sure
-
-
-def judged_under_a_tolerance(made, states):
-    """Such distances under a tolerance of 1e-6 m, where exact steps are sure, and which lanes have a flag."""
-    (coarser, _), (finer, _), (found, status) = (
-        tips_after(dataclasses.replace(made, **how), *states)
-        for how in ({"tolerance": 1e-9}, {"integrator": "dop853"}, {"tolerance": 1e-6})
-    )
-    return *judged(found, coarser, finer, 1e-7), status.numerics != 0
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("restitution", "control_dt", "smallest"),
-    [(0.0, 0.02, -18.0), (1.0, 0.02, -18.0), (0.5, 1e-4, -18.0), (0.5, 0.02, -13.0)],
-)
-def test_the_order_of_two_impacts_does_not_depend_on_the_steps(restitution, control_dt, smallest):
-    """Of sliders from digits, or from picometres, before their stops."""
-    arm, n, rng = rde.RPRP((0.5,) * 4, (0.5, 0.5)), 20_000, np.random.default_rng(0)
-    lower, upper = np.array([-0.39, -0.39]), np.array([-0.2156, -0.2757])
-    gaps = 10.0 ** rng.uniform(smallest, smallest + 5.0, (n, 2))
-    gaps[::3, 1] = gaps[::3, 0]
-    high, side = at_ends(rng, n, 0.5)
-    speed = side * 10.0 ** rng.uniform(-2.0, 1.7, (n, 2)) * mostly(rng, n, 0.85)
-    at = np.clip(np.where(high, upper, lower) - side * gaps, lower, upper)
-    states = with_sliders(rng, at, speed, 4.0)
-    made = scene(arm, restitution, tuple(lower), tuple(upper), control_dt=control_dt)
-    off, sure, flagged = judged_under_a_tolerance(made, states)
-    assert (off <= 1e-6)[~flagged[sure]].all()
-    assert flagged.mean() < 1e-3
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("travel", "restitution"), [(0.001, 0.7), (0.25, 0.0)])
-def test_sliders_that_turn_right_before_their_stops_do_not_arrive_there(travel, restitution):
-    """They start a few digits before them, are slow, and some are pulled away: no impact is made up."""
-    n, rng = 20_000, np.random.default_rng(1)
-    upper, side = at_ends(rng, n, 0.7)
-    digits = rng.integers(0, 8, (n, 2)) * np.where(upper, np.spacing(travel), 1e-19)
-    at = np.where(
-        rng.random((n, 2)) < 0.3, travel * rng.random((n, 2)), np.where(upper, travel, 0.0) - side * digits
-    )
-    speed = side * 10.0 ** rng.uniform(-12.0, -2.0, (n, 2)) * mostly(rng, n, 0.8)
-    states = *with_sliders(rng, np.clip(at, 0.0, travel), speed), rng.normal(size=(n, 4)) * (1, 5, 1, 5)
-    off, _, flagged = judged_under_a_tolerance(scene(NARROW, restitution, upper=(travel,) * 2), states)
-    assert not flagged.any()
-    assert off.max() <= 1e-6
 
 
 def slow_leavers():
@@ -165,31 +93,29 @@ def slow_leavers():
     return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("restitution", "control_dt"), [(0.0, 0.02), (0.7, 0.1)])
-def test_a_slider_that_leaves_its_stop_slowly_does_not_rest_there_when_the_other_one_strikes(
-    control_dt, restitution
-):
-    """When it strikes, the slow one has not yet moved by a digit of its position."""
-    states, ends = [x[:2000] for x in slow_leavers()], []
-    for how in ({"integrator": "dop853"}, {"tolerance": 1e-9}, {"tolerance": 1e-10}, {"tolerance": 1e-11}):
-        made = scene(NARROW, restitution, upper=(TRAVEL,) * 2, control_dt=control_dt, **how)
-        end, status = tips_after(made, *states)
-        assert not status.numerics.any()
-        ends.append(end)
-    *found, coarser, finer = ends
-    for end, limit in zip(found, (2e-9, 1e-9), strict=True):
-        assert judged(end, coarser, finer, 1e-10)[0].max() <= limit
+def pressed():
+    """The same, (100, 4) each, of sliders one of which stands at a stop, and the other may strike one."""
+    rng, n = np.random.default_rng(3), 100
+    upper, side = at_ends(rng, n, 0.5)
+    stands = rng.random((n, 2)) < 0.5
+    stands[:, 0] |= ~stands.any(axis=1)
+    speed = np.where(stands, 0.0, side * rng.uniform(0.2, 2.0, (n, 2)))
+    q, qd = with_sliders(rng, np.where(upper, TRAVEL, 0.0), speed)
+    return q, qd, rng.uniform(-10.0, 10.0, (n, 4))
 
 
 @pytest.mark.long
-def test_another_account_lets_slow_sliders_leave_their_stops():
-    """With fixed steps a bounce below 1e-9 m is put to rest: if these were, they would be off by 8e-5."""
+@pytest.mark.parametrize(
+    ("states", "lanes", "restitution", "most"),
+    [(slow_leavers, (558, 881, 1005, 3433), 0.0, 1e-11), (pressed, range(12), 0.5, 1e-8)],
+)
+def test_another_account_lets_slow_sliders_leave_and_supports_pressed_ones(states, lanes, restitution, most):
+    """With fixed steps a bounce below 1e-9 m is put to rest: slow ones would be off by 8e-5."""
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
-    states = [x[[558, 881, 1005, 3433]] for x in slow_leavers()]
-    made = scene(NARROW, 0.0, upper=(TRAVEL,) * 2)
-    batch, _ = advanced(made, *states)
-    assert np.abs(np.stack([batch.q, batch.qd], axis=1) - by_another_account(made, *states)).max() < 1e-11
+    given = [x[[*lanes]] for x in states()]
+    made = scene(NARROW, restitution, upper=(TRAVEL,) * 2)
+    batch, _ = advanced(made, *given)
+    assert np.abs(np.stack([batch.q, batch.qd], axis=1) - by_another_account(made, *given)).max() < most
 
 
 # ---- rest -----------------------------------------------------------------------------------------------
@@ -213,17 +139,6 @@ def test_every_start_at_both_stops_goes_on(restitution):
         assert not status.numerics.any()
         assert (np.abs(batch.q[:, [1, 3]] - 0.15) <= 0.15).all()
         status = batch.advance(efforts)
-
-
-@pytest.mark.long
-def test_slow_sliders_at_both_stops_come_to_rest():
-    rng, n = np.random.default_rng(0), 20_000
-    speeds = 10.0 ** rng.uniform(-15.0, -3.0, (n, 1)) * rng.normal(size=(n, 2))
-    q, qd = with_sliders(rng, rng.choice([0, 0.25], (n, 2)), speeds)
-    q[:, 2] = q[:, 0]  # in line
-    _, status = advanced(rde.load_scene("rprp_reach"), q, qd, rng.uniform(-1, 1, (n, 4)) * (20, 32, 8, 16))
-    assert not status.numerics.any()
-    assert status.evaluations.max() < 2000
 
 
 def test_a_stop_that_is_moved_away_lets_go():
@@ -259,21 +174,6 @@ def test_simulate_refuses_a_motion_with_too_many_impacts():
         rde.simulate(scene(gravity=0.0, tolerance=1e-6), *FAST, [0.02, 0.04])
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("kwargs", [{"integrator": "rk4"}, {}, {"tolerance": 1e-6}], ids=str)
-def test_steps_far_too_long_end_lanes_but_never_hang(kwargs):
-    """Radians per step, impacts that no search finds: flagged, between the stops, and over."""
-    rng, n = np.random.default_rng(0), 768
-    speed = rng.choice([50.0, 1e3, 1e8], (n, 1))
-    q = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(0, 0.3, n)] * 2)
-    qd, efforts = rng.normal(0, speed, (n, 4)), rng.normal(0, 20, (n, 4))
-    batch, status = advanced(scene(restitution=0.5, **kwargs), q, qd, efforts)
-    finite = np.isfinite(np.column_stack([batch.q, batch.qd])).all(axis=1)
-    np.testing.assert_array_equal(finite, status.numerics & rde.Numerics.NON_FINITE == 0)
-    np.testing.assert_array_equal(finite, status.finite)
-    assert (np.abs(batch.q[status.finite][:, [1, 3]] - 0.15) <= 0.15).all()
-
-
 def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
     qd = [0.0, 1.5e4, 0.0, 0.0]  # some thirteen impacts in each substep
     made = scene(gravity=0.0, integrator="rk4", substeps=64)
@@ -284,39 +184,21 @@ def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
     assert batch.events() == []
 
 
-def damped(**how):
-    """Fixed steps that a damper makes unstable: found by fuzzing."""
-    arm = rde.RPRP((5e-7, 1.3e-5, 5e5, 1.3e-3), (0.14, 0.65))
-    stop = e.PrismaticStop((0.0, -0.08), (0.04, 0.42), 0.5)
-    return rde.Scene(arm, [stop, e.ViscousFriction((1.8e5, 1e5, 1.6e5, 1.4e5))], **how)
-
-
 BETWEEN = [0.755, 0.0, 0.702, 0.42]
 
 
 @pytest.mark.quick("euler-1")
 @pytest.mark.parametrize(("integrator", "substeps"), [("euler", 1), ("rk8", 50)])
 def test_fixed_steps_that_a_damper_makes_unstable_are_given_up_before_long(integrator, substeps):
-    """Every trial step ended beyond a stop, 1e7 times in an interval."""
-    made = damped(integrator=integrator, substeps=substeps, control_dt=0.002)
+    """Found by fuzzing: every trial step ended beyond a stop, 1e7 times in an interval."""
+    arm = rde.RPRP((5e-7, 1.3e-5, 5e5, 1.3e-3), (0.14, 0.65))
+    effects = e.PrismaticStop((0.0, -0.08), (0.04, 0.42), 0.5), e.ViscousFriction((1.8e5, 1e5, 1.6e5, 1.4e5))
+    made = rde.Scene(arm, effects, integrator=integrator, substeps=substeps, control_dt=0.002)
     batch, status = advanced(made, [BETWEEN, [0.7, 0.02, 0.7, 0.3]], [[1.0, 0.0, -3.6, 0.07], [0.0] * 4])
     assert (status.evaluations <= METHODS[integrator].stages * (65536 + 18 * substeps)).all()
     assert status.numerics[0] & ~(OVER | rde.Numerics.NON_FINITE) == 0
     if status.numerics[0] == OVER:
         np.testing.assert_array_equal(batch.q[0], BETWEEN)
-
-
-@pytest.mark.long
-def test_a_tolerance_is_not_sought_without_end():
-    """16384 steps, too, are unstable here, and each may end beyond a stop many times."""
-    rng = np.random.default_rng(0)
-    q, qd = np.tile(BETWEEN, (64, 1)), rng.normal(0.0, 3.0, (64, 4))
-    batch, status = advanced(damped(tolerance=1e-6), q, qd, rng.normal(0.0, 1e6, (64, 4)))
-    given_up = status.numerics == OVER
-    assert given_up.sum() > 5
-    assert (status.numerics != 0).all()
-    assert (status.evaluations <= 12 * 65536).all()
-    assert_same_bits([batch.q[given_up], batch.qd[given_up]], [q[given_up], qd[given_up]])
 
 
 @pytest.mark.parametrize(

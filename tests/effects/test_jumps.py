@@ -1,18 +1,14 @@
 """Velocities jump by impulses and where masses come and go: momentum, energy, stops, and what is undone."""
 
 import dataclasses
-import re
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
-from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.language.algebra import physics
 
 STEPS = {
@@ -27,46 +23,30 @@ Q, QD = np.array((0.3, 0.2, -0.4, 0.1)), np.array((1.0, -0.4, 0.5, 0.3))
 once = physics(lambda ready: 0.0 * ready)
 
 
-@physics
-def blow(ready, x, y):
-    return ready * x, ready * y
-
-
-@physics
-def knock(ready, y):
-    return ready * y
+blow = physics(lambda ready, x, y: (ready * x, ready * y))
+knock = physics(lambda ready, y: ready * y)
+in_turn = physics(lambda ready: 1.0 - ready)
+dialled = physics(lambda delay: delay)
 
 
 @dataclass(frozen=True)
 class Blow(e.Effect):
-    """An impulse at the start of the first interval: (x, y) at a point [N s], or y on a joint [N m s]."""
+    """An impulse at the start of an interval: (x, y) at a point [N s], or y on a joint [N m s]."""
 
     place: int | e.Point
     x: float
     y: float
+    later: bool = False  # in the second interval, not in the first
 
-    static = ("place",)
+    static = ("place", "later")
 
     def hooks(self, arm):
-        state = e.State("ready", "1", update=once, bind={"ready": ".ready"}, initial=1.0)
+        update, initial = (in_turn, 0.0) if self.later else (once, 1.0)
+        state = e.State("ready", "1", update=update, bind={"ready": ".ready"}, initial=initial)
         bind = {"ready": ".ready", "x": ".x", "y": ".y"}
         if isinstance(self.place, e.Point):
             return (e.Impulse(self.place, blow, bind, (state,)),)
         return (e.Impulse(self.place, knock, {n: bind[n] for n in ("ready", "y")}, (state,)),)
-
-
-in_turn = physics(lambda ready: 1.0 - ready)
-
-
-class LaterBlow(Blow):
-    """The same at the start of the second interval."""
-
-    key = "blow"
-
-    def hooks(self, arm):
-        (hook,) = super().hooks(arm)
-        (state,) = hook.states
-        return (dataclasses.replace(hook, states=(dataclasses.replace(state, update=in_turn, initial=0.0),)),)
 
 
 class BlowInside(Blow):
@@ -79,15 +59,12 @@ class BlowInside(Blow):
         return dataclasses.replace(hook, when="instant"), e.Instant(dialled, {"delay": ".x"})
 
 
-dialled = physics(lambda delay: delay)
-
-
 # ---- impulses ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.quick("4R-Point(number=1)-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-@pytest.mark.parametrize("place", [e.Point(1), e.Point(3), 0, 2], ids=str)
+@pytest.mark.parametrize("place", [e.Point(1), 2], ids=str)
 @pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place, steps):
     """A motion that an impulse begins is that of a start with the velocities after it."""
@@ -141,18 +118,6 @@ def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
         assert found.work[k] == pytest.approx(work + hand.work[0] * (time < 0.02), abs=1e-12)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-def test_an_impulse_of_zero_changes_no_bit(steps):
-    scene = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0,) * 2, (0.3,) * 2, 0.5)), **steps)
-    struck = dataclasses.replace(scene, effects=(*scene.effects, Blow(e.Point(3), 0.0, 0.0)))
-    rng = np.random.default_rng(0)
-    q, qd = rng.uniform(0.0, 0.3, (32, 4)), rng.normal(size=(32, 4))
-    found, expected = (advanced(s, q, qd, intervals=10)[0] for s in (struck, scene))
-    np.testing.assert_array_equal(found.q, expected.q)
-    np.testing.assert_array_equal(found.qd, expected.qd)
-
-
 @pytest.mark.quick("0.0-rk4")
 @pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
@@ -161,7 +126,7 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
     effects = (
         e.Gravity(2.0, (-1.0, 0.0)),
         e.PrismaticStop((0.0,), (1.0,), restitution),
-        LaterBlow(0, 0.0, 0.0),
+        Blow(0, 0.0, 0.0, later=True),
     )
     scene = rde.Scene(rde.Chain("P", (2.0,)), effects, control_dt=0.1, **steps)
     change = {"blow.y": [0.0, 0.6, -0.6]}
@@ -170,31 +135,6 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
     assert found.q[0, 0] == found.qd[0, 0] == 0.0
     expected = [0.3 * 0.1 - 0.5 * 2.0 * 0.01, max(restitution * 0.3 * 0.1 - 0.01, 0.0)]
     np.testing.assert_allclose(found.q[1:, 0], expected, atol=1e-13)
-
-
-@pytest.mark.long
-def test_an_interval_that_is_given_up_leaves_the_state_before_its_impulse():
-    """A slider between elastic stops that are a micrometre apart has more impacts than are allowed."""
-    effects = e.PrismaticStop((0.0,), (1e-6,), 1.0), Blow(0, 0.0, 20.0)
-    for steps in STEPS.values():
-        scene = rde.Scene(rde.Chain("P", (2.0,)), effects, **steps)
-        found, status = advanced(scene, [[5e-7]], [[0.0]])
-        assert status.numerics.any()
-        assert (found.q.tolist(), found.qd.tolist(), found.z.tolist()) == ([[5e-7]], [[0.0]], [[1.0]])
-
-
-@pytest.mark.quick("{'integrator': 'rk8'}")
-@pytest.mark.parametrize("accuracy", [{"integrator": "rk8"}, {"tolerance": 1e-6}], ids=str)
-def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
-    monkeypatch.setitem(e.REGISTRY, "Blow", Blow)
-    scene = rde.Scene(FOUR_R, (e.Gravity(), Blow(3, 0.0, 0.0), e.EffortLimits(3.0)), **accuracy)
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene.to_dict()).unwrapped
-    env.reset(seed=1, options={"parameters": {"blow.y": 1e9}, "qd": (0.0,) * 4})
-    before = env.qd
-    _, _, terminated, _, info = env.step(np.zeros(4, np.float32))
-    assert terminated
-    assert info["numerics"]
-    np.testing.assert_array_equal(env.qd, before)
 
 
 # ---- masses that come and go ---------------------------------------------------------------------------
@@ -206,32 +146,26 @@ def test_an_environment_undoes_an_impulse_with_its_step(accuracy, monkeypatch):
 def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, steps):
     """M qd stays, with another M; the loss, and the potential energy of the object, are booked."""
     masses = np.array([0.0, 0.01, 0.7, 50.0])
-    loaded = rde.Scene(arm, (e.Gravity(), e.PickUp(1.0, 0.05)), **steps)
+    plain = rde.Scene(arm, (e.Gravity(),), **steps)
+    loaded = dataclasses.replace(plain, effects=(*plain.effects, e.PickUp(1.0, 0.05)))
     rng = np.random.default_rng(3)
     q, qd, efforts = Q + rng.normal(size=(4, 4)) * 0.1, rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
-    change = {"pick_up.mass": masses}
     found, bare = (
         advanced(scene, q, qd, efforts, given, intervals=3, track_work=True)[0]
-        for scene, given in ((loaded, change), (dataclasses.replace(loaded, effects=(e.Gravity(),)), {}))
+        for scene, given in ((loaded, {"pick_up.mass": masses}), (plain, {}))
     )
     np.testing.assert_allclose(found.q, bare.q, atol=1e-14)
     np.testing.assert_array_equal(found.z[:, 0], masses)
-    for k, mass in enumerate(masses):
+    for here, mass, before, after, work in zip(
+        found.q, masses, bare.qd, found.qd, found.work - bare.work, strict=True
+    ):
         heavy = dataclasses.replace(arm, masses=(*arm.masses[:-1], arm.masses[-1] + mass))
-        here = found.q[k]
-        momenta = [x.mass_matrix(here) @ v for x, v in ((arm, bare.qd[k]), (heavy, found.qd[k]))]
+        both = (arm, before), (heavy, after)
+        momenta = [x.mass_matrix(here) @ v for x, v in both]
         assert np.abs(momenta[0] - momenta[1]).max() <= 1e-13 * np.abs(momenta[0]).max()
-        energies = [
-            x.kinetic_energy(here, v) + x.potential_energy(here)
-            for x, v in ((arm, bare.qd[k]), (heavy, found.qd[k]))
-        ]
-        assert found.work[k] - bare.work[k] == pytest.approx(energies[1] - energies[0], abs=1e-13)
+        energies = [x.kinetic_energy(here, v) + x.potential_energy(here) for x, v in both]
+        assert work == pytest.approx(energies[1] - energies[0], abs=1e-13)
     assert np.abs(found.qd[3] - bare.qd[3]).max() > 0.1
-    expected, _ = advanced(
-        rde.Scene(heavy, (e.Gravity(),), **steps), found.q, found.qd, efforts, {"masses": heavy.masses}
-    )
-    found.advance(efforts)
-    np.testing.assert_allclose(found.q[3], expected.q[3], atol=1e-13)
 
 
 def test_the_grasp_is_at_the_first_instant_not_before_its_time():
@@ -244,16 +178,6 @@ def test_the_grasp_is_at_the_first_instant_not_before_its_time():
         batch.advance()
         taken.append(batch.z[:, 0] > 0.0)
     assert (np.argmax(taken, axis=0) + 1).tolist() == [*times.values()]
-
-
-def test_the_energy_book_closes_over_a_grasp():
-    for arm in ARMS.values():
-        scene = rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), e.PickUp(2.0, 0.1)), integrator="dop853")
-        motion = rde.simulate(scene, Q, QD, np.linspace(0.0, 0.3, 16))
-        assert motion.drift <= 1e-13
-        assert motion.z[:, 0].tolist() == [0.0] * 5 + [2.0] * 11
-        speed = np.linalg.norm(arm.jacobian(motion.q[5]) @ motion.qd[5])
-        assert speed < np.linalg.norm(arm.jacobian(motion.q[4]) @ motion.qd[4])
 
 
 thrown = physics(lambda held, keep: held * keep)
@@ -291,72 +215,3 @@ def test_a_slider_at_rest_at_its_stop_may_leave_it_where_the_arm_grasps():
     batch, _ = advanced(scene, [[0.0, 0.5]], [[0.0, 0.6]])
     momenta = np.array([[3.0 + 3.0, 1.0 + 3.0], [1.0 + 3.0, 1.0 + 3.0]]) @ batch.qd[0]
     np.testing.assert_allclose(momenta, [0.6, 0.6], rtol=1e-13)  # all of it is the second mass's
-
-
-def test_a_torch_step_picks_up_the_same_mass():
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.PickUp(0.7, 0.02), Blow(e.Point(2), 0.3, 0.1)), tolerance=1e-6)
-    step, start = rde.torch_step(scene), [torch.tensor(x)[None] for x in (Q, QD, np.ones(4))]
-    q, qd, z = step(*start, z=torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64))
-    found, _ = advanced(scene, Q, QD, np.ones(4))
-    np.testing.assert_allclose(q, found.q, atol=1e-13)
-    np.testing.assert_allclose(qd, found.qd, atol=1e-12)
-    np.testing.assert_allclose(z, found.z, atol=0.0)
-
-
-def test_each_episode_begins_without_the_object():
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.PickUp(0.7, 0.04), e.EffortLimits(3.0)), tolerance=1e-6)
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene.to_dict()).unwrapped
-    seen = []
-    for _ in range(2):
-        env.reset(seed=1)
-        seen.append([env.step(np.zeros(4, np.float32))[0] for _ in range(4)])
-    np.testing.assert_array_equal(*seen)
-
-
-# ---- what cannot be ------------------------------------------------------------------------------------
-
-falling = physics(lambda z: -z)
-
-
-def with_hooks(*hooks):
-    body = {"hooks": lambda self, arm: hooks, "__annotations__": {"k": float}, "k": 1.0}
-    return rde.Scene(FOUR_R, (dataclass(frozen=True)(type("Odd", (e.Effect,), body))(),))
-
-
-MOVES = e.State("z", "kg", derivative=falling, bind={"z": ".z"})
-REFUSED = {
-    "PickUp.mass is -1": lambda: e.PickUp(-1.0, 1.0),
-    "PickUp.mass is nan": lambda: e.PickUp(float("nan"), 1.0),
-    "PickUp.at is 0.0 s; it must be positive: give a Payload": lambda: e.PickUp(1.0, 0.0),
-    "PickUp.at is inf": lambda: e.PickUp(1.0, float("inf")),
-    "the mass '.z', a state with derivative; give one with an update": (
-        lambda: with_hooks(e.PointMass(e.Point(3), ".z", (MOVES,)))
-    ),
-    "the mass '.z', a state with when='instant'; give one with an update": (
-        lambda: with_hooks(
-            e.PointMass(
-                e.Point(3), ".z", (e.State("z", "kg", update=falling, bind={"z": ".z"}, when="instant"),)
-            ),
-            e.Instant(physics(lambda k: k), {"k": ".k"}),
-        )
-    ),
-    "the Impulse has when='instant'; give 'interval' or 'instant', the latter in an effect with an Instant": (
-        lambda: with_hooks(e.Impulse(0, knock, {"ready": ".k", "y": ".k"}, when="instant"))
-    ),
-    "mass: '.m' is not a number of this effect; it has .k": lambda: with_hooks(e.PointMass(e.Point(3), ".m")),
-    "give Point(0) to Point(3), the tip": lambda: with_hooks(e.Impulse(e.Point(4), knock)),
-    "joint is 4; give 0 to 3": lambda: with_hooks(e.Impulse(4, knock)),
-    "returns 1 values; a Impulse at a point needs 2": (
-        lambda: with_hooks(e.Impulse(e.Point(3), falling, {"z": ".k"}))
-    ),
-    "function falling": lambda: with_hooks(e.Force(0, late, {"T": "interval"})),
-}
-late = physics(lambda T: T)
-REFUSED["no quantity of FourR is called 'interval'"] = REFUSED.pop("function falling")
-
-
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_is_refused(words):
-    with pytest.raises(ValueError, match=re.escape(words)) as error:
-        REFUSED[words]()
-    assert short(str(error.value))

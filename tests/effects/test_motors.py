@@ -1,17 +1,11 @@
 """Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
 
-import dataclasses
-import itertools
-import json
-
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, RPRP, advanced, motors
+from catalogue import FOUR_R, RPRP, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.features import Features
 
 INERTIA = 2.0
 ONE = rde.Chain("R", (INERTIA,), (1.0,))
@@ -48,13 +42,6 @@ def test_a_joint_behind_a_lag_moves_as_the_lag_says(how):
     assert batch.qd[0, 0] == pytest.approx(rate, rel=1e-9)
 
 
-def test_joints_have_lags_of_their_own():
-    constants = (0.01, 0.02, 0.04, 0.08)
-    scene = rde.Scene(FOUR_R, (e.Lag(constants),))
-    batch, _ = advanced(scene, *np.zeros((2, 1, 4)), np.ones((1, 4)))
-    assert batch.z[0] == pytest.approx(-np.expm1(-0.02 / np.array(constants)), rel=1e-14)
-
-
 # ---- direct-current motors ---------------------------------------------------------------------------------
 
 R, L, K, N, U = 1.5, 0.003, 0.2, 5.0, 12.0
@@ -86,16 +73,6 @@ def test_the_current_of_a_heavy_joint_grows_with_the_electrical_time_constant():
             assert current == pytest.approx(-U / R * np.expm1(-R / L * dt), rel=1e-9)
 
 
-def test_fixed_steps_of_ten_electrical_time_constants_follow_a_motor_to_its_free_speed():
-    batch = moved((MOTOR,), U, intervals=50)
-    rate, current = driven(1.0).real
-    assert batch.qd[0, 0] == pytest.approx(rate, rel=2e-3)
-    assert batch.z[0, 0] == pytest.approx(current, abs=2e-2)
-    end = moved((MOTOR,), U, intervals=900, control_dt=0.1)
-    assert end.qd[0, 0] == pytest.approx(U / (N * K), rel=1e-9)
-    assert abs(end.z[0, 0]) < 1e-8
-
-
 def test_fixed_steps_of_a_dc_motor_converge_with_the_second_order():
     exact = driven(0.1).real[0]
     wrong = [abs(moved((MOTOR,), U, control_dt=0.1, substeps=n).qd[0, 0] - exact) for n in (200, 400)]
@@ -120,38 +97,6 @@ def test_actions_are_shares_of_the_supply_whatever_limits_follow():
         rde.Scene(FOUR_R, (MOTOR, type("Second", (e.DCMotor,), {"key": "second"})(R, L, K)))
 
 
-def test_limits_are_located_where_a_link_before_them_moves_and_cost_nothing_where_none_does():
-    limits = e.EffortLimits(3.0)
-    for effects, guards in (
-        ((e.Play(0.1), e.DeadZone(0.1), e.CommandDelay(0.01, 0.1), e.Gravity(), e.Lag(0.1)), 0),
-        ((limits, e.Play(0.1), e.DeadZone(0.1), e.CommandDelay(0.01, 0.1)), 0),
-        ((limits, e.Lag(0.1)), 8),
-        ((MOTOR, limits), 8),
-    ):
-        assert len(Features(Dynamics(rde.Scene(FOUR_R, effects, tolerance=1e-6))).guards) == guards
-        assert not Features(Dynamics(rde.Scene(FOUR_R, effects))).guards
-
-
-@pytest.mark.long
-def test_limits_behind_a_motor_keep_the_tolerance_with_few_evaluations():
-    """As kinks that are watched they take 3400 evaluations of such intervals."""
-    rng = np.random.default_rng(1)
-    scene = rde.Scene(
-        FOUR_R, (e.Gravity(), MOTOR, e.EffortLimits((8.0, 6.0, 4.0, 2.0)), e.ViscousFriction(0.2)),
-        tolerance=1e-6,
-    )  # fmt: skip
-    state = rng.uniform(-1.5, 1.5, (256, 4)), rng.normal(size=(256, 4)), rng.uniform(-24.0, 24.0, (256, 4))
-    found, status = advanced(scene, *state, intervals=3)
-    exact, sure = advanced(
-        dataclasses.replace(scene, integrator="dop853", tolerance=None), *state, intervals=3
-    )
-    assert not status.numerics.any()
-    assert not sure.numerics.any()
-    apart = FOUR_R.forward_kinematics(found.q) - FOUR_R.forward_kinematics(exact.q)
-    assert np.linalg.norm(apart, axis=1).max() < 3e-6
-    assert status.evaluations.mean() < 300.0
-
-
 # ---- curves, zones, play ---------------------------------------------------------------------------------
 
 
@@ -169,41 +114,6 @@ def test_a_motor_brakes_with_its_stall_effort_and_passes_what_is_below_its_line(
     ):  # fmt: skip
         batch = moved(effects, command, rate, integrator="euler", control_dt=1e-3)
         assert (batch.qd[0, 0] - rate) / 1e-3 * INERTIA == pytest.approx(effort, abs=1e-9)
-
-
-@pytest.mark.long
-def test_a_motor_crosses_its_free_speed_and_rest_under_any_command_also_none_and_the_stall_effort():
-    """A force turns it, so that it drives, brakes, and is faster than its free speed."""
-    cases = itertools.product((0.0, 4.0, 8.0, 8.0 + 1e-9, 20.0), (-14.0, -2.0, 0.0, 2.0, 9.0), (-80.0, 80.0))
-    commands, rates, torques = np.array(list(cases)).T
-    for command in (commands, -commands):
-        ends = []
-        for how in ({"tolerance": 1e-8}, {"substeps": 400}):
-            scene = rde.Scene(ONE, (e.JointTorque(step=1.0), e.TorqueSpeed(8.0, 10.0)), **how)
-            batch = rde.BatchSimulator(scene, len(rates))
-            batch.set_parameters({"joint_torque.step[0]": torques})
-            batch.set_state(np.zeros((len(rates), 1)), rates[:, None])
-            for _ in range(10):
-                status = batch.advance(command[:, None])
-                assert not status.numerics.any()
-                assert status.evaluations.max() < 400 or how != {"tolerance": 1e-8}
-            ends.append(batch.qd)
-        assert np.allclose(*ends, rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("before", [e.DCMotor(1.0, 0.02, 0.8), e.Lag(0.03)], ids=lambda x: x.key)
-def test_an_effort_that_moves_passes_a_line_and_limits_that_are_equal(before):
-    """It rises beyond both at once, and changes its sign near the free speed."""
-    most, rng = np.array([20.0, 12.0, 8.0, 4.0]), np.random.default_rng(3)
-    effects = before, e.TorqueSpeed(tuple(most), 8.0), e.EffortLimits(tuple(most))
-    scene = rde.Scene(FOUR_R, (e.Gravity(), e.ViscousFriction(0.2), *effects), tolerance=1e-6)
-    batch = rde.BatchSimulator(scene, 128)
-    batch.set_state(rng.uniform(-1.0, 1.0, (128, 4)), np.zeros((128, 4)))
-    for _ in range(25):
-        status = batch.advance(rng.uniform(-1.0, 1.0, (128, 4)) * most)
-        assert not status.numerics.any()
-        assert status.evaluations.max() < 2000
 
 
 def test_a_dead_zone_takes_its_width_from_commands():
@@ -232,37 +142,5 @@ def test_play_follows_its_command_by_the_ends_of_its_gap():
         assert np.array_equal(one.z[0], kept)
 
 
-def test_nothing_is_dead_or_slack_at_zero():
-    start, u = (np.full((1, 4), 0.1), np.full((1, 4), 0.2)), np.full((1, 4), 0.7)
-    plain = advanced(rde.Scene(FOUR_R), *start, u, intervals=3)[0].q
-    for effect in (e.DeadZone(0.0), e.Play(0.0), e.Armature(0.0)):
-        moved = advanced(rde.Scene(FOUR_R, (effect,)), *start, u, intervals=3)[0].q
-        assert np.abs(moved - plain).max() < 1e-14
-
-
 def test_an_armature_adds_to_the_inertia_of_its_joint():
     assert moved((e.Armature(0.5),), 5.0).qd[0, 0] == pytest.approx(5.0 * 0.02 / (INERTIA + 0.5), rel=1e-14)
-
-
-# ---- all of them on all arms -------------------------------------------------------------------------------
-
-
-@pytest.mark.quick("4R-{'integrator': 'rk8', 'substeps': 4}")
-@pytest.mark.parametrize(
-    ("kind", "how"),
-    [
-        ("4R", {"integrator": "rk8", "substeps": 4}),
-        ("RPRP", {"tolerance": 1e-6}),
-        ("PPR", {"tolerance": 1e-6}),
-    ],
-    ids=str,
-)
-def test_a_scene_with_all_motors_moves_is_plain_data_and_closes_its_energy_book(kind, how):
-    arm = ARMS[kind]
-    n = len(arm.joints)
-    scene = rde.Scene(arm, (e.Gravity(), *motors(arm)), **how)
-    assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
-    times, turned = np.linspace(0.0, 0.2, 11), lambda t, q, qd: [6.0 if t < 0.1 else -6.0] * n
-    motion = rde.simulate(scene, [0.1] * n, [0.5] * n, times, turned)
-    assert np.abs(motion.balance - motion.balance[0]).max() < 2e-6
-    assert np.abs(motion.work).max() > 0.01

@@ -1,11 +1,15 @@
 """What cannot act is refused when it is made or attached: one table of effects, hooks and functions of users.
 
-A message is short, names the field or the function and its value, and says what to write instead.
+A message is short, names the field or the function and its value, and says what to write instead. What holds
+for every number of an effect is in ``test_contract.py``, for every function of a hook in
+``test_hook_contract.py``.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, StiffeningSpring
 from one_force import with_force
@@ -26,10 +30,6 @@ def tanh_of_math(x):
     return math.tanh(x)
 
 
-def with_default(x, k=2.0):
-    return -k * x
-
-
 @physics
 def with_branch(x):
     if x > 0.0:
@@ -42,23 +42,8 @@ def calls_one_with_a_branch(x):
     return with_branch(y)
 
 
-def unmarked(x):
-    return -x
-
-
-def two_values(x):
-    return x, x
-
-
 LINE = f"test_refused_effects.py:{with_branch.__code__.co_firstlineno + 2}"
 TANH = "it calls tanh; write 1.0 - 2.0 / (exp(2.0 * x) + 1.0)"
-FUNCTIONS = {
-    tanh_of_math: ("tanh_of_math (", "effects.py:", "sqrt, exp", "of redundant_envs.algebra", TANH),
-    with_default: ("'k'", "bind a number of the effect"),
-    with_branch: ("where(condition, a, b)", "instead of if", LINE),
-    calls_one_with_a_branch: ("calls_one_with_a_branch (", "where(condition, a, b)", LINE),
-    two_values: ("returns 2 values", "Force needs 1"),
-}
 AT = "effects[0] (Odd), hook 0 (Force)"
 
 
@@ -77,72 +62,89 @@ class NearTask(rde.ReachTask):
         return (near_term,)
 
 
-@physics(gives="a")
-def first(x):
-    return x
-
-
-@physics(gives="a")
-def second(x):
-    return -x
-
+first, second = physics(gives="a")(lambda x: x), physics(gives="a")(lambda x: -x)
 
 # ---- hooks --------------------------------------------------------------------------------------------
-
 
 spring = physics(lambda x, k: -k * x)
 energy = physics(lambda x, k: 0.5 * k * x**2)
 damped = physics(lambda x, rate, k: -k * (x + rate))
 slope = physics(lambda rate, k: 2.0 * k * abs(rate))
+at_point = physics(lambda x, k: (-k * x, -k * x))
+of_limit = physics(lambda rate: rate)
+falling, knock = physics(lambda z: -z), physics(lambda k: k)
+told, of_draw = physics(lambda reading: reading), physics(lambda normal1: normal1)
 
 
-@physics
-def at_point(x, k):
-    return -k * x, -k * x
-
-
-@physics
-def field_of(x):
-    return 0.0 * x, 9.81
-
-
-def attached(hooks, arm=FOUR_R, **body):
+def attached(*hooks, arm=FOUR_R, **body):
     """A scene with an effect of one number that has some hooks."""
     own = {"__annotations__": {"k": float}, "k": 1.0, "hooks": lambda self, arm: hooks, **body}
     return rde.Scene(arm, (dataclass(frozen=True)(type("Odd", (e.Effect,), own))(),))
 
 
+def state(name="z", **given):
+    return e.State(name, "kg", bind={"z": ".z"}, **given)
+
+
 X = {"x": "phi2", "k": ".k"}
 RATE = {**X, "rate": "phid2"}
+OWN_JOINT = "parameters and the position and rate of its own joint"
+INSTANT = e.Instant(physics(lambda k: k), {"k": ".k"})
 HOOKS = {
-    "no such joint": (e.Force(4, spring, X), "joint is 4", "0 to 3", "joint1"),
-    "a joint by its name": (e.Force("joint2", spring, X), "joint is 'joint2'", "0 to 3"),
-    "no such number": (e.Force(1, spring, {"x": "phi2", "k": ".stiffness"}), "'.stiffness'", "it has .k"),
-    "no such quantity": (e.Force(1, spring, {"x": "phi9", "k": ".k"}), "'phi9'", "phi1"),
-    "an acceleration": (e.Force(1, spring, {"x": "qdd1", "k": ".k"}), "'qdd1'", "follows from the forces"),
-    "a number in a bind": (e.Force(1, spring, {"x": 2.0, "k": ".k"}), "2.0", "quotation marks"),
-    "a list as bind": (e.Force(1, spring, ["phi2", ".k"]), "bind", "mapping"),
-    "no such end": (e.Impact(1, ".lower", ".k", ".k"), "lower", "'.lower'", ".k"),
-    "half a potential": (e.Force(1, damped, RATE, potential=energy), "phid2", "conservative="),
-    "no potential": (e.Force(1, spring, X, conservative=spring), "no potential", "give the potential"),
-    "a potential of rates": (e.Force(1, spring, X, potential=damped), "rate"),
-    "two potentials": (e.Force(1, spring, X, potential=field_of), "field_of", "one value"),
-    "a stiffness of x": (e.Force(1, spring, X, stiffness=spring), "stiffness", "phi2", "parameters alone"),
-    "a motor of two": (e.Actuation(1, field_of, {"x": "command2"}), "returns 2 values", "Actuation needs 1"),
-    "a field of one": (e.Field(spring, X), "returns 1 values", "Field needs 2"),
-    "a damping of another joint": (
-        e.Force(0, damped, {**RATE, "rate": "phid2"}, damping=slope),
-        "parameters and the position and rate of its own joint",
+    "no such joint": ((e.Force(4, spring, X),), "joint is 4", "0 to 3", "joint1"),
+    "a joint by its name": ((e.Force("joint2", spring, X),), "joint is 'joint2'", "0 to 3"),
+    "no such point": ((e.Impulse(e.Point(4), knock),), "give Point(0) to Point(3), the tip"),
+    "no such number": ((e.Force(1, spring, {**X, "k": ".stiffness"}),), "'.stiffness'", "it has .k"),
+    "no such mass": ((e.PointMass(e.Point(3), ".m"),), "mass: '.m' is not a number of this effect"),
+    "a number in a bind": ((e.Force(1, spring, {"x": 2.0, "k": ".k"}),), "2.0", "quotation marks"),
+    "a list as bind": ((e.Force(1, spring, ["phi2", ".k"]),), "bind", "mapping"),
+    "no such end": ((e.Impact(1, ".lower", ".k", ".k"),), "lower", "'.lower'", ".k"),
+    "half a potential": ((e.Force(1, damped, RATE, potential=energy),), "phid2", "conservative="),
+    "no potential": ((e.Force(1, spring, X, conservative=spring),), "no potential", "give the potential"),
+    "a potential of rates": ((e.Force(1, spring, X, potential=damped),), "rate"),
+    "a stiffness of x": ((e.Force(1, spring, X, stiffness=spring),), "stiffness", "phi2", "parameters alone"),
+    "one value at a point": (
+        (e.Impulse(e.Point(3), knock, {"k": ".k"}),), "returns 1 values; a Impulse at a point needs 2",
     ),
-    "a damping of the tip": (
-        e.Force(0, damped, {**RATE, "rate": "tip_vx"}, damping=slope),
-        "parameters and the position and rate of its own joint",
-    ),
+    "a damping of another joint": ((e.Force(0, damped, RATE, damping=slope),), OWN_JOINT),
     "a damping at a point": (
-        e.Force(e.Point(3), at_point, {"x": "vx4", "k": ".k", "rate": "vx4"}, damping=slope),
+        (e.Force(e.Point(3), at_point, {"x": "vx4", "k": ".k", "rate": "vx4"}, damping=slope),),
         "it may depend on parameters alone",
     ),
-}
+    "a limit of a rate": ((e.Friction(0, of_limit, {"rate": "phid1"}),), "speed, the size of the rate"),
+    "the control interval": ((e.Force(0, physics(lambda T: T), {"T": "interval"}),), "called 'interval'"),
+    "a mass that moves": (
+        (e.PointMass(e.Point(3), ".z", (state(derivative=falling),)),),
+        "the mass '.z', a state with derivative; give one with an update",
+    ),
+    "a mass at an instant": (
+        (e.PointMass(e.Point(3), ".z", (state(update=falling, when="instant"),)), INSTANT),
+        "the mass '.z', a state with when='instant'; give one with an update",
+    ),
+    "no instant": (
+        (e.Impulse(0, knock, {"k": ".k"}, when="instant"),),
+        "has when='instant'; give 'interval' or 'instant', the latter in an effect with an Instant",
+    ),
+    "a draw in a force": (
+        (e.Force(0, of_draw),), "'normal1' is a draw, which only ", "update",
+    ),
+    "a draw in a sensor": ((e.Sensing(0, of_draw),), "'normal1' is a draw"),
+    "a state that begins as itself": (
+        (e.Sensing(0, told, {"reading": "phi1"}, states=(state(update=falling, initial=falling),)),),
+        "depends on .z; it may depend on parameters, on draws and on the motion",
+    ),
+    "a sensor that flows": (
+        (e.Sensing(0, told, {"reading": "phi1"}, states=(state(derivative=falling),)),),
+        "the state 'z' of a sensor has a derivative; give an update",
+    ),
+    "a unit without another": (
+        (e.Actuation(0, physics(lambda command1: command1), takes="", gives="V"),),
+        "gives is 'V' without takes",
+    ),
+    "a number as unit": (
+        (e.Actuation(0, physics(lambda command1: command1), takes=3),), "takes is 3; give a unit such as 'V'",
+    ),
+}  # fmt: skip
 KEYS = ("my spring", "1st", "", "a..b", 3, "a-b")
 
 
@@ -152,7 +154,7 @@ def named(key, field):
     )()
 
 
-# ---- the table ----------------------------------------------------------------------------------------
+# ---- effects ------------------------------------------------------------------------------------------
 
 SCENES = {
     "alike identifiers": (
@@ -184,11 +186,96 @@ SCENES = {
     "one of two sliders": (
         RPRP, (e.CentringSpring((1,), (0,), (1,)),), "for 1 prismatic joints and RPRP has 2: give as many",
     ),
+    "four inertias of two links": (
+        RPRP, (e.LinkInertia((0.1,) * 4),),
+        "LinkInertia.inertias has 4 entries; RPRP has 2 revolute joints: give 2",
+    ),
+    "a tendon of r1": (
+        FOUR_R, (e.Tendon(("r1", "joint2"), (1.0, 1.0), 1.0),), "Tendon.joints[0] is 'r1'; FourR has joint1",
+    ),
+    "point 5": (
+        RPRP, (e.Tether(5, (0.0, 0.0), 1.0),), "Tether.point is 5; RPRP has the point masses 1 to 4",
+    ),
+    "one stop of four": (
+        FOUR_R, (e.JointStop((0.1,), (0.2,)),), "lower has 1 entries;", "has 4 joints: give an end, or None",
+    ),
+    "too many kept commands": (
+        FOUR_R, (e.CommandDelay(0.1, 20.5),),
+        "longest is 20.5 s", "1026 kept commands; at most 1024 are: give a longest below 20.48 s",
+    ),
+    "too many kept readings": (
+        FOUR_R, (e.SensorDelay(0.0, 1e308),), "SensorDelay.longest is 1e+308 s, inf control steps", "1024 ",
+    ),
 }  # fmt: skip
+
+
+def bristles(stiction):
+    return e.LuGre(1e5, 0.0, 0.4, 1.0, stiction, 0.01)
+
+
+NUMBERS = [
+    (lambda: e.Gravity(9.81, (0.0, -1.1)), "Gravity.down is (0.0, -1.1)"),
+    (lambda: e.Gravity.on_plane(9.81, NAN), "tilt is nan"),
+    (lambda: e.Gravity.on_plane(9.81, 0.0, "x"), "roll is 'x'"),
+    (lambda: e.LimitSpring("r1", 0.3, 0.3), "LimitSpring.lower is 0.3, upper is 0.3; lower must be below"),
+    (lambda: e.LimitSpring("r1", 0.0, 1e-31), "LimitSpring.lower is 0.0", "at least 1e-30 apart"),
+    (lambda: e.TwoStageSpring("r1", 0.3, 0.1, 1.0, 1.0), "TwoStageSpring.lower is 0.3, upper is 0.1"),
+    (lambda: e.CentringSpring((1.0, 2.0), (0, 2), (1, 1)), "CentringSpring.lower[1] is 2.0, upper"),
+    (lambda: e.CentringSpring((1.0,), (0, 0), (1, 1)), "CentringSpring.lower has 2 entries; give 1"),
+    (lambda: e.PrismaticStop((0, 0), (1, 1e308)), "PrismaticStop.upper[1] is 1e+308", "-1e+30 to 1e+30"),
+    (lambda: e.PrismaticStop((0.3, 0.0), (0.0, 0.3)), "PrismaticStop.lower[0] is 0.3, upper[0] is 0.0"),
+    (lambda: e.PrismaticStop((0.0, 0.0), (0.3, NAN)), "PrismaticStop.upper[1] is nan", "finite"),
+    (lambda: e.PrismaticStop((0.0,), (0.3, 0.3)), "PrismaticStop.lower has 1 entries", "upper 2"),
+    (lambda: e.JointStop((0.3,), (0.1,)), "JointStop.lower[0]"),
+    (lambda: e.JointStop((None,), (np.inf,)), "have no end of any joint; give one"),
+    (lambda: e.JointStop(0.1, 0.2), "lower is 0.1; give an end for each joint"),
+    (lambda: e.Tendon("joint2", (1.0,), 1.0), "Tendon.joints is 'joint2'; give the names of two or more"),
+    (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
+    (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
+    (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0 s; it must be positive: give a Payload"),
+    (lambda: bristles(0.5), "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1"),
+    (lambda: bristles((1.0, 0.9)), "LuGre.stiction is 0.9 and LuGre.coulomb 1.0 at joint 2"),
+    (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
+    (lambda: e.SensorDelay(0.2, 0.1), "SensorDelay.seconds is 0.2 s; ", "0 to longest, which is 0.1 s"),
+    (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
+    (lambda: e.TipForce(), "TipForce has no part; give one or several of step, amplitude, density"),
+    (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
+    (lambda: e.JointTorque(deviation=1.0), "deviation is given without time_constant"),
+    (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
+    (lambda: e.JointTorque(density=()), "density has 0 entries; give one for each joint"),
+    (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm", "smaller radius"),
+    (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is ", "covers the base", "opposite normal"),
+    (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is ", "no direction"),
+]
+LANES = {
+    "command_delay.seconds": (0.11, "CommandDelay.seconds is"),
+    "disc.radius": ([[0.1], [0.7]], "covers"),
+    "joint_torque.time_constant": (-1.0, "JointTorque.time_constant is -1.0; it must lie"),
+    "tendon.stiffness": ([1.0, -2.0], "Tendon.stiffness"),
+    "tip_force.step": ((1.0, 2.0), "parameter is 'tip_force.step'; this scene has", "tip_force.den"),
+}
+"""Numbers that lanes cannot have."""
+
+
+@functools.cache
+def lanes():
+    effects = (
+        e.CommandDelay(0.0, 0.1), e.Disc((0.5, 0.4), 0.2), e.JointTorque(deviation=1.0, time_constant=0.1),
+        e.Tendon(("joint1", "joint2"), (0.1, 0.1), 1.0), e.TipForce(density=1.0),
+    )  # fmt: skip
+    return rde.BatchSimulator(rde.Scene(FOUR_R, effects, "euler"), 2)
+
+
+def set_in_lanes(name):
+    lanes().set_parameters({name: LANES[name][0]})
+
+
 REFUSED = {
-    **{f"function {f.__name__}": (lambda f=f: with_force(physics(f)), AT, *w) for f, w in FUNCTIONS.items()},
-    "an unmarked function": (lambda: with_force(unmarked), AT, "not marked", "@physics"),
-    "a number as function": (lambda: with_force(3.0), AT, "3.0", "def"),
+    "tanh of math": (lambda: with_force(physics(tanh_of_math)), AT, "tanh_of_math (", "effects.py:", TANH),
+    "a branch in a helper": (
+        lambda: with_force(physics(calls_one_with_a_branch)), AT, "calls_one_with_a_branch (",
+        "where(condition, a, b)", "instead of if", LINE,
+    ),
     "cosines in an arm": (
         lambda: type("Swing", (rde.Arm,), {"joint_types": "R", "functions": (points_of_math,)}),
         "Swing.functions", "points_of_math", "it calls cos; take the sine and cosine",
@@ -196,30 +283,13 @@ REFUSED = {
     "max in a task": (
         lambda: Core("four_r_reach", 1, NearTask()), "near_term ", "it calls max; write maximum(a, b)",
     ),
-    "two givers": (lambda: givers_of((first, second)), "'a' is given by both ", "first and ", "second"),
-    **{f"hook: {n}": (lambda h=h: attached((h,)), *words) for n, (h, *words) in HOOKS.items()},
-    "one hook": (lambda: attached(e.Force(1, spring, X)), "hooks gives", "tuple"),
-    **{f"key {key!r}": (lambda key=key: attached((), key=key), "has the key") for key in KEYS},
+    "two givers": (lambda: givers_of((first, second)), "'a' is given by both "),
+    **{f"hook: {n}": (lambda h=h: attached(*h), *words) for n, (h, *words) in HOOKS.items()},
+    "one hook": (lambda: attached(hooks=lambda s, arm: e.Force(1, spring, X)), "hooks gives", "tuple"),
+    **{f"key {key!r}": (lambda key=key: attached(key=key), "has the key") for key in KEYS},
     **{f"scene: {n}": (lambda a=arm, x=x: rde.Scene(a, x), *w) for n, (arm, x, *w) in SCENES.items()},
-    **{
-        f"number: {words[0]}": (lambda kind=kind, given=given: kind(*given), *words)
-        for kind, given, *words in (
-            (e.Gravity, (9.81, (0.0, -1.1)), "Gravity.down is (0.0, -1.1)"),
-            (e.Gravity.on_plane, (9.81, NAN), "tilt is nan"),
-            (e.Gravity.on_plane, (9.81, 0.0, "x"), "roll is 'x'"),
-            (e.LimitSpring, ("r1", 0.3, 0.3), "LimitSpring.lower is 0.3, upper is 0.3; lower must be below"),
-            (e.LimitSpring, ("r1", 0.0, 1e-31), "LimitSpring.lower is 0.0", "at least 1e-30 apart"),
-            (e.LimitSpring, ("r1", -1e308, 1e308), "LimitSpring.lower is -1e+308", "-1e+30 to 1e+30"),
-            (e.CentringSpring, ((1.0, 2.0), (0, 2), (1, 1)), "CentringSpring.lower[1] is 2.0, upper"),
-            (e.CentringSpring, ((1.0,), (0, 0), (1, 1)), "CentringSpring.lower has 2 entries; give 1"),
-            (e.CentringSpring, ((1.0, 1.0), (0, 0), (1, "b")), "CentringSpring.upper[1] is 'b'"),
-            (e.PrismaticStop, ((0, 0), (1, 1e308)), "PrismaticStop.upper[1] is 1e+308", "-1e+30 to 1e+30"),
-            (e.PrismaticStop, ((0, 0), (1, 5e-324)), "PrismaticStop.lower[1] is 0.0", "1e-30 apart"),
-            (e.PrismaticStop, ((0.3, 0.0), (0.0, 0.3)), "PrismaticStop.lower[0] is 0.3, upper[0] is 0.0"),
-            (e.PrismaticStop, ((0.0, 0.0), (0.3, NAN)), "PrismaticStop.upper[1] is nan", "finite"),
-            (e.PrismaticStop, ((0.0,), (0.3, 0.3)), "PrismaticStop.lower has 1 entries", "upper 2"),
-        )
-    },
+    **{f"number: {words[0]}": (make, *words) for make, *words in NUMBERS},
+    **{f"lane: {n}": (lambda n=n: set_in_lanes(n), *words) for n, (_, *words) in LANES.items()},
 }  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, advanced, assert_same_bits, tips_after
+from catalogue import FOUR_R, RPRP, tips_after
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -27,13 +27,6 @@ def scene(arm, *effects, **kwargs):
     return rde.Scene(arm, (e.Gravity(), *effects), **kwargs)
 
 
-def tips(made, *states):
-    """Where the tips are after an interval, no lane with a flag."""
-    found, status = tips_after(made, *states)
-    assert not status.numerics.any()
-    return found, status
-
-
 # ---- the tolerance is kept ------------------------------------------------------------------------------
 
 
@@ -46,9 +39,11 @@ def test_a_tolerance_is_kept_where_springs_begin(arm, stiffness, damping):
     made = scene(arm, *springs(arm, stiffness, damping))
     q, qd, _ = random_states(made, 192, 0, beyond=0.05)
     states = q, qd, np.random.default_rng(0).uniform(-10.0, 10.0, q.shape)
-    reference, _ = tips(dataclasses.replace(made, integrator="rk4", substeps=20000), *states)
+    reference, sure = tips_after(dataclasses.replace(made, integrator="rk4", substeps=20000), *states)
+    assert not sure.numerics.any()
     for tolerance, most in ((1e-6, 400), (1e-8, 800)):
-        found, status = tips(dataclasses.replace(made, tolerance=tolerance), *states)
+        found, status = tips_after(dataclasses.replace(made, tolerance=tolerance), *states)
+        assert not status.numerics.any()
         assert np.linalg.norm(found - reference, axis=1).max() <= tolerance
         if damping == 0.0:  # up to 15000 before changes of law were located
             assert status.evaluations.mean() <= most
@@ -73,7 +68,7 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
     near = 1e-2 * np.random.default_rng(0).normal(size=(2048, 4))[1200:1456]  # one of them is off by 1.9
     given = q + near, np.tile(qd, (256, 1)), np.tile((-3.3, -3.3, 3.3, 3.3), (256, 1))
     ends = [
-        tips(rde.Scene(arm, [kind(*x) for x in numbers], actuation="generalized", **how), *given)[0]
+        tips_after(rde.Scene(arm, [kind(*x) for x in numbers], actuation="generalized", **how), *given)[0]
         for kind, how in (
             (e.LimitSpring, {"substeps": 3000}),
             (e.LimitSpring, {"tolerance": tolerance}),
@@ -83,44 +78,7 @@ def test_the_tolerance_is_kept_where_a_damper_lets_go():
     assert np.linalg.norm(np.subtract(ends[1:], ends[0]), axis=-1).max() <= tolerance
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("travel", [1e-3, 1e-9, 1e-12])
-def test_limits_close_together_are_passed_both(travel):
-    """In a step the joint goes through its travel and into the spring behind it."""
-    narrow, wide = e.LimitSpring("r1", 0.0, travel, 5e3), e.LimitSpring("r2", -1.0, 1.0, 5e3)
-    made = scene(RPRP, narrow, wide, tolerance=1e-8)
-    given = [0.3, -1e-3, -0.2, 0.1], [0.0, 1.0, 0.0, 0.0]
-    found, status = advanced(made, *given)
-    fine = {"tolerance": None, "integrator": "rk4", "substeps": 200_000}
-    expected, _ = advanced(dataclasses.replace(made, **fine), *given)
-    assert status.numerics[0] == 0
-    assert np.abs(found.q - expected.q).max() <= 1e-8
-    assert status.evaluations[0] <= 12 * 60
-
-
 # ---- what it costs --------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_a_joint_that_rests_on_its_spring_costs_what_a_free_one_costs():
-    """It settles to rounding; no noise switches it from one law to the other and back."""
-    friction = e.ViscousFriction((1.0, 20.0, 1.0, 20.0))
-    made, down = scene(RPRP, friction, *springs(RPRP, 5e3), tolerance=1e-6), -math.pi / 2
-    q = [[down, 0.2, down, 0.2], [down, 0.3, down, 0.3], [-down, 0.0, -down, 0.0]]
-    batch, status = advanced(made, q, np.zeros(4), intervals=1000)
-    assert (status.numerics == 0).all()
-    assert (status.evaluations <= 48).all()
-    assert batch.q[0, 1] == pytest.approx(0.3 + 3.0 * 9.81 / 5e3, abs=1e-9)
-
-
-@pytest.mark.long
-def test_at_rest_exactly_at_a_limit_nothing_happens():
-    made = rde.Scene(RPRP, (e.Gravity(0.0), *springs(RPRP, 5e3)), tolerance=1e-9)
-    q = np.array([[0.3, 0.3, -0.2, 0.0], [0.3, 0.0, -0.2, 0.3]])
-    found, status = advanced(made, q, np.zeros((2, 4)))
-    assert (found.q == q).all()
-    assert (found.qd == 0.0).all()
-    assert (status.evaluations == 24).all()  # two steps are what a spring of 5 kN/m needs
 
 
 def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
@@ -138,28 +96,6 @@ def test_a_damper_asks_for_steps_where_its_joint_is_deep_in_it():
 
 
 # ---- beside others --------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("damping", "how"), [(35.0, {"tolerance": 1e-6}), (0.0, {"integrator": "dop853"})], ids=str
-)
-def test_fast_lanes_near_springs_do_not_know_of_calm_ones_beside_them(damping, how):
-    """Found by fuzzing: a step for a slow lane, too long for fast ones beside it, reported a kink for
-    these."""
-    own = [e.LimitSpring(f"joint{k}", -0.2, 0.7, 1730.7, damping) for k in (1, 2)]
-    made = rde.Scene(FOUR_R, own, control_dt=0.005, **how)
-    rng, count = np.random.default_rng(8), 128
-    states = rng.uniform(-1.5, 1.5, (count, 4)), rng.normal(0.0, 200.0, (count, 4))
-    given = np.stack([*states, rng.uniform(-20.0, 20.0, (count, 4))])
-    places = rng.permutation(2 * count)[:count]
-    mixed = np.zeros((3, 2 * count, 4))
-    mixed[:, places] = given
-    alone, beside = (
-        (batch.q, batch.qd, status.evaluations)
-        for batch, status in (advanced(made, *states) for states in (given, mixed))
-    )
-    assert_same_bits(alone, [x[places] for x in beside])
 
 
 def test_laws_overlap_by_a_margin_so_that_rounding_changes_none():

@@ -1,10 +1,8 @@
-"""Functions and effects of users that are allowed act as their code says, whatever they are called.
-
-``test_refused_effects.py`` has the others.
-"""
+"""Functions of users that are allowed act as their code says, also when they are defined again, and what a
+message says to write instead of a function of Python or NumPy is the same function."""
 
 import functools
-from dataclasses import dataclass, make_dataclass
+import re
 
 import numpy as np
 import pytest
@@ -12,21 +10,13 @@ from catalogue import advanced
 from one_force import ARM, with_force
 
 import redundant_envs as rde
-from redundant_envs.effects import Effect, Force, Gravity, LimitSpring
-from redundant_envs.language.algebra import exp, physics, sincos, where
-from redundant_envs.model.energy import potential_energy
-from redundant_envs.model.programs import batch_simulator
+from redundant_envs.compiler import dialect
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import PRIMITIVES, exp, physics, sincos, where
 
 Q0, QD0 = np.array([-1.2, 0.4, -0.4, 0.9]), np.array([0.5, -0.6, 0.9, 0.8])
 PHI2 = Q0[1] - Q0[0]
-K = 3.0
 KS = np.array([3.0, 5.0])
-
-
-def end_of(*effects):
-    """Final state of a motion with some effects."""
-    batch, _ = advanced(rde.Scene(ARM, effects), Q0, QD0, intervals=5)
-    return np.concatenate([batch.q, batch.qd])
 
 
 def acts_as(function, force_on_joint_2, bind=None):
@@ -57,24 +47,18 @@ class Holder:
         return -self.k * x
 
 
-def closure(k):
-    return lambda x: -k * x
-
-
 def twice(x, k=2.0):
     return -k * x
 
 
 ALLOWED = {
-    "constant": (lambda x: -K * x, -3.0 * PHI2),
     "array": (lambda x: x * KS[1] - KS[0] * x, 2.0 * PHI2),
     "default of a helper": (lambda x: twice(x), -2.0 * PHI2),
     "python": (in_other_words, 4.0 * PHI2),
-    "closure": (closure(5.0), -5.0 * PHI2),
+    "closure": ((lambda k: lambda x: -k * x)(5.0), -5.0 * PHI2),
     "object": (Holder(), -7.0 * PHI2),
     "partial": (functools.partial(lambda k, x: k * x, 6.0), 6.0 * PHI2),
     "whole number": (lambda x: 3, 3.0),
-    "number": (lambda x: -2.5, -2.5),
     "tanh": (lambda x: 1.0 - 2.0 / (exp(2.0 * x) + 1.0), np.tanh(PHI2)),
     "sine": (lambda x: sincos(x)[0] * where(x > 0.0, 2.0, 3.0), 2.0 * np.sin(PHI2)),
 }
@@ -86,32 +70,6 @@ def test_a_function_does_what_its_code_says(what):
     function = Holder().method if function is None else physics(function)
     assert acts_as(function, force)
     assert function(PHI2) == pytest.approx(force)
-
-
-# ---- functions that are defined again ------------------------------------------------------------
-
-
-FORCE_AND_ENERGY = """
-@physics
-def force(x):
-    return -shape(x)
-
-@physics
-def energy(x):
-    return 0.5 * x * shape(x)
-"""
-
-
-def test_a_helper_or_a_constant_that_is_defined_again_is_the_new_one_in_motion_and_energy():
-    names = {"physics": physics}
-    exec(FORCE_AND_ENERGY, names)
-    for k in (2.0, 100.0, 2.0):
-        exec(f"k = {k}\n@physics\ndef shape(x):\n    return k * x", names)
-        assert acts_as(names["force"], -k * PHI2)
-        stored = potential_energy(with_force(names["force"], potential=names["energy"]), Q0)
-        assert stored - potential_energy(rde.Scene(ARM), Q0) == pytest.approx(0.5 * k * PHI2**2)
-    names["k"] = 3.0
-    assert acts_as(names["force"], -3.0 * PHI2)
 
 
 class Callable:
@@ -151,47 +109,28 @@ def test_a_function_whose_code_is_replaced_is_the_new_one(made, replace, monkeyp
         assert acts_as(shape, force, bind)
 
 
-# ---- names that are alike -----------------------------------------------------------------------------
+# ---- what is written instead of functions that are called by habit ---------------------------------
+
+NAMES = {name: getattr(algebra, name) for name in (*PRIMITIVES, "clamp", "squash", "sincos", "logical_not")}
+INSTEAD = {
+    "tanh": np.tanh, "sinh": np.sinh, "cosh": np.cosh, "sign": np.sign,
+    "ceil": np.ceil, "int": np.trunc, "square": np.square, "radians": np.radians, "degrees": np.degrees,
+    "reciprocal": np.reciprocal, "negative": np.negative, "heaviside": lambda x: np.heaviside(x, 1.0),
+    "round": lambda x: np.floor(x + 0.5), "fabs": np.abs,
+    "mod": np.mod, "hypot": np.hypot, "max": np.maximum, "min": np.minimum,
+}  # fmt: skip
 
 
-@physics
-def push(value):
-    return 1.0 * value
-
-
-@dataclass(frozen=True)
-class Pushes(Effect):
-    """Pushes on the first joints."""
-
-    def hooks(self, arm):
-        numbers = enumerate(self.parameters())
-        return tuple(Force(k, push, {"value": f".{name}"}) for k, name in numbers)
-
-
-def pushing(kind, **numbers):
-    """Such an effect with numbers of these names."""
-    fields = [(n, float if isinstance(x, float) else tuple[float, ...], x) for n, x in numbers.items()]
-    return make_dataclass(kind, fields, bases=(Pushes,), frozen=True)()
-
-
-TIP = pushing("Tip", x=0.7, vx=0.2)
-W = pushing("W", h=0.7, count=0.2, j=(0.1, 0.3))
-"""A short name with numbers of short names, those of fields of lanes among them."""
-
-
-@pytest.mark.quick("limit spring")
-@pytest.mark.parametrize(
-    "effect", [pushing("LimitSpringJoint1", lower=0.7), TIP, W], ids=["limit spring", "tip", "short"]
-)
-def test_parameters_that_read_like_others_are_rows_of_their_own(effect):
-    beside, pushes = (Gravity(), LimitSpring("joint1", -2.0, 1.9)), tuple(effect.parameters().values())
-    np.testing.assert_array_equal(end_of(*beside, effect), end_of(*beside, pushing("Plain", a=pushes)))
-
-
-def test_scenes_that_differ_in_names_only_are_one_program():
-    """Names of functions, classes and parameters do not change results."""
-    effects = pushing("Plain", a=(0.7, 0.2)), TIP, pushing("Other", a=(0.1, 0.9)), W
-    scenes = [rde.Scene(ARM, (effect,)) for effect in effects]
-    *alike, last = (batch_simulator(scene, False).key() for scene in scenes)
-    assert len({*alike}) == 1
-    assert last not in alike
+@pytest.mark.parametrize("name", INSTEAD)
+def test_what_is_written_instead_is_the_same_function(name):
+    written = re.match(r"write (.*?)(, (or|which) .*| with .*)?$", dialect._INSTEAD[name])[1]
+    names = [n for n in "abxy" if re.search(rf"\b{n}\b", written)]
+    function = physics(eval(f"lambda {', '.join(names)}: {written}", {**NAMES, "__name__": "prompt"}))
+    dialect.check(function)
+    values = (
+        np.array([-3.7, -1.0, -0.4, 0.3, 0.5, 2.0, 6.2]),
+        np.array([2.0, -0.7, -0.4, 3.0, 1.0, 2.0, -5.0]),
+    )
+    given = values[: len(names)]
+    np.testing.assert_allclose(function(*given), INSTEAD[name](*given), rtol=1e-13, atol=1e-15)
+    assert isinstance(function(*(0.3, 0.7)[: len(names)]), float)

@@ -1,0 +1,308 @@
+"""What every effect of the package promises, by rows: a new effect has them all.
+
+The equation of an effect is tried in a file of its own, and its page in ``tests/docs/test_effect_pages.py``.
+"""
+
+import copy
+import dataclasses
+import importlib
+import json
+import math
+import pickle
+import pkgutil
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from catalogue import FOUR_R, GROUPS, RPRP, every_effect
+from refusals import short
+
+import redundant_envs as rde
+from redundant_envs import effects as e
+from redundant_envs.effects.hooks import snake_case
+from redundant_envs.effects.numbers import DECLARED, example_of, of_axes, two
+from redundant_envs.envs import cost
+from redundant_envs.robots.parameters import number
+from redundant_envs.scenes.files import config_folder
+from redundant_envs.verify import bits, closed_forms, conservation, evaluators, forces, hints, rest, verify
+from redundant_envs.verify.checks import checks_of, random_states
+from studies.effects import load_study
+from tests.faults.__main__ import outcome
+
+ROOT = Path(__file__).parents[2]
+ENTRIES = load_study(config_folder("studies") / "effects.yaml").entries
+"""Every effect with the numbers of its example, on a bare arm."""
+EVERY = pytest.mark.parametrize("name", ENTRIES)
+FIELDS = {
+    f"{name}.{f.name}": (kind, f)
+    for name, kind in e.OWN.items()
+    for f in dataclasses.fields(kind)
+    if DECLARED in f.metadata
+}
+OF_JOINTS = [name for name, (_, f) in FIELDS.items() if f.metadata[DECLARED].of_joints]
+NAMED = [name for name, kind in e.OWN.items() if "name" in {f.name for f in dataclasses.fields(kind)}]
+
+
+def alone(name, **how):
+    """The scene with an effect, beside the bare arm."""
+    return dataclasses.replace(ENTRIES[name].pair.scene, **how)
+
+
+# ---- what it is -----------------------------------------------------------------------------------------
+
+
+def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
+    """What a module without a line in ``__init__.py`` has, nobody can name."""
+    modules = [importlib.import_module(f"{e.__name__}.{m.name}") for m in pkgutil.iter_modules(e.__path__)]
+    found = {
+        x.__name__: x
+        for module in modules
+        for x in vars(module).values()
+        if isinstance(x, type) and issubclass(x, e.Effect) and "hooks" in vars(x) and x is not e.Effect
+    }
+    assert found == e.OWN
+    assert all("example" in vars(kind) for kind in found.values())
+    assert {type(entry.effect) for entry in ENTRIES.values()} == {*found.values()}
+    groups = (every_effect, *GROUPS.values())
+    used = {type(effect) for group in groups for arm in (RPRP, FOUR_R) for effect in group(arm)}
+    assert used == {*found.values()}
+
+
+@EVERY
+def test_a_scene_with_an_effect_is_plain_data_and_comes_back_equal(name):
+    scene = alone(name)
+    data = json.loads(json.dumps(scene.to_dict()))
+    for again in (rde.Scene.from_dict(data), pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene)):
+        assert again == scene
+        assert again.parameters() == scene.parameters()
+
+
+@pytest.mark.quick("Payload")
+@EVERY
+def test_what_an_effect_costs_is_on_the_bill(name):
+    assert ENTRIES[name].effect.key in rde.bill(alone(name))
+
+
+# ---- what it does ---------------------------------------------------------------------------------------
+
+CHECKS = [
+    check
+    for check in checks_of(bits, closed_forms, conservation, evaluators, forces, hints, rest)
+    if check is not bits.record
+]
+
+
+@pytest.mark.long
+@EVERY
+def test_bits_energy_evaluators_and_what_is_declared_are_right(name):
+    """Bits in any batch, order and copy; the energy book; NumPy, single numbers, tensors; potentials,
+    stiffness, damping, rates and closed forms of states."""
+    assert verify(alone(name, tolerance=1e-6), 32, checks=CHECKS).misses == ()
+
+
+HOW = {
+    "one rk8 step": {"tolerance": None},
+    "two": {"tolerance": None, "substeps": 2},
+    "1e-6": {"tolerance": 1e-6},
+}
+LANES, INTERVALS = 21, 20
+
+
+def motion(scene, start):
+    """Bits of the states after each interval, and the evaluations that these took."""
+    q, qd, efforts = start
+    batch = rde.BatchSimulator(scene, LANES)
+    batch.set_state(q, qd)
+    found = []
+    for k in range(INTERVALS):
+        status = batch.advance((-1.0) ** k * efforts)
+        found += [batch.q.tobytes(), batch.qd.tobytes(), status.evaluations.tobytes()]
+    return found
+
+
+@pytest.mark.quick("CentringSpring-one rk8 step")
+@pytest.mark.parametrize("how", HOW.values(), ids=HOW)
+@pytest.mark.parametrize("name", [name for name, entry in ENTRIES.items() if entry.zero is not None])
+def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magnitude(name, how):
+    entry = ENTRIES[name]
+    zero, without = (dataclasses.replace(s, **how) for s in cost.alone(entry.arm, entry.zero))
+    q, qd, efforts = random_states(without, LANES, 0)
+    start = q, qd, efforts + np.random.default_rng(0).normal(0.0, 10.0, efforts.shape)
+    expected = motion(without, start)
+    assert motion(zero, start) == expected
+    assert motion(alone(name, **how), start) != expected
+
+
+# ---- its numbers ----------------------------------------------------------------------------------------
+
+NO_NUMBERS = (math.nan, -math.inf, 10**400, "1.0", b"1", True, 1j, {})
+NUMBER = r"-?\d[\d.]*(?:e-?\d+)?"
+
+
+def usual(field):
+    """A value that is allowed: that of the example, or the default."""
+    kind, f = FIELDS[field]
+    return example_of(kind).numbers.get(f.name, f.default)
+
+
+def made(field, value):
+    """The example of an effect with another value."""
+    kind, f = FIELDS[field]
+    return kind(**{**example_of(kind).numbers, f.name: value})
+
+
+def allowed(field):
+    """What the page of the effect says of a number."""
+    kind, f = FIELDS[field]
+    page = (ROOT / "docs" / "effects" / f"{snake_case(kind.__name__)}.md").read_text(encoding="utf-8")
+    (cell,) = re.findall(rf"^\| `{f.name}\b.*? \| [^|]*\| ([^|]*) \|$", page, re.M)
+    return cell.partition(";")[0]
+
+
+def beyond(text):
+    """Numbers beyond the bounds that a page states."""
+    between = re.match(rf"({NUMBER}) to ({NUMBER})?", text)
+    most = re.search(rf"(?:at most|up to) ({NUMBER})( in size)?", text)
+    low, high = between.groups() if between else (None, most and most[1])
+    if most and most[2]:
+        low = f"-{high}"
+    elif re.match("not negative|0 and more|positive|above 0", text):
+        low = "0"
+    found = [0.0] if re.match("positive|above 0", text) else []
+    found += [float(low) - 0.01 * abs(float(low)) or -0.1] if low else []
+    return found + ([1.01 * float(high)] if high else [])
+
+
+def wrong_values(field):
+    """Values of a wrong form, and such as are beyond the bounds on the page."""
+    value, form = usual(field), FIELDS[field][1].metadata[DECLARED].form
+    wrong = [*NO_NUMBERS, *beyond(allowed(field))]
+    if isinstance(value, bool):
+        wrong = [1, "yes"]
+    elif isinstance(value, str):
+        wrong = [3, "a b", "a.b"]
+    elif isinstance(value, int):
+        wrong = [0, 1.5, True, "1"]
+    elif isinstance(value, tuple) and isinstance(value[0], str):
+        wrong = ["joint1"]
+    elif isinstance(value, tuple):
+        wrong = [*((*value[:-1], x) for x in wrong), *NO_NUMBERS]
+    else:
+        wrong += [(value, value)] if form is number else [(value, x) for x in wrong]
+    if form in (two, of_axes):
+        wrong += [(0.5,), (0.5, 0.5, 0.5)]
+    return wrong if FIELDS[field][1].default is None else [*wrong, None]
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_a_declared_number_is_refused_what_it_cannot_be(field):
+    assert made(field, usual(field))
+    for value in wrong_values(field):
+        with pytest.raises(ValueError, match=rf"^{re.escape(field)}(\[\d+\])? (is|has) ") as error:
+            made(field, value)
+        assert short(str(error.value))
+
+
+@pytest.mark.parametrize("field", OF_JOINTS)
+def test_one_number_serves_all_joints_and_other_counts_than_theirs_are_refused(field):
+    name, value = field.partition(".")[2], usual(field)
+    one = value[0] if isinstance(value, tuple) else value or 0.0
+    (effect,) = rde.Scene(FOUR_R, (made(field, one),)).effects
+    assert getattr(effect, name) == (one,) * 4
+    with pytest.raises(
+        ValueError, match=rf"{field} has 3 entries; FourR has 4 joints: give 4 numbers, or one"
+    ):
+        rde.Scene(FOUR_R, (made(field, (one,) * 3),))
+
+
+def test_bounds_of_pages_are_read():
+    assert {field for field in FIELDS if beyond(allowed(field))} >= {*OF_JOINTS} - {"LuGre.stiction"}
+    assert beyond("0 to 1e100; absent by default") == [-0.1, 1.01e100]
+    assert beyond("positive, at most 1e100") == [0.0, -0.1, 1.01e100]
+    assert beyond("any, up to 2 in size") == [-2.02, 2.02]
+    assert beyond("any") == []
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_several_effects_of_a_kind_have_names_and_numbers_of_their_own(name):
+    effect = ENTRIES[name].effect
+    left = dataclasses.replace(effect, name="left")
+    parameters = rde.Scene(ENTRIES[name].arm.robot, (effect, left)).parameters()
+    for own in effect.parameters():
+        assert parameters[f"{effect.key}.{own}"] == parameters[f"{left.key}.{own}"]
+    with pytest.raises(ValueError, match=f"second '{effect.key}'; give one of them another 'name'"):
+        rde.Scene(ENTRIES[name].arm.robot, (effect, copy.copy(effect)))
+
+
+@dataclasses.dataclass(frozen=True)
+class SlowLag(e.Lag):
+    time_constant: float = 0.03
+
+
+def test_a_class_that_gives_a_number_another_default_keeps_its_check_and_unit():
+    with pytest.raises(ValueError, match=r"SlowLag\.time_constant is 0"):
+        SlowLag(0.0)
+    assert SlowLag(1).time_constant == 1.0
+    assert SlowLag().units(FOUR_R) == e.Lag(0.03).units(FOUR_R)
+
+
+@dataclasses.dataclass(frozen=True)
+class Started(e.Effect):
+    """An effect as users write them: a number that the start alone takes, names and notes of their own."""
+
+    k: dataclasses.InitVar[int] = 3
+    example: float = dataclasses.field(default=2.0, metadata={"declared": "by me"})
+
+
+class Doubled:
+    def __post_init__(self):
+        object.__setattr__(self, "c", 2.0 * self.c)
+
+
+@dataclasses.dataclass(frozen=True)
+class Mixed(e.Effect, Doubled):
+    c: float = 0.5
+
+
+def test_effects_of_users_may_be_started_their_own_way():
+    assert Started(5).example == 2.0
+    assert Mixed().c == 1.0
+
+
+# ---- a new effect ---------------------------------------------------------------------------------------
+
+INIT, OLD, NEW = "redundant_envs/effects/__init__.py", "ViscousFriction", "TwinFriction"
+ORACLE = """
+import redundant_envs as rde
+
+def test_twin_friction_slows_a_slider_down():
+    scene = rde.Scene(rde.Chain("P", (2.0,), ()), (rde.effects.TwinFriction(0.5),))
+    assert 0.97 < rde.simulate(scene, [0.0], [1.0], [0.1]).qd[0, 0] < 0.98
+"""
+OF_ALL = (
+    "tests/effects", "tests/docs", "tests/studies/test_effects_study.py", "tests/test_properties.py",
+    "tests/envs/test_pictures.py", "tests/fuzz/test_fuzz.py", "tests/verify/test_verified_effects.py",
+)  # fmt: skip
+"""Tests of all effects."""
+
+
+def renamed(text):
+    return text.replace(OLD, NEW).replace("viscous_friction", "twin_friction")
+
+
+@pytest.mark.long
+def test_a_new_effect_is_a_module_a_line_a_page_and_a_test(tmp_path):
+    tree = tmp_path / "tree"
+    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".*", "runs", "__pycache__"))
+    for file in ("redundant_envs/effects/viscous_friction.py", "docs/effects/viscous_friction.md"):
+        text = (tree / file).read_text(encoding="utf-8")
+        (tree / renamed(file)).write_text(renamed(text), encoding="utf-8")
+    (tree / "tests" / "effects" / "test_twin_friction.py").write_text(ORACLE, encoding="utf-8")
+    assert outcome(["tests/effects/test_contract.py"], tree) == "red"  # nobody can name it
+    init = (tree / INIT).read_text(encoding="utf-8")
+    (line,) = (line for line in init.splitlines(keepends=True) if OLD in line)
+    (tree / INIT).write_text(init.replace(line, renamed(line) + line), encoding="utf-8")
+    named = ("-k", f"{NEW} or twin_friction or every_effect or index_of_effects")
+    assert outcome([*OF_ALL, *named], tree, mark="") == "green"
