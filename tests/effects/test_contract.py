@@ -29,7 +29,7 @@ from redundant_envs.scenes.files import config_folder
 from redundant_envs.verify import bits, closed_forms, conservation, evaluators, forces, hints, rest, verify
 from redundant_envs.verify.checks import checks_of, random_states
 from studies.effects import load_study
-from tests.faults.__main__ import outcome
+from tests.mutation.copies import outcome
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = load_study(config_folder("studies") / "effects.yaml").entries
@@ -300,9 +300,9 @@ def test_a_new_effect_is_a_module_a_line_a_page_and_a_test(tmp_path):
         text = (tree / file).read_text(encoding="utf-8")
         (tree / renamed(file)).write_text(renamed(text), encoding="utf-8")
     (tree / "tests" / "effects" / "test_twin_friction.py").write_text(ORACLE, encoding="utf-8")
-    assert outcome(["tests/effects/test_contract.py"], tree) == "red"  # nobody can name it
+    assert outcome(["tests/effects/test_contract.py"], tree).result == "red"  # nobody can name it
     init = (tree / INIT).read_text(encoding="utf-8")
     (line,) = (line for line in init.splitlines(keepends=True) if OLD in line)
     (tree / INIT).write_text(init.replace(line, renamed(line) + line), encoding="utf-8")
     named = ("-k", f"{NEW} or twin_friction or every_effect or index_of_effects")
-    assert outcome([*OF_ALL, *named], tree, mark="") == "green"
+    assert outcome([*OF_ALL, *named], tree).result == "green"
