@@ -1,8 +1,10 @@
 """The example of PPO in docs/examples/; configs/zoo/, and rl_zoo3 to the same bits."""
 
 import importlib.util
+import re
 import subprocess
 import sys
+import textwrap
 
 import pytest
 import torch
@@ -22,6 +24,7 @@ from redundant_envs_train.training.train import train
 pytestmark = pytest.mark.long
 
 EXAMPLE = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
+PAGE = ROOT / "docs" / "other_libraries.md"
 
 
 def python(*words):
@@ -66,6 +69,60 @@ def of_preset(config):
         "policy": policy_name(config), "n_envs": config.num_envs, "n_timesteps": config.total_steps,
         "policy_kwargs": policy_kwargs(config),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "package"),
+    [("torchrl", "torchrl"), ("rllib", "tree")],  # RLlib needs tree, and Ray alone does not
+)
+def test_a_program_of_the_page_runs(name, package):
+    pytest.importorskip(package)
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    (program,) = (program for program in programs if name in program)
+    done = python("-c", program)
+    assert done.returncode == 0, done.stderr
+
+
+STEPS = {
+    "skrl": """
+        from skrl.envs.wrappers.torch import wrap_env
+        env = wrap_env(gym.make_vec(ID, num_envs=64))
+        env.reset()
+        shapes = [x.shape[0] for x in env.step(torch.zeros(64, 4))[:4]]
+        """,
+    "sbx": """
+        import sbx
+        model = sbx.PPO("MlpPolicy", redundant_envs.make_sb3(ID, 64), n_steps=16)
+        model.learn(1024)
+        shapes = [model.num_timesteps // 16]
+        """,
+    "tianshou": """
+        from tianshou.env import DummyVectorEnv
+        env = DummyVectorEnv([lambda: gym.make(ID)] * 64)
+        env.reset()
+        shapes = [len(x) for x in env.step(np.zeros((64, 4), np.float32))]
+        """,
+    "d3rlpy": """
+        import d3rlpy
+        model, log = d3rlpy.algos.SACConfig().create(), d3rlpy.logging.NoopAdapterFactory()
+        model.fit_online(gym.make(ID), n_steps=64, n_steps_per_epoch=64, logger_adapter=log)
+        shapes = [64]
+        """,
+    "pufferlib": """
+        from pufferlib.emulation import GymnasiumPufferEnv
+        env = GymnasiumPufferEnv(env_creator=lambda: gym.make(ID))
+        env.reset(seed=0)
+        shapes = [64 * np.isfinite(env.step(np.zeros(4, np.float32))[1])]
+        """,
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=without(name)) for name in STEPS])
+def test_a_row_of_the_page_takes_steps(name):
+    head = "import gymnasium as gym, numpy as np, redundant_envs, torch"
+    program = f"{head}\nID = {RPRP!r}\n{textwrap.dedent(STEPS[name])}\nassert set(shapes) == {{64}}, shapes"
+    done = python("-c", program)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", CLASSES)
