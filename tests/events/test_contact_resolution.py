@@ -100,36 +100,6 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
     assert len(seen) == 2**count
 
 
-@pytest.mark.quick("one slider")
-@SLIDERS
-def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
-    """Sliders that stay are decided together; they do not move, and sliders that no stop presses are
-    released."""
-    rng = np.random.default_rng(8)
-    seen = set()
-    for _ in range(400):
-        w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
-        force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
-        pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)
-        others = [contact(0.0, s, resting=True, force=f) for s, f in pairs]
-        press = rng.normal()
-        free = sides * (np.array([sides[0] * press, *np.zeros(count - 1)]) - w[:, 1:] @ force[1:])
-        got = resolved([contact(slow, sides[0], acceleration=sides[0] * press), *others], w)
-        pulled = (sides * force)[1:] > 0.0
-        may = np.array([max(free[0], press) > 0.0, *[True] * (count - 1)])
-        stays = may & (pulled.any() or press > 0.0)
-        if stays.any():
-            stays[may] = complementary((np.outer(sides, sides) * w)[np.ix_(may, may)], free[may]) > 0.0
-        else:
-            stays[1:] = True  # nothing asks for a decision
-        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
-        if stays[0]:
-            assert got.happened[0] == Happening.REST
-            np.testing.assert_allclose(np.array(got.velocities)[stays], 0.0, atol=1e-15)
-        seen.add((stays[0], stays[1:].all()))
-    assert len(seen) >= min(4, 2 * count)
-
-
 @pytest.mark.parametrize("known", [False, True], ids=["fresh", "known to rest"])
 @pytest.mark.parametrize(("press", "supported"), [(2.0, True), (0.0, True), (-2.0, False)])
 def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(known, press, supported):

@@ -70,7 +70,7 @@ MANY_IMPACTS = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("family", "count", "judged", "flagged"),
-    [(NAMED[0], 1024, 0.99, 1), (NAMED[2], 1024, 0.99, 1), (MANY_IMPACTS, 4096, 0.98, 40)],
+    [(NAMED[0], 1024, 0.99, 1), (MANY_IMPACTS, 4096, 0.98, 40)],
 )
 def test_no_interval_of_a_family_hides_an_impact(family, count, judged, flagged):
     """Of every thousand, up to 43 did, and of 4096 with up to 256 impacts in 0.1 s two. Few are given up.
@@ -103,16 +103,6 @@ def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
 # ---- accuracy and cost of searches ---------------------------------------------------------------------
 
 
-@pytest.mark.long
-def test_an_impact_takes_hardly_more_than_one_trial_step_to_be_found():
-    _, status = advanced(scene(), *random_states(2000))
-    once = status.events == 1  # the common step, the pieces towards the impact, one to the end
-    assert once.sum() > 200
-    pieces = status.evaluations[once] / 12.0 - 2.0
-    assert (pieces >= 1.0).all()
-    assert pieces.mean() < 1.15  # with a last piece that had to be straight it was 1.6
-
-
 @pytest.mark.quick("{'integrator': 'euler'}-10-100")
 @pytest.mark.parametrize(
     ("kwargs", "mean", "most"),
@@ -129,18 +119,6 @@ def test_no_search_stalls_in_steps_that_are_too_long(kwargs, mean, most):
         assert not status.numerics.any()
         assert status.evaluations.mean() < mean
         assert status.evaluations.max() < most
-
-
-@pytest.mark.long
-def test_motions_behind_an_impact_are_as_exact_as_those_of_shorter_last_pieces():
-    """Of the hundredth of a step of 20 ms; a last piece of first order would leave 1e-9 m/s."""
-    start = random_states(2000)
-    (got, status), (fine, finer) = (
-        advanced(scene(**how), *start) for how in ({"tolerance": 1e-12}, {"substeps": 100})
-    )
-    once = (status.events == 1) & (finer.events == 1)
-    assert once.sum() > 200
-    assert np.quantile(np.abs(got - fine)[once].max(axis=1), 0.99) < 2e-12
 
 
 @pytest.mark.long

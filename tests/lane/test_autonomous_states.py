@@ -9,7 +9,6 @@ from catalogue import FOUR_R, advanced
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import exp, physics
-from redundant_envs.simulator.lane.dynamics import Dynamics
 
 PACE = 40.0
 START = np.array([[0.3, 0.5, -0.2, 0.4]]), np.array([[2.0, -1.0, 1.5, 0.5]])
@@ -42,13 +41,6 @@ class Oscillator(e.Effect):
         )
         taken = {"s": ".s", "strength": ".strength"}
         return (e.Field(shake, taken, states) if self.field else e.Force(3, push, taken, states=states),)
-
-
-def test_which_states_are_autonomous():
-    motors = e.Lag(0.1), e.JointTorque(amplitude=0.5, frequency=2.0), e.MovingBase((0.01, 0.0), 9.0)
-    assert Dynamics(rde.Scene(FOUR_R, motors)).autonomous == ("joint_torque.angle", "moving_base.angle")
-    for alone, found in ((True, ("oscillator.s", "oscillator.c")), (False, ())):
-        assert Dynamics(rde.Scene(FOUR_R, (Oscillator(alone=alone),))).autonomous == found
 
 
 @pytest.mark.quick("rk4")

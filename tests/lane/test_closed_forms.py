@@ -5,10 +5,10 @@ import dataclasses
 import mpmath
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, advanced
+from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State, lu_gre
+from redundant_envs.effects import Actuation, Effect, Force, Link, State, lu_gre
 from redundant_envs.language.algebra import exp, physics
 from redundant_envs.simulator.lane.closed_forms import share
 
@@ -91,19 +91,6 @@ def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
     assert off(after(LaggingDrag(1e4, declared=False), "rk8"), exact) > 2e-4
 
 
-@pytest.mark.quick("how0")
-@pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}])
-def test_error_control_integrates_the_derivative(how):
-    """To the bit as without a closed form."""
-    starts = [np.array([x]) for x in START]
-    one, other = (
-        advanced(rde.Scene(FOUR_R, (LaggingDrag(50.0, closed=closed),), **how), *starts)[0]
-        for closed in (True, False)
-    )
-    assert np.array_equal(one.q, other.q)
-    assert np.array_equal(one.z, other.z)
-
-
 @dataclasses.dataclass(frozen=True)
 class TwoLags(Effect):
     """Two lags, one behind the other, the second of which takes the state of the first."""
@@ -128,19 +115,6 @@ def test_a_state_may_follow_another_one_in_closed_form():
     first, second = batch.z.reshape(-1, 2).T
     assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
     assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
-
-
-@pytest.mark.long
-def test_the_energy_book_closes_and_stops_are_met_with_states_in_closed_form():
-    free, stop = (rde.effects.Gravity(), LaggingDrag(1e5, 3.0)), PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5)
-    for effects, rates, most in ((free, 0.0, 1e-8), ((*free, stop), 2.0, 1e-4)):  # J
-        scene = rde.Scene(ARMS["RPRP"], effects, "rk8", 0.01, 8)
-        start, times = ([0.3, 0.2, -0.4, 0.1], [0.0, rates, 0.0, -rates]), np.linspace(0.0, 0.5, 26)
-        motion = rde.simulate(scene, *start, times)
-        balance = motion.kinetic_energy + motion.potential_energy - motion.work
-        assert np.abs(balance - balance[0]).max() < most
-        assert motion.work[-1] < -0.1
-    assert len(motion.events) > 2
 
 
 @pytest.mark.parametrize("dt", [1e-9, 1e-6, 1e-3, 1.0])

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.compiler.backends import llvm
-from redundant_envs.compiler.backends.processors import AVX2
 
 MODULE = "effect_defined_again"
 TEXT = """
@@ -94,17 +92,3 @@ def test_plain_data_of_a_class_that_another_one_has_the_name_of_is_refused():
     ):
         with pytest.raises(ValueError, match=said):
             scene.to_dict()
-
-
-def test_snapshots_of_another_processor_are_continued_to_the_same_bits():
-    if not (llvm.processor().triple.startswith("x86_64") and llvm.processor().joins):
-        pytest.skip("this machine cannot run code for AVX2")
-    scene = rde.Scene(ARM, (rde.effects.Gravity(),), integrator="rk4")
-    batch = rde.BatchSimulator(scene, 8)
-    batch.advance()
-    with llvm.target(AVX2):
-        other = rde.BatchSimulator(scene, 8)
-        other.restore(batch.save())
-        other.advance()
-    batch.advance()
-    np.testing.assert_array_equal(batch.q, other.q)

@@ -1,4 +1,4 @@
-"""Forces, motors and stops from outside move as their laws say, and what a scene does not name is not there."""
+"""Forces, motors and stops from outside move as their laws say; what a scene does not name is not there."""
 
 import dataclasses
 
@@ -11,8 +11,6 @@ from held_command import HeldCommand
 import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.compiler.backends.torch import torch
-from redundant_envs.control.holding import static_efforts
-from redundant_envs.effects.two_stage_spring import energy
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify import forces, verify
@@ -40,33 +38,15 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-def test_static_efforts_balance_forces_at_points():
-    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.Tether(2, (0.3, -0.2), 60.0)), "rk8", 1e-3)
-    q = states(ARMS["RRP"], 30, 2.0)[0]
-    assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
-
-
 backwards = physics(
     lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
 )
-doubled = physics(
-    lambda position, lower, upper, side, soft, harder: (
-        2.0 * energy(position, lower, upper, side, soft, harder)
-    )
-)
 
 
-@pytest.mark.parametrize(
-    ("right", "change"),
-    [
-        (e.Tether(2, (0.1, -0.4), 80.0), {"conservative": backwards}),
-        (e.TwoStageSpring("r2", -0.1, 0.05, 20.0, 4e3), {"potential": doubled}),
-    ],
-)
-def test_a_wrong_potential_is_found(right, change):
-    hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], **change)
-    body = {"hooks": lambda self, arm: (hook,), "key": "wrong"}
-    wrong = type("Wrong", (type(right),), body)(**vars(right))
+def test_a_wrong_potential_is_found():
+    right = e.Tether(2, (0.1, -0.4), 80.0)
+    hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], conservative=backwards)
+    wrong = type("Wrong", (e.Tether,), {"hooks": lambda self, arm: (hook,), "key": "wrong"})(**vars(right))
     (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
     assert "wrong: at" in miss
     assert "derivative of the potential" in miss
@@ -104,28 +84,22 @@ def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
     assert np.abs(free.qd - own.qd).max() > 0.1
 
 
-GRADIENTS = {
-    "z": (rde.Scene(ARMS["3R"], (e.Lag(0.04), HeldCommand())), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
-    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), e.Payload(0.4))), 0.4),
-}
-
-
-@pytest.mark.quick("z")
-@pytest.mark.parametrize("what", GRADIENTS)
-def test_torch_steps_have_the_gradients_of_differences(what):
-    scene, values = GRADIENTS[what]
-    start, step = [torch.tensor(x) for x in states(scene.robot, 4)], rde.torch_step(scene)
+def test_torch_steps_have_the_gradients_of_differences_by_states_of_effects():
+    start, step = (
+        [torch.tensor(x) for x in states(ARMS["3R"], 4)],
+        rde.torch_step(rde.Scene(ARMS["3R"], (e.Lag(0.04), HeldCommand()))),
+    )
 
     def moved(value):
-        return (step(*start, z=value) if what == "z" else step(*start, {what: value}))[1].sum()
+        return step(*start, z=value)[1].sum()
 
-    value = torch.tensor(values, dtype=torch.float64, requires_grad=True)
+    value = torch.linspace(-1.0, 1.0, 24, dtype=torch.float64).reshape(4, 6).requires_grad_()
     moved(value).backward()
     shift = torch.zeros_like(value)
-    shift.view(-1)[-1] = 1e-5
+    shift[-1, -1] = 1e-5
     with torch.no_grad():
         slope = (moved(value + shift) - moved(value - shift)) / 2e-5
-    assert float(value.grad.view(-1)[-1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
+    assert float(value.grad[-1, -1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
     assert abs(slope) > 1e-4
 
 

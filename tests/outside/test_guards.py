@@ -60,19 +60,6 @@ def test_all_passages_of_a_guard_in_one_step_are_found():
 
 
 @pytest.mark.long
-def test_locating_a_change_of_law_takes_few_evaluations():
-    """With watched kinks a curve of torque and speed takes 813 evaluations in such intervals."""
-    made, rng = scene(FOUR_R, SpeedCurve()), np.random.default_rng(3)
-    batch = rde.BatchSimulator(made, 512)
-    batch.set_state(start(FOUR_R, 512, 5)[0], np.zeros((512, 4)))
-    counts = []
-    for _ in range(10):
-        efforts = rng.uniform(-1.0, 1.0, (512, 4)) * LIMITS["FourR"]
-        counts.append(batch.advance(efforts).evaluations.mean())
-    assert np.mean(counts[3:]) <= 150.0
-
-
-@pytest.mark.long
 def test_a_guard_that_never_changes_its_sign_costs_no_step():
     far = SpeedCurve(stall=1e3, free=1e4)
     counts = [

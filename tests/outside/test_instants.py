@@ -3,7 +3,6 @@
 import dataclasses
 import math
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, assert_same_bits
@@ -179,24 +178,6 @@ def test_the_instant_of_an_interval_that_is_crossed_in_parts_stays_where_it_is_a
 
 
 @pytest.mark.long
-def test_pieces_share_the_tolerance():
-    """Both together may have no larger error than the whole interval."""
-    late, exact = (
-        scenes(RPRP, LateCommand(0.011), **how)[1] for how in ({"tolerance": 1e-10}, STEPS["dop853"])
-    )
-    late, exact, commands = simulators(late, exact)
-    for command in 5.0 * commands:
-        for batch in (exact, late):
-            batch.set_state(late.q, late.qd)
-        status = late.advance(command)
-        exact.advance(command)
-        gap = np.linalg.norm(RPRP.forward_kinematics(late.q) - RPRP.forward_kinematics(exact.q), axis=1)
-        sure = status.numerics == 0
-        assert (status.error_estimate[sure] <= 1e-10).all()
-        assert (gap[sure] <= 1e-10).all()
-
-
-@pytest.mark.long
 def test_a_piece_that_is_given_up_gives_up_its_interval():
     """The arm falls against a wall, at which it bounces without end."""
     effects = LateCommand(0.01), e.Gravity(9.81, (1.0, 0.0)), Walls(1.3, 0.2)
@@ -234,24 +215,3 @@ def test_efforts_within_an_interval_know_whether_the_instant_has_passed():
         lambda t, q, qd: given * (1.0 + round(t / LENGTH)),
     )  # fmt: skip
     assert_same_bits([found.efforts], [np.outer([0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0], given)])
-
-
-@pytest.mark.long
-def test_events_at_stops_are_told_at_their_times_in_all_pieces():
-    q, qd = np.array([0.3, 0.05, -0.4, 0.1]), np.array([0.5, 7.0, 0.2, -9.0])
-    whole, late = (
-        rde.simulate(scene, q, qd, np.arange(16) * LENGTH).events
-        for scene in scenes(RPRP, LateCommand(0.009), tolerance=1e-9)
-    )
-    assert [(x.kind, x.joint) for x in late] == [(x.kind, x.joint) for x in whole]
-    assert len(whole) > 3
-    np.testing.assert_allclose([x.time for x in late], [x.time for x in whole], rtol=0.0, atol=1e-7)
-
-
-def test_an_environment_counts_the_evaluations_of_all_pieces():
-    scene = scenes(FOUR_R, LateCommand(0.007), e.EffortLimits((4.0, 4.0, 2.0, 2.0)))[1]
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene.to_dict())
-    env.reset(seed=0)
-    for k in range(1, 4):
-        *_, info = env.step(np.ones(4, np.float32))
-        assert info["evaluations"] == 24 * k  # two rk8 steps

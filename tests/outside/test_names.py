@@ -11,7 +11,6 @@ from lag_chain import LagChain
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
-from redundant_envs.model.programs import environment_simulator
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import Episode
 from redundant_envs.simulator.lane.interval import Interval
@@ -64,6 +63,7 @@ TASKS = {
     "term": lambda name: task_of(
         reward_functions=lambda *own: (*ReachTask.reward_functions(*own), helper(name, "speed"))
     ),
+    "metric": lambda name: with_metric(name),
     "angle": lambda name: task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")}),
 }
 
@@ -78,7 +78,7 @@ def laid_out(role, name):
 
 TAKEN = "interval", "ax", "gravity_g", "action1", "held3", "paid"
 OF_ARM = "command1", "ax", "m1", "speed_bound", "paid", "gravity_g"
-NAMES = {**dict.fromkeys(TASKS, TAKEN), "quantity": OF_ARM, "coordinate": ("error", "held3")}
+NAMES = {**dict.fromkeys({*TASKS} - {"metric"}, TAKEN), "quantity": OF_ARM, "coordinate": ("error", "held3")}
 
 
 @pytest.mark.long
@@ -98,23 +98,10 @@ def test_the_message_says_what_a_name_means():
         laid_out("memory", "error")
 
 
-@pytest.mark.parametrize("role", ["function", "quantity"])
-def test_a_quantity_may_have_the_name_of_a_number_that_only_the_engine_has(role):
-    assert laid_out(role, "tip_tolerance")
-
-
-@pytest.mark.quick("unused")
-@pytest.mark.parametrize("name", ["unused", "work"])
-def test_a_number_may_have_a_name_that_only_another_program_uses(name):
-    environment_simulator(scene_of(), with_number(name))
-
-
 @pytest.mark.parametrize("name", ["evaluations", "saturated_actions", "return_far", "truncated", "goal_x"])
 def test_a_metric_has_no_name_of_what_every_step_shows(name):
-    scene, task = scene_of(), with_metric(name)
     with pytest.raises(ValueError, match=r"of the (engine|arm)|info has already|is given by both"):
-        check_task(task, scene)
-        Episode(Interval(Dynamics(scene)), task).layout()
+        laid_out("metric", name)
 
 
 @pytest.mark.long

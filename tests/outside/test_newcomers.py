@@ -55,15 +55,3 @@ def test_the_command_line_knows_what_an_imported_module_registers(capsys):
 def test_without_the_import_it_says_what_is_missing(words, said, capsys):
     assert main(words.split()) == 2
     assert re.search(said, capsys.readouterr().err)
-
-
-@pytest.mark.long
-def test_the_application_knows_it_as_well_and_its_commands_to_paste_import_it(capsys):
-    pytest.importorskip("stable_baselines3", reason="the application needs the extra 'train'")
-    from redundant_envs_train import command
-    from redundant_envs_train.__main__ import main as application
-
-    words = "train four_r_reach_ppo env_kwargs.scene=my_scene.yaml --out run"
-    assert application(["--import", "my_effects", *words.split()]) == 2
-    assert "has no EffortLimits" in capsys.readouterr().err  # the effect is known, the next mistake reported
-    assert command("resume", "my run").endswith(" --import my_effects resume 'my run'")

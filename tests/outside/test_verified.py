@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import re
 
 import heun
 import numpy as np
@@ -11,18 +10,15 @@ import rrp
 import three_r
 from arms import ARMS, STEPS, e
 from fuzz.drawing_scenes import drawn_scene
-from humming_stop import HummingStop
-from lag_chain import LagChain
 from relative_two_r import RelativeTwoR
 
 import redundant_envs as rde
 from redundant_envs.algebra import arguments_of, gives_of, physics, where
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.simulator.lane import common_step
-from redundant_envs.verify import Mode, Verdict, subject_from, verify
+from redundant_envs.verify import Mode, Verdict, subject_from
 from redundant_envs.verify.checks import Sample
 from redundant_envs.verify.report import checks_in
-from studies.kinked_effects import KINKED
 
 
 def checks(*wanted):
@@ -216,44 +212,6 @@ def test_intervals_that_magnify_rounding_make_no_evaluator_red():
     assert misses(scene, checks("evaluators: NumPy"), states=64) == set()
 
 
-@physics(gives="x1 y1 x2 y2")
-def two_points(l1, l2, s1, c1, s2, c2):
-    return l1 * c1, l1 * s1, l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-
-
-@dataclasses.dataclass(frozen=True)
-class Parallel(rde.Arm):
-    """Motors that turn a link and leave the directions of those after it, by parallelograms."""
-
-    num_lengths = 2
-    coordinates, rates, joints, prismatic = ("theta1", "theta2"), ("w1", "w2"), ("a", "b"), (False, False)
-    sincos = {"theta1": ("s1", "c1"), "theta2": ("s2", "c2")}
-    functions = (two_points,)
-
-
-def test_an_arm_whose_joints_move_masses_against_each_other_is_no_chain_and_its_equations_are_verified():
-    of_chains = checks("equations", "kinematics", "momentum", "engines")
-    found = verify(Parallel((1.0, 2.0), (0.3, 0.4)), 64, checks=of_chains)
-    assert found.misses == ()
-    assert "against each other" in found.of("momentum").finding.words
-    assert re.search("mujoco|a moves masses against", found.of("MuJoCo: accelerations").finding.words)
-
-
-ROTORS = e.Armature((9.0, 9.0, 0.2)), e.LinkInertia((0.1,))
-SUBJECTS = {  # and the checks that apply
-    "inertias of a cart": (rde.Scene(chain("PPR"), (*GRAVITY, *ROTORS)), ("momentum", "angular momentum")),
-    "one joint": (chain("R"), ("momentum", "scaling of masses")),
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("thing", "apply"), SUBJECTS.values(), ids=SUBJECTS)
-def test_what_is_right_is_verified(thing, apply):
-    found = verify(thing, 64)
-    assert found.misses == ()
-    assert {found.of(check).verdict for check in apply} == {Verdict.KEPT}
-
-
 def test_an_arm_of_sliders_alone_falls_along_them_and_is_drawn():
     arm = rde.Chain("PP", masses=(1.0, 0.5))
     scene = rde.Scene(arm, (e.Gravity(9.81, (1.0, 0.0)),), control_dt=0.1, tolerance=1e-6)
@@ -265,36 +223,11 @@ def test_an_arm_of_sliders_alone_falls_along_them_and_is_drawn():
     assert rde.animate(still).frame(0).shape == (480, 480, 3)
 
 
-@physics(gives="x1 y1 x2 y2 x3 y3")
-def points_elsewhere(l1, l2, l3, s1, c1, s2, c2, s3, c3):
-    return 2.0 * l1 * c1, 2.0 * l1 * s1, l2 * c2, l2 * s2, l3 * c3, l3 * s3
-
-
-class PointsElsewhere(three_r.ThreeR):
-    """An arm whose points are not those of the class that it is derived from."""
-
-    functions = tuple(points_elsewhere if f is three_r.points else f for f in three_r.ThreeR.functions)
-
-
-def scenes_of(arm):
-    """An arm with everything that a check of effects examines."""
-    first, *_, last = arm.joints
-    springs = e.TwoStageSpring(last, -0.3, 0.4, 5.0, 100.0), e.LimitSpring(first, -0.2, 0.3, 50.0, 2e4)
-    humming = HummingStop(len(arm.joints) - 1, -0.3, 0.4, 500.0, 30.0)
-    for effects in (
-        (e.Armature(0.1), e.Tether(1, (0.1, 0.2), 500.0, 7.0)), (*springs, e.Lag(0.1)),
-        (humming, LagChain(0.01, 6)), *((x.effect, e.ViscousFriction(0.2)) for x in KINKED),
-    ):  # fmt: skip
-        yield rde.Scene(arm, (e.Gravity(3.0, (0.6, -0.8)), *effects))
-
-
 RIGHT = {
     **ARMS,
     **{types: chain(types) for types in ("R", "P", "PR", "PP", "PRP", "RPR", "RRPP", "R" * 10)},
-    "3R of other points": PointsElsewhere((1.0,) * 3, (1.0,) * 3),
     "relative": RelativeTwoR,
     "a micrometre": rde.RPRP((1e-6,) * 4, (1e-6, 1e-6)),
-    **{f"RRP {k}": scene for k, scene in enumerate(scenes_of(ARMS["RRP"]))},
 }
 
 
