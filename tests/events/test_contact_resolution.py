@@ -173,14 +173,3 @@ def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
         np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
     assert chains >= 150
     assert ended > 100
-
-
-def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
-    """r2 comes to rest, which sets off r1, so that it is released at the same instant."""
-    r1 = contact(0.0, -1.0, resting=True, force=11.7263)
-    r2 = contact(-1.1996e-4, 1.0, acceleration=10.6508)
-    got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)
-    assert got.velocities[0] < -1e-4  # into its stop
-    assert got.active_stops == [0.0, 1.0]
-    assert got.happened == [Happening.RELEASE, Happening.REST]
-    assert not got.going_on

@@ -8,7 +8,7 @@ from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.language.algebra import exp, physics
+from redundant_envs.language.algebra import physics
 
 PACE = 40.0
 START = np.array([[0.3, 0.5, -0.2, 0.4]]), np.array([[2.0, -1.0, 1.5, 0.5]])
@@ -57,25 +57,6 @@ def test_they_have_the_same_motion_as_states_that_wait_for_the_arm(field, how):
     for found, expected in ((one.q, other.q), (one.qd, other.qd), (one.z, other.z)):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(one.z, [[np.sin(PACE * 0.4), np.cos(PACE * 0.4)]], atol=2e-5)
-
-
-decay = physics(lambda first: -first)
-decayed = physics(lambda first, elapsed: first * exp(-elapsed))
-sum_of = physics(lambda first: first)
-
-
-class Followed(e.Effect):
-    """A state in closed form, and another that follows it and pushes the first joint a little."""
-
-    def hooks(self, arm):
-        first = e.State("first", "1", decay, bind={"first": ".first"}, initial=1.0, closed=decayed)
-        second = e.State("second", "1", sum_of, bind={"first": ".first"})
-        return (e.Force(0, push, {"s": ".second", "strength": "m1"}, states=(first, second)),)
-
-
-def test_a_state_that_follows_one_in_closed_form_follows_it_within_a_step():
-    batch, _ = advanced(rde.Scene(FOUR_R, (Followed(),), "rk8", 1.0), *START)
-    np.testing.assert_allclose(sorted(batch.z[0]), [np.exp(-1.0), 1.0 - np.exp(-1.0)], rtol=1e-9)
 
 
 def test_a_clock_is_as_exact_as_one_sum():

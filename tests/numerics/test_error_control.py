@@ -16,8 +16,6 @@ from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.pieces import Whole
 from redundant_envs.simulator.lane.step_control import End, EqualSteps
 from redundant_envs.simulator.numerics.error_control import Crossed, blended_error, tip_error
-from studies.interval_families import FAMILIES
-from studies.intervals import tips_after
 
 e = rde.effects
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
@@ -173,23 +171,6 @@ def test_one_estimate_that_is_0_by_chance_hides_no_error():
     assert tip_error(e6, 0.0, e3) == pytest.approx(45.0 * e6 * np.sqrt(e6 / e3))
     assert tip_error(e6, e5, 0.0) == 45.0 * e6
     assert tip_error(0.0, 0.0, 0.0) == 0.0
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["4R, masses over five decades", "RPRP, 50 ms, generalized forces"])
-def test_random_steps_are_off_by_at_most_their_estimate(name):
-    """Of 65 536 single steps of smooth motions. By a blend of e5 and e3 alone some are off by hundreds of
-    estimates."""
-    (family,) = (f for f in FAMILIES if f.name == name)
-    drawn = family.draw(65_536, np.random.default_rng(17))
-    with np.errstate(all="ignore"):  # some steps of 20 ms are far too long
-        (tip, step), (best, how) = (
-            tips_after(family, family.scene(integrator=method), drawn) for method in ("rk8", "dop853")
-        )
-        error = np.linalg.norm(tip - best, axis=1)
-    judged = (how.numerics == 0) & (step.error_estimate < 1e-3) & (error > 1e-12)
-    assert judged.sum() > 10_000
-    assert (error <= step.error_estimate)[judged].all()
 
 
 # ---- the end of an interval, from numbers --------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +17,6 @@ import track
 from gymnasium.utils.env_checker import check_env
 
 import redundant_envs as rde
-from redundant_envs.envs.named import task_table
 from redundant_envs.verify import environments, verify
 from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.subjects import subject_of
@@ -56,18 +54,6 @@ def test_one_more_observation_has_its_value():
     obs, _ = env.reset(seed=3)
     height, reach = env.core.scene.robot.points(env.q)[1, 1], env.core.reach
     assert obs[-1] == np.float32(height / np.sqrt(reach**2 + height**2))
-
-
-@pytest.mark.parametrize("kind", [rde.ReachTask, rde.tasks.GoalReachTask, track.TrackTask])
-def test_every_number_of_a_task_has_a_default_a_unit_a_range_and_a_sentence(kind):
-    lines = task_table(kind()).splitlines()[2:]
-    rows = {name.strip("` "): rest for name, *rest in (line[1:-1].split(" | ") for line in lines)}
-    assert list(rows) == [f.name for f in dataclasses.fields(kind)]
-    for name, (default, unit, allowed, meaning) in rows.items():
-        assert float(default) == getattr(kind(), name)
-        assert unit == kind.units[name]
-        assert re.fullmatch(r"positive|\S+ to \S+|above \S+, at most \S+", allowed)
-        assert len(meaning.split()) > 3
 
 
 def test_the_page_of_an_id_tells_of_the_arm_and_of_the_numbers_of_the_task():

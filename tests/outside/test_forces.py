@@ -116,16 +116,3 @@ def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
     for _ in range(3):
         batch.advance([0.0, 30.0, 0.0, 0.0])
     assert batch.q[0, 1] > 0.21
-
-
-# ---- absent effects ------------------------------------------------------------------------------------
-
-
-def test_a_scene_without_gravity_computes_nothing_of_it():
-    """On an arm that computes a sum of its forces, too: an absent effect leaves no operation."""
-    without = rde.Scene(ARMS["RRP"], (), "rk4")
-    bill, more = rde.bill(without), rde.bill(rde.Scene(ARMS["RRP"], (e.Gravity(),), "rk4"))
-    assert "gravity" not in rde.listing(without)
-    assert "gravity" not in bill
-    assert more["arm"] == bill["arm"]
-    assert more["gravity"].products >= 16
