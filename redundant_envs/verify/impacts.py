@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from redundant_envs.effects.hooks import Impact
+from redundant_envs.effects.hooks import Impact, Impulse
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Sample, check, ratio
 from redundant_envs.verify.equations import from_points
@@ -46,6 +46,8 @@ def stops(trial: Sample) -> list[tuple[int, float, float, float]]:
         raise NotApplicable("the scene has no hard stops")
     if not any(np.isfinite(x[1:3]).any() for x in found):
         raise NotApplicable("no stop has an end")
+    if trial.scene.attached.of(Impulse):
+        raise NotApplicable("impulses of effects change the velocities as well")
     return found  # type: ignore[return-value]
 
 

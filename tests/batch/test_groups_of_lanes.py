@@ -10,20 +10,17 @@ from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.simulator.batch import blocks
 from redundant_envs.verify.checks import random_states
 
+pytestmark = pytest.mark.long
+
 GROUP = LANES * blocks.GROUP
 """Lanes that go through a step together."""
 COUNT = 2 * GROUP + 77
-MADE = {
-    how: rde.Scene(RPRP, (GRAVITY, stops(RPRP)), **kwargs)
-    for how, kwargs in {
-        "substeps": {"substeps": 3}, "1e-6": {"tolerance": 1e-6}
-    }.items()
-}  # fmt: skip
+SCENE = rde.Scene(RPRP, (GRAVITY, stops(RPRP)), tolerance=1e-6)
 
 
-def run(scene, q, qd, efforts, intervals=4, threads=1):
+def run(q, qd, efforts, intervals=4, threads=1):
     """States, events and evaluations after each interval, (lanes, intervals, 10)."""
-    batch = rde.BatchSimulator(scene, len(q), threads)
+    batch = rde.BatchSimulator(SCENE, len(q), threads)
     batch.set_state(q, qd)
     seen = []
     for k in range(intervals):
@@ -32,28 +29,24 @@ def run(scene, q, qd, efforts, intervals=4, threads=1):
     return np.stack(seen, axis=1)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("scene", MADE.values(), ids=MADE)
-def test_lanes_of_many_groups_are_those_of_one(scene):
-    states = random_states(scene, COUNT, 4)
-    whole, order = run(scene, *states), np.random.default_rng(5).permutation(COUNT)
+def test_lanes_of_many_groups_are_those_of_one():
+    states = random_states(SCENE, COUNT, 4)
+    whole, order = run(*states), np.random.default_rng(5).permutation(COUNT)
     assert (whole[..., 8].sum(axis=1) > 0).mean() > 0.3
     for part, threads in (
         (order, 1), (np.arange(COUNT), 2), *((p, 1) for p in np.array_split(np.arange(COUNT), 9))
     ):  # fmt: skip
-        assert_same_bits([run(scene, *(x[part] for x in states), threads=threads)], [whole[part]])
+        assert_same_bits([run(*(x[part] for x in states), threads=threads)], [whole[part]])
 
 
-@pytest.mark.long
 def test_lanes_go_on_beside_a_group_that_has_none_of_its_own():
-    states, calm = random_states(MADE["1e-6"], GROUP, 7), np.tile([-np.pi / 2, 0.15] * 2, (8, 1))
+    states, calm = random_states(SCENE, GROUP, 7), np.tile([-np.pi / 2, 0.15] * 2, (8, 1))
     more = (np.vstack([x, y]) for x, y in zip(states, (calm, 0.0 * calm, 0.0 * calm), strict=True))
-    alone, beside = run(MADE["1e-6"], *states, 1), run(MADE["1e-6"], *more, 1)
+    alone, beside = run(*states, 1), run(*more, 1)
     assert (beside[GROUP:, 0, 9] == 12).all()
     assert_same_bits([beside[:GROUP]], [alone])
 
 
-@pytest.mark.long
 def test_environments_of_many_groups_are_those_of_few():
     count, last = GROUP + 21, GROUP - 64  # few are in one group, many are not
     many, few = (

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.control import holding
 from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
 from redundant_envs.control.holding import (
     effort_limits,
@@ -28,10 +27,6 @@ UNEQUAL = {
     "rprp_reach": rde.RPRP((0.7, 0.2, 0.4, 0.9), (0.3, 0.15)),
 }
 every_scene = pytest.mark.parametrize("name", SCENES)
-one_short = pytest.mark.parametrize(
-    "name", [pytest.param("four_r_reach", marks=pytest.mark.long), "rprp_reach"]
-)
-"""For tests in which both arms run the same code, and 4R takes ten times as long."""
 
 
 def changed(name, *effects, robot=None):
@@ -52,9 +47,8 @@ def drawn_goals(count, seed, most=0.95):
 
 @pytest.mark.long
 @every_scene
-@pytest.mark.parametrize("unequal", [False, True])
-def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(name, unequal):
-    arm, travel = UNEQUAL[name] if unequal else SCENES[name].robot, slider_travel(SCENES[name])
+def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(name):
+    arm, travel = UNEQUAL[name], slider_travel(SCENES[name])
     rng = np.random.default_rng(1)
     psi = rng.uniform(0.0, np.pi, (400, 2))
     psi[::7, 0], psi[1::7, 1], psi[2::7, 0], psi[3::7, 1] = 0.0, 0.0, np.pi, np.pi
@@ -80,17 +74,6 @@ def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(nam
             gap[..., joint][(pose[joint] in travel[joint]) & (gap[..., joint] > 0.0)] = np.inf
         gap[..., turning] = np.abs((gap[..., turning] + np.pi) % (2.0 * np.pi) - np.pi)
         assert gap.max(axis=-1).min() < 0.15
-
-
-@every_scene
-def test_an_arm_with_its_tip_at_its_base_points_anywhere(name):
-    arm, x = SCENES[name].robot, np.linspace(0.0, np.pi, 41)
-    psi = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1)
-    sheets = np.arange(num_sheets(arm))[:, None, None]
-    q = goal_poses(arm, slider_travel(SCENES[name]), np.zeros(2), psi, sheets)
-    np.testing.assert_allclose(arm.forward_kinematics(q), 0.0, atol=1e-14)
-    assert np.diff(np.sort(q[..., 0].ravel())).max() < 0.1
-    assert [q[..., 0].min(), q[..., 0].max()] == pytest.approx([-np.pi, np.pi])
 
 
 # ---- efforts at rest -----------------------------------------------------------------------------------
@@ -135,8 +118,6 @@ def test_goals_out_of_reach_have_no_pose_and_no_load():
         assert np.isfinite(q[1:]).all()
         assert holding_load(scene, goals[:1], tolerance=0.001)[0] < 1.0
         assert holding_load(scene, np.zeros((0, 2))).shape == (0,)
-    folding = changed("four_r_reach", robot=rde.FourR((0.5,) * 4, (0.8, 0.1, 0.1, 0.1)))  # to 0.5 m
-    assert holding_load(folding, [[0.3, 0.0], [0.0, -0.55]]).tolist() == [np.inf, pytest.approx(0.0, abs=0.9)]
 
 
 @pytest.mark.long
@@ -169,28 +150,6 @@ def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
     assert holding_load(changed(name, e.Gravity(0.0)), drawn_goals(20, 6)).tolist() == [0.0] * 20
 
 
-@pytest.mark.long
-@one_short
-def test_loads_do_not_depend_on_the_grid(name, monkeypatch):
-    goals = drawn_goals(24, 8)
-    load = holding_load(SCENES[name], goals)
-    monkeypatch.setattr(holding, "GRID", 49)
-    np.testing.assert_allclose(load, holding_load(SCENES[name], goals), rtol=0.0, atol=1e-3)
-
-
-@pytest.mark.long
-@one_short
-def test_a_tolerance_finds_the_best_point_near_the_goal(name):
-    scene, goals = SCENES[name], drawn_goals(8, 9)
-    q, load = holding_poses(scene, goals, tolerance=0.05)
-    assert (np.linalg.norm(scene.robot.forward_kinematics(q) - goals, axis=1) <= 0.05 + 1e-12).all()
-    assert (load < holding_load(scene, goals) - 1e-3).mean() > 0.7
-    rng = np.random.default_rng(10)
-    for turn in rng.uniform(-np.pi, np.pi, 4):
-        step = 0.05 * np.sqrt(rng.random()) * np.array([np.cos(turn), np.sin(turn)])
-        assert (load <= holding_load(scene, goals + step) + 1e-3).all()
-
-
 # ---- the expert ----------------------------------------------------------------------------------------
 
 
@@ -204,27 +163,22 @@ def test_the_expert_holds_the_goals(env_id):
 
 @pytest.mark.long
 @every_scene
-def test_poses_are_at_the_goal_inside_the_travel_and_the_lightest_loads_no_motor_more(name):
-    scene, arm, limits = SCENES[name], SCENES[name].robot, effort_limits(SCENES[name])
-    rng, turning = np.random.default_rng(1), ~np.array(arm.prismatic)
-    start, goal = rng.uniform(-1, 1, (500, 4)), drawn_goals(500, 0)
-    start[:, ~turning] = 0.1
-    pose = pose_at(scene, start, goal)
-    np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-6)
-    for joint, (low, high) in slider_travel(scene).items():
-        assert ((pose[:, joint] >= low) & (pose[:, joint] <= high)).all()
-    start, goal = rng.uniform(-9, 9, (24, 4)), drawn_goals(24, 1, 0.9)
+def test_the_lightest_pose_is_within_half_a_turn_and_loads_no_motor_more(name):
+    scene, limits, turning = (
+        SCENES[name],
+        effort_limits(SCENES[name]),
+        ~np.array(SCENES[name].robot.prismatic),
+    )
+    start, goal = np.random.default_rng(1).uniform(-9, 9, (24, 4)), drawn_goals(24, 1, 0.9)
     start[:, ~turning] = 0.1
     pose, other = lightest_pose(scene, start, goal), pose_at(scene, start, goal)
-    np.testing.assert_allclose(arm.forward_kinematics(pose), goal, atol=1e-9)
-    assert np.abs(((pose - start) @ arm.motor_map)[:, turning]).max() <= np.pi + 1e-9
+    np.testing.assert_allclose(scene.robot.forward_kinematics(pose), goal, atol=1e-9)
+    assert np.abs(((pose - start) @ scene.robot.motor_map)[:, turning]).max() <= np.pi + 1e-9
     light, heavy = ((np.abs(motor_efforts(scene, q)) / limits).max(axis=1) for q in (pose, other))
     assert (light <= heavy + 1e-6).all()
     assert np.median(light) < 0.8 * np.median(heavy)
-    beyond = np.tile((5.0, 0.0), (24, 1))  # the arm stretches towards it, some by more than half a turn
-    stretched = pose_at(scene, start, beyond)
-    assert np.abs((stretched - start) @ arm.motor_map).max() > np.pi
-    np.testing.assert_array_equal(lightest_pose(scene, start, beyond), stretched)
+    beyond = np.tile((5.0, 0.0), (24, 1))  # the arm stretches towards it
+    np.testing.assert_array_equal(lightest_pose(scene, start, beyond), pose_at(scene, start, beyond))
 
 
 def test_the_plan_ends_in_the_pose_that_is_chosen():

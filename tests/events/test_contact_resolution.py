@@ -100,52 +100,6 @@ def test_of_sliders_that_rest_those_leave_whose_stops_would_pull_in_the_end(coun
     assert len(seen) == 2**count
 
 
-@pytest.mark.quick("one slider")
-@SLIDERS
-def test_a_slider_that_comes_to_rest_beside_others_that_rest(count):
-    """Sliders that stay are decided together; they do not move, and sliders that no stop presses are
-    released."""
-    rng = np.random.default_rng(8)
-    seen = set()
-    for _ in range(400):
-        w, sides = mobility(rng, count), rng.choice([-1.0, 1.0], count)
-        force, slow = rng.normal(size=count), -1e-7 * rng.random() * sides[0]
-        pairs = zip(*as_lists(sides[1:], force[1:]), strict=True)
-        others = [contact(0.0, s, resting=True, force=f) for s, f in pairs]
-        press = rng.normal()
-        free = sides * (np.array([sides[0] * press, *np.zeros(count - 1)]) - w[:, 1:] @ force[1:])
-        got = resolved([contact(slow, sides[0], acceleration=sides[0] * press), *others], w)
-        pulled = (sides * force)[1:] > 0.0
-        may = np.array([max(free[0], press) > 0.0, *[True] * (count - 1)])
-        stays = may & (pulled.any() or press > 0.0)
-        if stays.any():
-            stays[may] = complementary((np.outer(sides, sides) * w)[np.ix_(may, may)], free[may]) > 0.0
-        else:
-            stays[1:] = True  # nothing asks for a decision
-        assert (np.array(got.active_stops) != 0.0).tolist() == stays.tolist()
-        if stays[0]:
-            assert got.happened[0] == Happening.REST
-            np.testing.assert_allclose(np.array(got.velocities)[stays], 0.0, atol=1e-15)
-        seen.add((stays[0], stays[1:].all()))
-    assert len(seen) >= min(4, 2 * count)
-
-
-@pytest.mark.parametrize(
-    ("gap", "velocity", "matter"),
-    [(0.0, 0.0, False), (0.0, -1e-9, True), (1e-12, 1e-5, True), (1e-3, 1e-5, False)],
-    ids=["still at its stop", "bounces there", "comes to its stop", "too far away"],
-)
-def test_bounces_that_rest_leaves_out_matter_if_another_slider_may_be_at_its_stop_meanwhile(
-    gap, velocity, matter
-):
-    """One that stands still there does not move before the bounces are over."""
-    bouncing, other = contact(-1e-5, acceleration=10.0), contact(velocity, acceleration=10.0)
-    got = resolved([bouncing, other._replace(position=0.3 - gap)], [[2.0, -1.0], [-1.0, 2.0]])
-    assert got.happened[0] == Happening.REST
-    assert got.left_out == pytest.approx(2e-5 / (0.5 * 10.0))
-    assert got.others == matter
-
-
 @pytest.mark.parametrize("known", [False, True], ids=["fresh", "known to rest"])
 @pytest.mark.parametrize(("press", "supported"), [(2.0, True), (0.0, True), (-2.0, False)])
 def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(known, press, supported):
@@ -167,15 +121,6 @@ def test_a_slider_that_stands_still_is_looked_at_before_another_one_strikes(know
     assert got.strikes
     assert got.impacts == 1.0
     assert got.velocities == [0.0 if supported else pytest.approx(1.0), -1.0]
-
-
-def test_a_released_slider_may_rest_again_where_an_impact_of_another_leaves_it_standing():
-    """That changes the forces on it, and it has not left its stop."""
-    w, first = np.eye(2), contact(0.0, 1.0, acceleration=-1.0, released=True)
-    assert resolved([first, contact(1.0, 1.0)], w, 0.5).released == [False, False]
-    assert resolved([first, contact(-1.0, 1.0)], w, 0.5).released == [True, False]
-    assert resolved([first, contact(1.0, 1.0)], [[1.0, 0.5], [0.5, 1.0]], 0.5).released == [True, False]
-    assert resolved([first._replace(velocity=-0.1), contact(1.0, 1.0)], w, 0.5).released == [True, False]
 
 
 @pytest.mark.parametrize(("height", "rests"), [(0.5, True), (2.0, False)])
@@ -228,27 +173,3 @@ def test_sliders_that_strike_by_turns_end_where_single_impacts_end(restitution):
         np.testing.assert_allclose(u_end / scale, expected / scale, atol=1e-9)
     assert chains >= 150
     assert ended > 100
-
-
-def test_one_slider_alone_leaves_before_a_step_if_the_other_is_on_its_way():
-    """Not if that touches a stop and is not at rest there; both at rest are decided as at a contact."""
-    w = [[1.0, 0.2], [0.2, 1.0]]
-    for side in (-1.0, 1.0):
-        held, other = contact(0.0, side, resting=True, force=side), contact(-1.0, 1.0, force=side)
-        on_its_way = contact(-1.0, away=True, force=side)
-        pushed = contact(0.0, side, resting=True, force=-side)
-        assert contacts.leaving([held, on_its_way], w) == [True, False]
-        assert contacts.leaving([pushed, on_its_way], w) == [False, False]
-        assert contacts.leaving([held, other], w) == [False, False]
-        assert contacts.leaving([on_its_way, held], w) == [False, True]
-
-
-def test_an_arm_that_a_bounce_taken_away_has_moved_is_looked_at_again():
-    """r2 comes to rest, which sets off r1, so that it is released at the same instant."""
-    r1 = contact(0.0, -1.0, resting=True, force=11.7263)
-    r2 = contact(-1.1996e-4, 1.0, acceleration=10.6508)
-    got = resolved([r1, r2], [[1.09944, -0.267404], [-0.267404, 0.0758599]], 0.0)
-    assert got.velocities[0] < -1e-4  # into its stop
-    assert got.active_stops == [0.0, 1.0]
-    assert got.happened == [Happening.RELEASE, Happening.REST]
-    assert not got.going_on

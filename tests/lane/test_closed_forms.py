@@ -5,32 +5,17 @@ import dataclasses
 import mpmath
 import numpy as np
 import pytest
-from catalogue import ARMS, FOUR_R, advanced
+from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.effects import Actuation, Effect, Force, Link, PrismaticStop, State, lu_gre
+from redundant_envs.effects import Actuation, Effect, Force, Link, State, lu_gre
 from redundant_envs.language.algebra import exp, physics
 from redundant_envs.simulator.lane.closed_forms import share
 
-
-@physics
-def approach(value, aim, rate):
-    return rate * (aim - value)
-
-
-@physics
-def approached(value, aim, rate, elapsed):
-    return aim + (value - aim) * exp(-(rate * elapsed))
-
-
-@physics
-def itself(rate):
-    return rate
-
-
-@physics
-def drag(value, coefficient):
-    return -coefficient * value
+approach = physics(lambda value, aim, rate: rate * (aim - value))
+approached = physics(lambda value, aim, rate, elapsed: aim + (value - aim) * exp(-(rate * elapsed)))
+itself = physics(lambda rate: rate)
+drag = physics(lambda value, coefficient: -coefficient * value)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,80 +43,52 @@ class LaggingDrag(Effect):
 
 
 START = [0.3, 0.5, -0.2, 0.4], [2.0, -1.0, 1.5, 0.5]
-ONE = rde.Chain("R", (1.0,), (1.0,))
 
 
-def after(effect, method, substeps, settled=True):
-    """A simulator after 0.2 s; ``settled``: the state begins at the rates of the joints."""
+def after(effect, method, substeps=8):
+    """A simulator after 0.2 s; the states of a lag begin at the rates of the joints."""
     batch = rde.BatchSimulator(rde.Scene(FOUR_R, (effect,), method, 0.2, substeps), 1)
     batch.set_state(*START)
-    names = tuple(batch.simulator.dynamics.effect_states)
-    if settled and names:
+    if names := tuple(batch.simulator.dynamics.effect_states):
         batch._memory.write(names, np.array([START[1]]) @ FOUR_R.motor_map)
     batch.advance()
     return batch
 
 
-def measured_order(effect, method, steps):
+def off(one, other):
+    return np.abs(one.qd - other.qd).max()
+
+
+@pytest.mark.quick("without a rate")
+@pytest.mark.parametrize(
+    ("method", "declared", "order"),
+    [("euler", True, 1.0), ("rk4", True, 2.0), ("rk8", True, 2.0), ("rk8", False, 1.0)],
+    ids=["euler", "rk4", "rk8", "without a rate"],
+)
+def test_steps_shorter_than_the_time_constant_converge(method, declared, order):
+    """With the second order at most; without a rate quantities are those of the stage."""
+    effect = LaggingDrag(20.0, declared=declared)
     exact = after(effect, "dop853", 1)
-    wrong = [np.abs(after(effect, method, n).qd - exact.qd).max() for n in (steps, 2 * steps)]
-    return np.log2(wrong[0] / wrong[1])
-
-
-def test_the_time_at_which_a_changing_quantity_is_taken():
-    assert share(1e-9) == pytest.approx(0.5)
-    assert share(0.999e-3) == pytest.approx(share(1.001e-3), abs=1e-6)
-    for decays in (0.01, 1.0, 30.0):  # z' = (b t - z) / T from 0, with b = T = 1
-        meant = decays - (1.0 - np.exp(-decays))
-        assert share(decays) * decays * (1.0 - np.exp(-decays)) == pytest.approx(meant, rel=1e-12)
-    assert share(1e300) == 1.0
-
-
-@pytest.mark.quick("euler-1.0")
-@pytest.mark.parametrize(("method", "most"), [("euler", 1.0), ("rk4", 2.0), ("rk8", 2.0)])
-def test_steps_shorter_than_the_time_constant_converge_with_the_second_order(method, most):
-    order = measured_order(LaggingDrag(20.0), method, 32)
-    assert order == pytest.approx(most, abs=0.2)
-
-
-def test_without_a_rate_quantities_are_those_of_the_stage_and_the_order_is_one():
-    order = measured_order(LaggingDrag(20.0, declared=False), "rk8", 32)
-    assert order == pytest.approx(1.0, abs=0.2)
+    wrong = [off(after(effect, method, steps), exact) for steps in (32, 64)]
+    assert np.log2(wrong[0] / wrong[1]) == pytest.approx(order, abs=0.2)
 
 
 @pytest.mark.long
 def test_steps_of_a_thousand_time_constants_are_as_exact_as_the_state_is_fast():
     """A state that follows its joint at once leaves a drag, which rk8 integrates."""
+    at_once = after(rde.effects.ViscousFriction(0.3), "rk8")
     for rate in (1e5, 1e6, 1e8):
-        stiff, drag = after(LaggingDrag(rate), "rk8", 8), rde.effects.ViscousFriction(0.3)
-        assert np.abs(stiff.qd - after(drag, "rk8", 8).qd).max() < 200.0 / rate
+        stiff = after(LaggingDrag(rate), "rk8")
+        assert off(stiff, at_once) < 200.0 / rate
         assert np.isfinite(stiff.z).all()
-    lost = after(LaggingDrag(1e6, closed=False), "rk8", 8)
-    assert not np.isfinite(lost.qd).all()
+    assert not np.isfinite(after(LaggingDrag(1e6, closed=False), "rk8").qd).all()
 
 
 def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
     """Taken at the stages, the quantity would not be followed with a lag at all."""
     exact = after(LaggingDrag(1e4), "dop853", 1)
-    lagging, at_once = (
-        np.abs(after(LaggingDrag(1e4, declared=declared), "rk8", 8).qd - exact.qd).max()
-        for declared in (True, False)
-    )
-    assert lagging < 3e-5
-    assert at_once > 2e-4
-
-
-@pytest.mark.quick("how0")
-@pytest.mark.parametrize("how", [{"tolerance": 1e-6}, {"integrator": "dop853"}])
-def test_error_control_integrates_the_derivative(how):
-    """To the bit as without a closed form."""
-    starts = [np.array([x]) for x in START]
-    one, other = (
-        advanced(rde.Scene(FOUR_R, (LaggingDrag(50.0, closed=closed),), **how), *starts)[0]
-        for closed in (True, False)
-    )
-    assert np.array_equal(one.q, other.q)
-    assert np.array_equal(one.z, other.z)
+    assert off(after(LaggingDrag(1e4), "rk8"), exact) < 3e-5
+    assert off(after(LaggingDrag(1e4, declared=False), "rk8"), exact) > 2e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,29 +110,11 @@ class TwoLags(Effect):
 
 
 def test_a_state_may_follow_another_one_in_closed_form():
-    start = [np.zeros((1, 4))] * 2
-    for method, substeps in (("rk4", 64), ("rk8", 64)):
-        scene = rde.Scene(FOUR_R, (TwoLags(),), method, 0.01, substeps)
-        batch, _ = advanced(scene, *start, np.ones((1, 4)))
-        first, second = batch.z.reshape(-1, 2).T
-        assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
-        assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
-
-
-@pytest.mark.long
-def test_the_energy_book_closes_and_stops_are_met_with_states_in_closed_form():
-    arm = ARMS["RPRP"]
-    free = rde.effects.Gravity(), LaggingDrag(1e5, 3.0)
-    stop = PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5)
-    for effects, rates, most in ((free, 0.0, 1e-8), ((*free, stop), 2.0, 1e-4)):  # J
-        scene = rde.Scene(arm, effects, "rk8", 0.01, 8)
-        motion = rde.simulate(
-            scene, [0.3, 0.2, -0.4, 0.1], [0.0, rates, 0.0, -rates], np.linspace(0.0, 0.5, 26)
-        )
-        balance = motion.kinetic_energy + motion.potential_energy - motion.work
-        assert np.abs(balance - balance[0]).max() < most
-        assert motion.work[-1] < -0.1
-    assert len(motion.events) > 2
+    scene = rde.Scene(FOUR_R, (TwoLags(),), "rk8", 0.01, 64)
+    batch, _ = advanced(scene, np.zeros((1, 4)), np.zeros((1, 4)), np.ones((1, 4)))
+    first, second = batch.z.reshape(-1, 2).T
+    assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
+    assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
 
 
 @pytest.mark.parametrize("dt", [1e-9, 1e-6, 1e-3, 1.0])
@@ -202,7 +141,7 @@ def test_bristles_keep_their_digits_in_short_steps():
         assert found[k] - z[k] == pytest.approx(float((slid - z0) * gone), rel=1e-12, abs=4e-16 * abs(z[k]))
 
 
-def test_a_share_is_between_a_half_and_one():
+def test_the_time_at_which_a_changing_quantity_is_taken_is_between_a_half_and_one():
     decays = np.concatenate([10.0 ** np.linspace(-300.0, 300.0, 6001), [0.0]])
     shares = share(decays)
     assert (shares >= 0.5).all()
@@ -210,38 +149,3 @@ def test_a_share_is_between_a_half_and_one():
     with mpmath.workdps(40):
         exact = [1 / -mpmath.expm1(-mpmath.mpf(x)) - 1 / mpmath.mpf(x) for x in decays[2900:3200]]
     np.testing.assert_allclose(shares[2900:3200], np.array(exact, float), rtol=0.0, atol=1.5e-12)
-
-
-def test_all_evaluators_have_the_same_motion():
-    torch = pytest.importorskip("torch", reason="torch is in the extra 'torch'")
-    scene = rde.Scene(FOUR_R, (LaggingDrag(1e4), TwoLags()), "rk8", 0.02, 4)
-    q, qd = (np.array([x]) for x in START)
-    batch, _ = advanced(scene, q, qd, np.ones((1, 4)))
-    given = [torch.tensor(x, dtype=torch.float64) for x in (q, qd, np.ones((1, 4)))]
-    found = rde.torch_step(scene)(*given, z=torch.zeros((1, 12), dtype=torch.float64))
-    for one, other in zip(found, (batch.q, batch.qd, batch.z), strict=True):
-        assert np.abs(one.numpy() - other).max() < 1e-12
-
-
-@physics
-def no_time(value, aim):
-    return value + aim
-
-
-@pytest.mark.parametrize(
-    ("state", "said"),
-    [
-        (State("z", "1", update=itself, closed=approached), "closed form and no derivative"),
-        (State("z", "1", approach, closed=no_time), "no_time, does not take 'elapsed'"),
-        (State("z", "1", approach, closed=approached), "approached, does not take '.z'"),
-    ],
-)
-def test_a_wrong_closed_form_is_refused(state, said):
-    names = {"value": "phi1", "aim": "phid1", "rate": "phid1"}
-    state = dataclasses.replace(state, bind=names)
-    taken = {a for f in (state.derivative, state.update, state.closed) if f for a in f.__code__.co_varnames}
-    state = dataclasses.replace(state, bind={a: n for a, n in names.items() if a in taken})
-    hooks = (Force(0, itself, {"rate": "phid1"}, states=(state,)),)
-    with pytest.raises(ValueError) as error:
-        rde.Scene(ONE, (type("Odd", (Effect,), {"hooks": lambda self, arm: hooks})(),))
-    assert said in str(error.value)

@@ -1,4 +1,4 @@
-"""The Runge-Kutta tables: nodes, weights, every order condition from rooted trees, and steps in 40 digits.
+"""The Runge-Kutta tables: nodes, weights, every order condition from rooted trees.
 
 ``verify`` measures the orders of compiled motions.
 """
@@ -9,7 +9,6 @@ from functools import cache
 import pytest
 
 from redundant_envs.scenes.tableaus import METHODS, RK8
-from redundant_envs.simulator.numerics.methods import explicit_step
 
 NAMES = sorted(set(METHODS) - {"dop853"})  # its stages are rk8's
 
@@ -56,10 +55,6 @@ def weight(method, weights, tree):
     return value, 1.2e-16 * size(tree) * scale
 
 
-def test_a_method_of_order_1_is_a_method():
-    METHODS["euler"].check()
-
-
 def test_numbers_of_trees():
     """1, 1, 2, 4, 9, 20, 48, 115, 286 (Hairer, Norsett, Wanner, table II.2.2)."""
     assert [len(trees(n)) for n in range(1, 10)] == [1, 1, 2, 4, 9, 20, 48, 115, 286]
@@ -97,44 +92,3 @@ def test_every_tree_up_to_the_claimed_order_is_met_and_some_of_the_next_one_is_n
     for k in range(1, order + 1):
         assert all(gap <= most for gap, most in misses(method, weights, share, k))
     assert max(misses(method, weights, share, order + 1))[0] > 1e-6
-
-
-# ---- steps and their estimates -------------------------------------------------------------------------
-
-
-def on_a_circle(q, v, z, node):
-    """y'' = -y, with y' a state of first order as well, and a watched number."""
-    return -q[0], v[0], 7.0
-
-
-def not_linear(q, v, z, node):
-    """y'' = -y^3 - y'^2: on linear equations the estimate of order 6 falls faster."""
-    return -(q[0] ** 3) - v[0] ** 2, v[0], 7.0
-
-
-@pytest.mark.parametrize(
-    ("method", "slope", "steps", "orders"),
-    [
-        ("rk4", on_a_circle, (4, 8), (4,)),
-        ("rk8", on_a_circle, (4, 8), (8, None, 5, 3)),
-        ("rk8", not_linear, (8, 16), (None, 6)),
-    ],
-)
-def test_a_step_and_its_estimates_have_the_orders_that_they_are_for(method, slope, steps, orders):
-    """An estimate of order p is one of h^p in its sum. In 40 digits, but for the weights, which are those of
-    double precision."""
-    mpmath = pytest.importorskip("mpmath", reason="mpmath is in the extra 'verify'")
-    with mpmath.workdps(40):
-
-        def defects(h):
-            y, v = mpmath.mpf("0.8"), mpmath.mpf("0.6")
-            step = explicit_step(METHODS[method], slope, [y], [v], [y], h)
-            assert step.others[0] == step.positions[0]
-            assert {*step.watched[0]} == {7.0}
-            wrong = step.positions[0] - (y * mpmath.cos(h) + v * mpmath.sin(h))
-            return [abs(wrong), *(abs(h * error[0]) for error, h in step.errors)]
-
-        pairs = zip(*(defects(mpmath.mpf(1) / n) for n in steps), orders, strict=False)
-        measured = {p: float(mpmath.log(a / b, 2)) for a, b, p in pairs if p}
-    # A step of order p is off by h^(p + 1).
-    assert measured == pytest.approx({p: p + 1 for p in orders if p}, abs=0.25)

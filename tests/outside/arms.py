@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import held_command
 import numpy as np
 import rrp
 import three_r
-from sensors import EccentricEncoders, FilteredRates
 
 import redundant_envs as rde
 
@@ -38,18 +36,6 @@ def inertias(arm):
     """Rotors at all joints, and links that are no points."""
     turning = arm.prismatic.count(False)
     return e.Armature(ROTORS[: len(arm.joints)]), e.LinkInertia(LINKS[:turning])
-
-
-def effects_from_outside(arm):
-    """Effects from outside, by what they add."""
-    return {
-        "states and links": (e.Lag(0.04), held_command.HeldCommand(), e.EffortLimits(3.0)),
-        "inertias": inertias(arm),
-        "a load": (e.Payload(0.7),),
-        "a force at a point": (e.Tether(2, (0.3, -0.2), 50.0, 2.0),),
-        "a law that changes": (e.TwoStageSpring(arm.joints[-1], -0.1, 0.05, 20.0, 4e3),),
-        "sensors": (EccentricEncoders(0.01), FilteredRates(0.05)),
-    }
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.compiler.backends import llvm
-from redundant_envs.compiler.backends.processors import AVX2
 
 MODULE = "effect_defined_again"
 TEXT = """
@@ -56,11 +54,10 @@ def simulator(effect):
     return batch
 
 
-@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy])
-def test_a_copy_goes_on_as_it_was_when_its_effect_is_defined_again(way):
+def test_a_copy_goes_on_as_it_was_when_its_effect_is_defined_again():
     batch = simulator(define(1.0))
     define(20.0)
-    other = way(batch)
+    other = copy.deepcopy(batch)
     batch.advance()
     other.advance()
     np.testing.assert_array_equal(batch.qd, other.qd)
@@ -75,10 +72,8 @@ def test_a_copy_goes_on_as_it_was_when_its_effect_is_defined_again(way):
 @pytest.mark.parametrize(("gain", "states"), [(20.0, 0), (1.0, 4)])
 def test_a_pickle_of_other_equations_is_refused(gain, states):
     batch = simulator(define(1.0))
-    effect = type(batch.scene.effects[0])
     data = pickle.dumps(batch)
-    changed = define(gain, states)
-    assert changed is not effect
+    define(gain, states)
     with pytest.raises(ValueError, match="other equations: FourR, Drag, or the task, are not what they were"):
         pickle.loads(data)
     define(1.0)
@@ -90,28 +85,10 @@ def test_a_pickle_of_other_equations_is_refused(gain, states):
 
 def test_plain_data_of_a_class_that_another_one_has_the_name_of_is_refused():
     effect = type("Gravity", (rde.effects.Effect,), {"hooks": lambda self, arm: ()})()
-    scene = rde.Scene(ARM, (effect,))
-    said = r"effects\[0\] is a .*Gravity, and 'Gravity' in plain data is redundant"
-    with pytest.raises(ValueError, match=said):
-        scene.to_dict()
-    rde.BatchSimulator(scene, 1).save()
     heavy = type("Heavy", (rde.FourR,), {})((1.0,) * 4, (1.0,) * 4)
-    with pytest.raises(ValueError, match=r"robot is a .*Heavy, and 'FourR' in plain data is redundant"):
-        rde.Scene(heavy).to_dict()
-
-
-def test_snapshots_of_another_processor_are_continued_to_the_same_bits():
-    scene = rde.Scene(ARM, (rde.effects.Gravity(),), integrator="rk4")
-    batch = rde.BatchSimulator(scene, 8)
-    batch.advance()
-    if not (llvm.processor().triple.startswith("x86_64") and llvm.processor().joins):
-        pytest.skip("this machine cannot run code for AVX2")
-    with llvm.target(AVX2):
-        other = rde.BatchSimulator(scene, 8)
-        other.restore(batch.save())
-        other.advance()
-        pickled = pickle.loads(pickle.dumps(batch))
-        pickled.advance()
-    batch.advance()
-    np.testing.assert_array_equal(batch.q, other.q)
-    np.testing.assert_array_equal(batch.q, pickled.q)
+    for scene, said in (
+        (rde.Scene(ARM, (effect,)), r"effects\[0\] is a .*Gravity, and 'Gravity' in plain data is redundant"),
+        (rde.Scene(heavy), r"robot is a .*Heavy, and 'FourR' in plain data is redundant"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            scene.to_dict()

@@ -1,7 +1,4 @@
-"""Forces from outside move as their laws say: at points, with states, with laws that change, and at stops.
-
-Those that a scene does not name are not computed.
-"""
+"""Forces, motors and stops from outside move as their laws say; what a scene does not name is not there."""
 
 import dataclasses
 
@@ -12,21 +9,16 @@ from catalogue import advanced
 from held_command import HeldCommand
 
 import redundant_envs as rde
-from redundant_envs.algebra import ABSENT, exp, maximum, physics, sqrt, where
+from redundant_envs.algebra import physics
 from redundant_envs.compiler.backends.torch import torch
-from redundant_envs.control.holding import static_efforts
-from redundant_envs.effects.two_stage_spring import energy
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify import accuracy, forces, verify
-
-AT_POINTS = [(name, k + 1) for name, arm in ARMS.items() for k in range(arm.num_masses)]
-
+from redundant_envs.verify import forces, verify
 
 # ---- at points -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("name", "k"), AT_POINTS)
+@pytest.mark.parametrize(("name", "k"), [("4R", 4), ("RPRP", 1), ("3R", 2), ("RRP", 3)])
 def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     actuation = ("joint", "generalized")[k % 2]
     arm, tether = ARMS[name], e.Tether(k, (0.3, -0.2), 50.0, 2.0)
@@ -46,55 +38,24 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-def test_wrong_potentials_are_found():
-    tether, knees = e.Tether(2, (0.1, -0.4), 80.0), e.TwoStageSpring("r2", -0.1, 0.05, 20.0, 4e3)
-    backwards = physics(
-        lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
-    )
-    doubled = physics(
-        lambda position, lower, upper, side, soft, harder: (
-            2.0 * energy(position, lower, upper, side, soft, harder)
-        )
-    )
-    for right, change in ((tether, {"conservative": backwards}), (knees, {"potential": doubled})):
-        hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], **change)
-        body = {"hooks": lambda self, arm, hook=hook: (hook,), "key": "wrong"}
-        wrong = type("Wrong", (type(right),), body)(**vars(right))
-        (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
-        assert "wrong: at" in miss
-        assert "derivative of the potential" in miss
+backwards = physics(
+    lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
+)
 
 
-@pytest.mark.long
-def test_a_stiff_tether_makes_error_control_take_steps_that_are_short_enough():
-    arm = ARMS["4R"]
-    scene = rde.Scene(arm, (e.Tether(4, (0.5, 0.5), 4e4),), tolerance=1e-6)
-    parameters = Dynamics(scene).parameters
-    assert parameters.prepare(parameters.values)["least_step_rate"] == 0.5 * np.sqrt(4e4 / 0.5)
-    assert verify(scene, 64, checks=[accuracy.tolerance_kept, accuracy.flagged]).misses == ()
+def test_a_wrong_potential_is_found():
+    right = e.Tether(2, (0.1, -0.4), 80.0)
+    hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], conservative=backwards)
+    wrong = type("Wrong", (e.Tether,), {"hooks": lambda self, arm: (hook,), "key": "wrong"})(**vars(right))
+    (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
+    assert "wrong: at" in miss
+    assert "derivative of the potential" in miss
 
 
-def test_static_efforts_balance_forces_at_points():
-    scene = rde.Scene(ARMS["RRP"], (e.Gravity(), e.Tether(2, (0.3, -0.2), 60.0)), "rk8", 1e-3)
-    q = states(ARMS["RRP"], 30, 2.0)[0]
-    assert np.abs(advanced(scene, q, 0.0 * q, static_efforts(scene, q))[0].qd).max() < 1e-10
+# ---- motors and states ---------------------------------------------------------------------------------
 
 
-# ---- states --------------------------------------------------------------------------------------------
-
-
-def test_lags_of_lanes_follow_their_equation_and_a_short_one_takes_more_steps():
-    constants, zero = np.array([1e-4, 0.06, 0.1, 1.0]), np.zeros((4, 3))
-    scene = rde.Scene(ARMS["3R"], (e.Lag(0.1),), tolerance=1e-8)
-    batch, status = advanced(
-        scene, zero, zero, zero + 1.0, {"lag.time_constant": np.repeat(constants[:, None], 3, axis=1)}
-    )
-    assert np.abs(batch.z - (1.0 - np.exp(-0.02 / constants))[:, None]).max() < 1e-9
-    assert not status.numerics.any()
-    assert status.evaluations[0] > 20 * status.evaluations[3]
-
-
-def test_commands_of_the_interval_before_act_to_the_bit():
+def test_commands_of_the_interval_before_act_to_the_bit_and_begin_anew_where_a_state_is_set():
     free = rde.Scene(ARMS["RPRP"], (e.Gravity(),), tolerance=1e-6)
     late = dataclasses.replace(free, effects=(*free.effects, HeldCommand()))
     commands = np.random.default_rng(0).normal(size=(6, 5, 4))
@@ -104,6 +65,8 @@ def test_commands_of_the_interval_before_act_to_the_bit():
         b.advance(commands[k])
         assert np.array_equal(a.q, b.q)
         assert np.array_equal(b.z, commands[k])
+    b.set_state(np.zeros((1, 4)), np.zeros((1, 4)), index=[3])
+    assert np.array_equal(b.z, np.where(np.arange(5)[:, None] == 3, 0.0, commands[5]))
 
 
 def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
@@ -121,20 +84,30 @@ def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
     assert np.abs(free.qd - own.qd).max() > 0.1
 
 
-def test_states_of_effects_begin_anew_where_a_state_is_set():
-    scene = rde.Scene(ARMS["RRP"], (e.Lag(0.1), HeldCommand()), tolerance=1e-6)
-    batch, _ = advanced(scene, *np.zeros((2, 9, 3)), np.ones((9, 3)), intervals=2)
-    before = batch.z
-    batch.set_state(np.zeros((1, 3)), np.zeros((1, 3)), index=[4])
-    assert np.array_equal(batch.z, np.where(np.arange(9)[:, None] == 4, 0.0, before))
+def test_torch_steps_have_the_gradients_of_differences_by_states_of_effects():
+    start, step = (
+        [torch.tensor(x) for x in states(ARMS["3R"], 4)],
+        rde.torch_step(rde.Scene(ARMS["3R"], (e.Lag(0.04), HeldCommand()))),
+    )
+
+    def moved(value):
+        return step(*start, z=value)[1].sum()
+
+    value = torch.linspace(-1.0, 1.0, 24, dtype=torch.float64).reshape(4, 6).requires_grad_()
+    moved(value).backward()
+    shift = torch.zeros_like(value)
+    shift[-1, -1] = 1e-5
+    with torch.no_grad():
+        slope = (moved(value + shift) - moved(value - shift)) / 2e-5
+    assert float(value.grad[-1, -1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
+    assert abs(slope) > 1e-4
 
 
 # ---- stops ---------------------------------------------------------------------------------------------
 
 
 def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
-    arm = ARMS["RPRP"]
-    batch = rde.BatchSimulator(rde.Scene(arm, (Bumper(),), tolerance=1e-8))
+    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], (Bumper(),), tolerance=1e-8))
     batch.set_state([0.0, 0.1, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0])
     for _ in range(20):
         batch.advance([0.0, 30.0, 0.0, 0.0])
@@ -143,66 +116,3 @@ def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
     for _ in range(3):
         batch.advance([0.0, 30.0, 0.0, 0.0])
     assert batch.q[0, 1] > 0.21
-    assert Bumper().travel(arm) == {1: ("lower", "upper")}
-    assert Bumper(upper=np.inf).travel(arm) == {}
-
-
-# ---- gradients -----------------------------------------------------------------------------------------
-
-LAGS = (e.Lag(0.04), HeldCommand())
-GRADIENTS = {
-    "z": (rde.Scene(ARMS["3R"], LAGS, tolerance=1e-7), np.linspace(-1.0, 1.0, 24).reshape(4, 6)),
-    "armature.inertias": (rde.Scene(ARMS["4R"], (e.Gravity(), e.Armature(0.2))), [0.2] * 4),
-    "payload.mass": (rde.Scene(ARMS["RRP"], (e.Gravity(), e.Payload(0.4))), 0.4),
-}
-
-
-@pytest.mark.quick("z")
-@pytest.mark.parametrize("what", GRADIENTS)
-def test_torch_steps_have_the_gradients_of_differences(what):
-    scene, values = GRADIENTS[what]
-    start, step = [torch.tensor(x) for x in states(scene.robot, 4)], rde.torch_step(scene)
-
-    def moved(value):
-        return (step(*start, z=value) if what == "z" else step(*start, {what: value}))[1].sum()
-
-    value = torch.tensor(values, dtype=torch.float64, requires_grad=True)
-    moved(value).backward()
-    shift = torch.zeros_like(value)
-    shift.view(-1)[-1] = 1e-5
-    with torch.no_grad():
-        slope = (moved(value + shift) - moved(value - shift)) / 2e-5
-    assert float(value.grad.view(-1)[-1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
-    assert abs(slope) > 1e-4
-    if what == "z":
-        with pytest.raises(
-            ValueError, match=r"z is missing, and lag, held_command have states; give .*\(BatchSimulator"
-        ):
-            step(*start)
-
-
-# ---- absent effects ------------------------------------------------------------------------------------
-
-
-def test_a_scene_without_gravity_computes_nothing_of_it():
-    """On an arm that computes a sum of its forces, too: an absent effect leaves no operation."""
-    without = rde.Scene(ARMS["RRP"], (), "rk4")
-    bill, more = rde.bill(without), rde.bill(rde.Scene(ARMS["RRP"], (e.Gravity(),), "rk4"))
-    assert "gravity" not in rde.listing(without)
-    assert "gravity" not in bill
-    assert more["arm"] == bill["arm"]
-    assert more["gravity"].products >= 16
-
-
-@pytest.mark.parametrize(
-    "x", [3.0, np.array([3.0, -1.0]), np.float64(3.0), torch.tensor([3.0, -1.0], dtype=torch.float64)]
-)
-def test_a_number_that_is_not_there_leaves_sums_as_they_are(x):
-    for found in (x + ABSENT, ABSENT + x, x - ABSENT, x - 2.0 * ABSENT, x + ABSENT * x, x - x * ABSENT / 3.0):
-        assert found is x
-    assert all(np.ravel(np.asarray((ABSENT - x) == -x)))
-    assert abs(-ABSENT) ** 2 + ABSENT is ABSENT
-    assert np.ravel(np.asarray(maximum(x, ABSENT)))[0] == 3.0
-    assert float(np.ravel(np.asarray(where(x > ABSENT, ABSENT, x)))[0]) == 0.0
-    assert not np.any(np.asarray(x == ABSENT))
-    assert (-ABSENT, sqrt(ABSENT), exp(ABSENT), float(ABSENT)) == (ABSENT, 0.0, 1.0, 0.0)

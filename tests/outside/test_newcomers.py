@@ -10,27 +10,22 @@ from redundant_envs import effects
 from redundant_envs.__main__ import main
 from redundant_envs.support import modules
 
-ROOT = Path(__file__).parents[2]
-BLOCKS = re.findall(
-    r"```python\n(.*?)```", (ROOT / "docs/extending.md").read_text(encoding="utf-8"), re.DOTALL
-)
-MODULE = next(block for block in BLOCKS if "QuadraticDrag" in block)
-LIMITS = "  - {type: EffortLimits, limits: [20, 12, 8, 4]}\n"
-SCENE = f"""
-robot: {{type: FourR, masses: [0.5, 0.5, 0.5, 0.5], lengths: [0.25, 0.25, 0.25, 0.25]}}
+PAGE = (Path(__file__).parents[2] / "docs/extending.md").read_text(encoding="utf-8")
+MODULE = next(x for x in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "QuadraticDrag" in x)
+SCENE = """
+robot: {type: FourR, masses: [0.5, 0.5, 0.5, 0.5], lengths: [0.25, 0.25, 0.25, 0.25]}
 effects:
-  - {{type: Gravity}}
-  - {{type: QuadraticDrag, coefficients: 0.1}}
-{LIMITS}"""
+  - {type: Gravity}
+  - {type: QuadraticDrag, coefficients: 0.1}
+"""
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A folder with an effect and scenes, in which commands run as if each were the first of a process."""
+    """A folder with an effect and a scene, in which commands run as if each were the first of a process."""
     (tmp_path / "my_effects.py").write_text(MODULE, encoding="utf-8")
     (tmp_path / "half.py").write_text("import missing_package\n", encoding="utf-8")
     (tmp_path / "my_scene.yaml").write_text(SCENE, encoding="utf-8")
-    (tmp_path / "no_limits.yaml").write_text(SCENE.replace(LIMITS, ""), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setattr(modules, "IMPORTED", [])
@@ -60,19 +55,3 @@ def test_the_command_line_knows_what_an_imported_module_registers(capsys):
 def test_without_the_import_it_says_what_is_missing(words, said, capsys):
     assert main(words.split()) == 2
     assert re.search(said, capsys.readouterr().err)
-
-
-@pytest.mark.long
-def test_the_application_knows_it_as_well(capsys):
-    pytest.importorskip("stable_baselines3", reason="the application needs the extra 'train'")
-    from redundant_envs_train.__main__ import main as application
-
-    words = "train four_r_reach_ppo env_kwargs.scene=no_limits.yaml --out run"
-    assert application(["--import", "my_effects", *words.split()]) == 2
-    assert "has no EffortLimits" in capsys.readouterr().err  # the effect is known, the next mistake reported
-
-
-def test_commands_to_paste_import_the_modules_of_the_command(monkeypatch):
-    application = pytest.importorskip("redundant_envs_train", reason="the application lies in the checkout")
-    monkeypatch.setattr(modules, "IMPORTED", ["my_effects"])
-    assert application.command("resume", "my run").endswith(" --import my_effects resume 'my run'")

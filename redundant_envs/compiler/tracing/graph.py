@@ -113,8 +113,9 @@ def _origin() -> Origin:
         if name == "sincos" or not (file.startswith(here) or file in _TRANSPARENT):
             break
         frame = frame.f_back
-    functions = [name for name in frame.f_code.co_qualname.split(".<locals>.") if not name.startswith("<")]
-    return Origin(_owner.get(), functions[-1], frame.f_code.co_filename, frame.f_lineno)
+    names = frame.f_code.co_qualname.split(".<locals>.")
+    named = [name for name in names if not name.startswith("<")]  # none where a module has a lambda function
+    return Origin(_owner.get(), (named or names)[-1], frame.f_code.co_filename, frame.f_lineno)
 
 
 @dataclass(eq=False, slots=True)

@@ -1,0 +1,118 @@
+"""The contract of hooks: an effect of a user keeps every promise of ``verify`` with each of them.
+
+Its bits depend on no neighbour, thread or copy, its evaluators agree, its energy is booked, its tolerance
+kept. What each hook does to the motion is said by an oracle of its own elsewhere in this folder.
+"""
+
+from dataclasses import dataclass
+
+import heun  # noqa: F401 - registers its method
+import pytest
+from arms import ARMS, STEPS, Bumper, e, stops
+from guards import BrakeInBands, HalfBrake, SpeedCurve
+from held_command import HeldCommand
+from humming_stop import HummingStop
+from lag_chain import LagChain
+from late_command import LateCommand, SampledBrake
+from sensors import EccentricEncoders, FilteredRates
+from test_wall import Walls
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.verify import Mode, verify
+from redundant_envs.verify.report import checks_in
+
+CHECKS = [c for c in checks_in(Mode.FULL) if c.family != "environments" and c.name != "record of bits"]
+
+
+@dataclass(frozen=True)
+class Ballast(e.Effect):
+    """A mass at the second point, and a rotor at the first joint."""
+
+    mass: float = 0.4
+    inertia: float = 0.1
+
+    def hooks(self, arm):
+        return e.PointMass(e.Point(2), ".mass"), e.Inertia((0,), ".inertia")
+
+
+pull = physics(lambda x2, y2, stiffness: (-stiffness * x2, -stiffness * y2))
+
+
+@dataclass(frozen=True)
+class RubberBand(e.Effect):
+    """A spring between the second point and the base."""
+
+    stiffness: float = 30.0
+
+    def hooks(self, arm):
+        return (e.Force(e.Point(2), pull, {"stiffness": ".stiffness"}),)
+
+
+drift = physics(lambda wind, pace: pace * (1.0 - wind))
+sideways = physics(lambda wind: (3.0 * wind, -wind))
+
+
+@dataclass(frozen=True)
+class RisingWind(e.Effect):
+    """A uniform field that grows."""
+
+    pace: float = 5.0
+
+    def hooks(self, arm):
+        wind = e.State("wind", "1", drift, bind={"wind": ".wind", "pace": ".pace"})
+        return (e.Field(sideways, {"wind": ".wind"}, (wind,)),)
+
+
+drawn = physics(lambda normal1, size: size * normal1)
+knock = physics(lambda size: size)
+
+
+@dataclass(frozen=True)
+class Knocks(e.Effect):
+    """An impulse of random size on the first joint at the start of each interval."""
+
+    size: float = 0.05
+
+    def hooks(self, arm):
+        size = e.State("drawn", "N m s", update=drawn, bind={"size": ".size"}, initial=drawn)
+        return (e.Impulse(0, knock, {"size": ".drawn"}, (size,)),)
+
+
+BOUNDS = e.PrismaticStop, Bumper, EccentricEncoders, FilteredRates
+"""Effects of which equations of motion compute nothing."""
+HOOKS = {  # effects, an arm, and steps
+    "Actuation with integrated states": ((LagChain(0.04, 2), e.EffortLimits(3.0)), "3R", "1e-6"),
+    "Actuation with a renewed state": ((HeldCommand(), e.Lag(0.04)), "RRP", "heun"),
+    "Actuation with guards": ((SpeedCurve(),), "3R", "1e-6"),
+    "Force with a switch and states": ((HummingStop(1, -0.3, 0.4, 500.0, 30.0),), "4R", "dop853"),
+    "Force with a guard": ((HalfBrake(), BrakeInBands()), "RRP", "1e-6"),
+    "Force at a Point": ((RubberBand(),), "3R", "dop853"),
+    "Field with a state": ((RisingWind(),), "RPRP", "rk8"),
+    "PointMass and Inertia": ((Ballast(),), "4R", "rk4"),
+    "Impulse with draws": ((Knocks(),), "RPRP", "rk8"),
+    "Impact": ((Bumper(restitution=0.5),), "RPRP", "rk8"),
+    "Gap": ((Walls(1.1),), "3R", "rk8"),
+    "Sensing": ((EccentricEncoders(0.01), FilteredRates(0.05)), "RRP", "rk4"),
+    "Instants and states renewed there": ((LateCommand(0.007), SampledBrake(0.5, 0.6)), "RPRP", "1e-6"),
+    "an Instant beyond the interval": ((LateCommand(1.0), SampledBrake(0.5, 0.6)), "4R", "1e-6"),
+}
+
+
+def scene_of(hook):
+    effects, name, steps = HOOKS[hook]
+    own = () if hook == "Impact" else stops(ARMS[name], 0.0)
+    return rde.Scene(ARMS[name], (e.Gravity(), e.ViscousFriction(0.1), *own, *effects), **STEPS[steps])
+
+
+@pytest.mark.quick("Force at a Point")
+@pytest.mark.parametrize("hook", HOOKS)
+def test_the_bill_has_an_effect_of_a_user(hook):
+    scene = scene_of(hook)
+    assert {effect.key for effect in scene.effects if not isinstance(effect, BOUNDS)} <= {*rde.bill(scene)}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("hook", HOOKS)
+def test_an_effect_of_a_user_keeps_every_promise(hook):
+    assert verify(scene_of(hook), 64, checks=CHECKS).misses == ()
