@@ -5,7 +5,7 @@ import numpy as np
 from redundant_envs.robots.parameters import LARGEST_RATIO
 from studies.drawing import TRIES, drawn_efforts, drawn_state, drawn_states
 
-from .cases import ENVIRONMENTS, plain
+from .cases import plain
 from .drawing_scenes import (
     EFFORTS,
     MOTORS,
@@ -50,8 +50,6 @@ def drawn(seed, number, scene=None, calls=None, **fixed):
         scene = scene or limited_scene(rng)
         made |= drawn_environment(rng, FEW if number % 5 == 1 else MANY) | fixed
         of_case, calls = calls_of_environment, calls or 30
-    if made["face"] == "env":
-        made |= {"num_envs": 1, "threads": 1}
     if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
         made["num_envs"], calls = min(made["num_envs"], 2 if face != "simulator" else 9), max(3, calls // 4)
     return plain({**made, "scene": scene.to_dict(), "calls": of_case(rng, made, scene, calls)})
@@ -132,24 +130,21 @@ def limited_scene(rng):
 
 
 def drawn_environment(rng, lanes):
-    face, mode = str(rng.choice(ENVIRONMENTS)), str(rng.choice(AUTORESETS))
-    made = {
-        "face": face, "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([2, 8, 9, lanes])),
+    mode = str(rng.choice(AUTORESETS))
+    return {
+        "face": "vector", "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([1, 2, 8, 9, lanes])),
         "autoreset_mode": mode, "on_bad_action": str(rng.choice(["raise", "terminate", "terminate"])),
-        "max_episode_steps": int(rng.choice([1, LIMIT, LIMIT, 100])),
+        # Where ends are waited for, short episodes would make most steps be refused.
+        "max_episode_steps": 100 if mode == "disabled" else int(rng.choice([1, LIMIT, LIMIT, 100])),
         "task": {"speed_bound": rng.choice([50.0, 50.0, 5.0])},
     }  # fmt: skip
-    if mode == "disabled" and face == "vector":
-        made["max_episode_steps"] = 100  # or most steps are refused, as other lanes wait for a reset
-    return made
 
 
 def calls_of_environment(rng, case, scene, count):
     early = [step(drawn_actions(rng, case["num_envs"], len(scene.robot.joints)), refused="before reset")]
     made = early if rng.random() < 0.2 else []
     made.append({"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}})
-    waits = case["face"] == "env" or (case["face"] == "vector" and case["autoreset_mode"] == "disabled")
-    usual = CALLS_OF_ENVIRONMENTS + ("reset",) * 5 * waits  # else most steps come after an end
+    usual = CALLS_OF_ENVIRONMENTS + ("reset",) * 5 * (case["autoreset_mode"] == "disabled")
     return made + [call_of_environment(rng, case, scene, str(kind)) for kind in rng.choice(usual, count)]
 
 
@@ -181,8 +176,8 @@ def call_of_environment(rng, case, scene, kind):
             ("'q'", {"q": [[0.0]] * count}), ("'qd'", {"qd": [[1e200] * joints] * count}),
         ][rng.integers(6)]  # fmt: skip
         return {"call": "reset", "options": wrong, "refused": name}
-    partly = kind == "partial_reset" and case["face"] == "vector"
-    call = {"call": "reset", "lanes": np.sort(some_lanes(rng, count)) if partly else None, "rows": {}}
+    partly = np.sort(some_lanes(rng, count)) if kind == "partial_reset" else None
+    call = {"call": "reset", "lanes": partly, "rows": {}}
     if rng.random() < 0.5:
         call["rows"]["seed"] = drawn_seeds(rng, count)
     if kind == "reset_with" or rng.random() < 0.2:

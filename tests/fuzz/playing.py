@@ -9,9 +9,8 @@ import gymnasium as gym
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.model.batch import draws_of
 
-from .cases import ENVIRONMENTS, lanes_of, taken
+from .cases import lanes_of, taken
 
 
 @dataclass
@@ -38,8 +37,8 @@ LANES = ("q", "qd", "z", "work", "values")
 class Player:
     """A simulator or an environment of a case, and what its calls need; its methods are the calls."""
 
-    def __init__(self, case, make=rde.BatchSimulator):
-        self.case, self.make, self.scene = case, make, rde.Scene.from_dict(case["scene"])
+    def __init__(self, case):
+        self.case, self.scene = case, rde.Scene.from_dict(case["scene"])
         self.subject, self.saved = self.made(), None
 
     def play(self, call):
@@ -73,13 +72,13 @@ class Player:
 
 class SimulatorPlayer(Player):
     def made(self):
-        batch = self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
-        if batch.draws.size and "draws" in self.case:
-            batch.set_draws(draws_of(0, np.array(self.case["draws"])))
-        return batch
+        return rde.BatchSimulator(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
 
     def now(self):
-        return lanes_now(self.subject)
+        batch = self.subject
+        names = [batch.simulator.dynamics.parameters.field_of(p) for p in self.scene.parameters()]
+        found = {name: getattr(batch, name) for name in ("q", "qd", "z", "work", "draws")}
+        return found | {"values": batch._memory.read(tuple(names))}
 
     def kept(self):
         return self.subject.save()
@@ -113,54 +112,32 @@ def told(status):
     return {name: np.array(value) for name, value in status._asdict().items()}
 
 
-def lanes_now(batch):
-    names = tuple(batch.simulator.dynamics.parameters.field_of(p) for p in batch.scene.parameters())
-    values = batch._memory.read(names)
-    found = {"q": batch.q, "qd": batch.qd, "z": batch.z, "work": batch.work, "values": values}
-    return found | {"draws": batch.draws}
-
-
 class EnvironmentPlayer(Player):
-    """``ended``: lanes whose last step ended an episode; ``over``: a fault did in a single environment."""
+    """Of a vector; ``ended``: lanes whose last step ended an episode."""
 
-    def __init__(self, case, make=None):
-        super().__init__(case, make)
-        self.single, self.mode = case["face"] == "env", case["autoreset_mode"]
-        self.ready, self.ended, self.over = False, np.zeros(case["num_envs"], np.bool_), False
+    def __init__(self, case):
+        super().__init__(case)
+        self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)
 
     def made(self):
-        case = self.case
-        env_id = f"redundant_envs/{case['scene']['robot']['type']}{'Goal' if case['goal'] else ''}Reach-v0"
-        arguments = {name: case[name] for name in ("scene", "on_bad_action", "max_episode_steps", "task")}
-        if case["face"] == "env":
-            return gym.make(env_id, disable_env_checker=True, **arguments)
-        arguments |= {"num_envs": case["num_envs"], "threads": case["threads"]}
-        if case["face"] == "sb3":
-            return rde.make_sb3(env_id, **arguments)
-        return gym.make_vec(env_id, autoreset_mode=case["autoreset_mode"], **arguments)
-
-    @property
-    def inner(self):
-        return getattr(self.subject, "unwrapped", self.subject)
+        env_id = f"redundant_envs/{self.scene.robot.kind}{'Goal' * self.case['goal']}Reach-v0"
+        names = (
+            "scene", "on_bad_action", "max_episode_steps", "task", "num_envs", "threads", "autoreset_mode"
+        )  # fmt: skip
+        return gym.make_vec(env_id, **{name: self.case[name] for name in names})
 
     def now(self):
-        state = self.inner.core.get_state()
+        state = self.subject.unwrapped.core.get_state()
         found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
-        memory = self.inner.core.memory
-        if "evaluations_sum" in memory:
-            found["evaluations"] = memory.read(("evaluations_sum",))
-        return found | {"q": np.array(self.inner.q).reshape(self.case["num_envs"], -1)}
+        return found | {"q": np.array(self.subject.unwrapped.q)}
 
     def kept(self):
-        counted = self.single and self.subject.get_wrapper_attr("_elapsed_steps")
-        return self.inner.get_state(), counted, self.ready, self.ended.copy(), self.over
+        return self.subject.unwrapped.get_state(), self.ready, self.ended.copy()
 
     def put(self, kept):
-        state, counted, self.ready, ended, self.over = kept
-        self.inner.set_state(state)
+        state, self.ready, ended = kept
+        self.subject.unwrapped.set_state(state)
         self.ended = ended.copy()
-        if self.single:
-            self.subject.set_wrapper_attr("_elapsed_steps", counted)
 
     def anew(self, call):
         """Another environment, set to the state."""
@@ -174,66 +151,45 @@ class EnvironmentPlayer(Player):
         may, must = super().refusal(call)
         if call["call"] != "step":
             return may, must
-        bad = (
-            must is None and self.case["on_bad_action"] == "raise" and not np.isfinite(call["actions"]).all()
-        )
-        waits = self.case["face"] == "vector" and self.mode == "disabled" and self.ended.any()
+        raises = must is None and self.case["on_bad_action"] == "raise"
         reasons = {
-            must or "": must is not None, "before reset": not self.ready, "after the end": self.over,
-            "have ended": waits, "non-finite": bad and self.single,
-        }  # fmt: skip
+            must or "": must is not None,
+            "before reset": not self.ready,
+            "have ended": self.case["autoreset_mode"] == "disabled" and self.ended.any(),
+            "non-finite": raises and not np.isfinite(call["actions"]).all(),
+        }
         found = [reason for reason, holds in reasons.items() if holds]
-        return bad, None if not found else found[0] if len(found) == 1 else ""
+        return may, None if not found else found[0] if len(found) == 1 else ""
 
     def step(self, call):
         actions = call["actions"]
         if actions.dtype.kind == "f" and not call.get("float64"):
             actions = actions.astype(np.float32)
-        if self.case["face"] == "sb3":
-            obs, reward, dones, infos = self.subject.step(actions)
-            truncated = np.array([info["TimeLimit.truncated"] for info in infos])
-            terminated, self.ended[:] = dones & ~truncated, False
-            last = {n: infos[n]["terminal_observation"] for n in np.flatnonzero(dones)}
-        else:
-            obs, *ends, infos = self.subject.step(actions[0] if self.single else actions)
-            reward, terminated, truncated = (np.atleast_1d(np.array(x)) for x in ends)
-            last = {n: infos["final_obs"][n] for n in np.flatnonzero(infos.get("_final_obs", ()))}
-            self.ended, self.over = terminated | truncated, self.single and bool(terminated[0])
-        found = {"reward": reward, "terminated": terminated, "truncated": truncated}
+        obs, reward, terminated, truncated, infos = self.subject.step(actions)
+        self.ended = terminated | truncated
+        found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
         # Last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere.
+        last = {n: infos["final_obs"][n] for n in np.flatnonzero(infos.get("_final_obs", ()))}
         found["begun"] = np.isin(np.arange(self.case["num_envs"]), list(last))
-        for name, table in self.tables(obs).items():
+        for name, table in named(obs).items():
             ends = found[f"last {name}"] = np.full_like(table, np.nan)
             for lane, one in last.items():
                 ends[lane] = named(one)[name]
-        return found | self.now_told(obs)
-
-    def tables(self, obs):
-        """The parts of an observation, with a row for each lane."""
-        return {k: np.array(x).reshape(self.case["num_envs"], -1) for k, x in named(obs).items()}
-
-    def now_told(self, obs):
-        return {f"now {name}": table for name, table in self.tables(obs).items()}
+        return found | now_told(obs)
 
     def reset(self, call):
         count, lanes, options = self.case["num_envs"], lanes_of(self.case, call), call.get("options", {})
-        seeds = call["seed"].tolist() if "seed" in call else None
-        if self.case["face"] == "sb3":
-            own = "options" in call.get("rows", {})
-            self.subject.set_options([of_lane(options, k) if own else options for k in range(count)])
-            if seeds is not None:
-                self.subject._seeds = seeds  # seed(s) gives s, s + 1, ...; here lanes are in any order
-            obs = self.subject.reset()
-        elif self.single:
-            obs, _ = self.subject.reset(seed=seeds and seeds[0], options=options)
-        else:
-            of_lanes = dict(zip(lanes, seeds or (), strict=False))
-            if len(lanes) < count:
-                options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
-            wanted = None if seeds is None else [of_lanes.get(k) for k in range(count)]
-            obs, _ = self.subject.reset(seed=wanted, options=options)
-        self.ready, self.ended[lanes], self.over = True, False, False
-        return self.now_told(obs)
+        of_lanes = dict(zip(lanes, call["seed"].tolist(), strict=True)) if "seed" in call else None
+        if len(lanes) < count:
+            options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
+        seeds = None if of_lanes is None else [of_lanes.get(k) for k in range(count)]
+        obs, _ = self.subject.reset(seed=seeds, options=options)
+        self.ready, self.ended[lanes] = True, False
+        return now_told(obs)
+
+
+def now_told(obs):
+    return {f"now {name}": np.array(table) for name, table in named(obs).items()}
 
 
 def named(obs):
@@ -244,19 +200,13 @@ def arrays(rows):
     return {name: arrays(x) if isinstance(x, dict) else np.array(x) for name, x in rows.items()}
 
 
-def of_lane(options, lane):
-    """The rows of one lane of options."""
-    return {name: of_lane(x, lane) if isinstance(x, dict) else x[lane] for name, x in options.items()}
-
-
-def play(case, make=rde.BatchSimulator):
+def play(case):
     """All calls of a case; a LookupError if its initial state is not accepted."""
-    player = (EnvironmentPlayer if case["face"] in ENVIRONMENTS else SimulatorPlayer)(case, make)
+    simulator = case["face"] == "simulator"
+    player = (SimulatorPlayer if simulator else EnvironmentPlayer)(case)
     steps = [player.play(call) for call in case["calls"]]
     first = steps[0]
-    if case["face"] == "simulator" and (
-        first.call["call"] != "set_state" or isinstance(first.error, ValueError)
-    ):
+    if simulator and (first.call["call"] != "set_state" or isinstance(first.error, ValueError)):
         raise LookupError(f"the case does not begin with a state: {first.error}")
     return steps
 

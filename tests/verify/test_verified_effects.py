@@ -9,10 +9,8 @@ import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
-from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
-from redundant_envs.language.algebra import exp, maximum, minimum, physics, where
+from redundant_envs.language.algebra import exp, maximum, physics, where
 from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.verify import (
     Mode,
@@ -30,6 +28,7 @@ from redundant_envs.verify.checks import checks_of
 from redundant_envs.verify.conservation import energy_book
 from redundant_envs.verify.forces import forces_at_switches, potentials
 from redundant_envs.verify.promises import Verdict
+from redundant_envs.verify.subjects import subject_of
 from studies.kinked_effects import SmoothFriction
 
 e = rde.effects
@@ -43,8 +42,8 @@ def misses(scene, checks=DECLARED, states=STATES):
     return {miss.partition(": ")[0] for miss in verify(scene, states, checks=checks).misses}
 
 
-def effect_with(hooks):
-    """An effect with these hooks, and a number k."""
+def scene_with(*hooks, k=8.0):
+    """A scene with an effect that has these hooks, and a number k."""
 
     @dataclass(frozen=True)
     class Own(Effect):
@@ -53,7 +52,7 @@ def effect_with(hooks):
         def hooks(self, arm):
             return hooks
 
-    return Own
+    return rde.Scene(FOUR_R, (e.Gravity(), Own(k)))
 
 
 def times(factor):
@@ -67,7 +66,6 @@ law = SimpleNamespace(
     wrong_sign=physics(lambda x, k: -0.5 * k * x**2),
     wrong_factor=physics(lambda x, k: k * x**2),
     slightly_wrong=physics(lambda x, k: 0.50001 * k * x**2),
-    clamped=physics(lambda x, k: 0.5 * k * minimum(x * x, 16.0)),
     coupled=physics(lambda x, y, k: -k * (x - y)),
     coupled_energy=physics(lambda x, y, k: 0.5 * k * (x - y) ** 2),
     damped=physics(lambda x, rate, k: -k * (x + 0.1 * rate)),
@@ -89,9 +87,8 @@ BOTH, AT_TIP = {**X, "rate": "phid2"}, {"vx": "tip_vx", "vy": "vy4", "k": ".k"}
 TO_3, TO_2 = {**X, "y": "phi3"}, {"x": "phi3", "y": "phi2", "k": ".k"}
 RIGHT = {
     "nothing else said": (ENERGIES, Force(1, law.spring, X, potential=law.energy)),
-    "said twice, with a damper, of an angle, one-sided, between two joints": (
+    "with a damper, of an angle, one-sided, between two joints": (
         ENERGIES,
-        Force(1, law.spring, X, potential=law.energy, conservative=law.spring),
         Force(1, law.damped, BOTH, potential=law.energy, conservative=law.spring),
         Force(0, law.spring, {"x": "theta1", "k": ".k"}, potential=law.energy),
         Force(1, law.one_sided, X, potential=law.one_sided_energy),
@@ -99,8 +96,6 @@ RIGHT = {
         Force(2, law.coupled, TO_2, conservative=law.coupled),
     ),
     "spring": (DECLARED, Force(1, law.spring, X, stiffness=times(1.0))),
-    "spring, a little more": (DECLARED, Force(1, law.spring, X, stiffness=times(1 / 1.4))),
-    "brake": (DECLARED, Force(1, law.brake, RATE, damping=times(1.0))),
     "drag in the wind": (DECLARED, Force(1, law.in_wind, RATE, damping=law.steepness_in_wind)),
     "dampers between two joints": (
         DECLARED, Force(1, law.between, {**RATE, "other": "phid3"}, damping=times(1.0)),
@@ -108,22 +103,17 @@ RIGHT = {
     "at the tip": (DECLARED, Force(Point(3), law.brake_at_point, AT_TIP, damping=times(4.0))),
     "a force that drives and declares nothing": (DECLARED, Force(1, law.push, RATE)),
 }  # fmt: skip
-AT_2, AT_3, AT_EITHER = (
-    f"potentials against forces: own: at joint{k} the conservative force is" for k in ("2", "3", "[23]")
-)
+AT_2, AT_3 = (f"potentials against forces: own: at joint{k} the conservative force is" for k in (2, 3))
 STIFF, DAMPED, DRIVES = "declared stiffness: own", "declared damping: own", "dampers brake: own"
 AT_REST = "numbers at rest: .*own"
 WRONG = {
     "sign": (AT_2, Force(1, law.spring, X, potential=law.wrong_sign)),
     "factor": (AT_2, Force(1, law.spring, X, potential=law.wrong_factor)),
-    "beyond a turn": (AT_2, Force(1, law.spring, X, potential=law.clamped)),
     "small factor": (AT_2, Force(1, law.spring, X, potential=law.slightly_wrong)),
-    "joint": (AT_EITHER, Force(2, law.spring, X, potential=law.energy)),
     "uncounted damper": (
         AT_2, Force(1, law.damped, BOTH, potential=law.energy, conservative=law.one_sided),
     ),
     "half of a coupling": (AT_3, Force(1, law.coupled, TO_3, potential=law.coupled_energy)),
-    "stiffness": (STIFF, Force(1, law.spring, X, stiffness=times(1e-9))),
     "stiffness by more than a half": (STIFF, Force(1, law.spring, X, stiffness=times(1 / 1.6))),
     "damping": (DAMPED, Force(1, law.brake, RATE, damping=times(1e-9))),
     "sign of a damper": (DRIVES, Force(1, law.push, RATE, damping=times(1.0))),
@@ -132,10 +122,6 @@ WRONG = {
     "force at rest": (AT_REST, Force(1, law.dry, RATE)),
     "link at rest": (AT_REST, Actuation(1, law.share_of, {"command": "command2"})),
 }  # fmt: skip
-
-
-def scene_with(*hooks, k=8.0, arm=FOUR_R):
-    return rde.Scene(arm, (e.Gravity(), effect_with(hooks)(k)))
 
 
 @pytest.mark.quick("nothing else said")
@@ -152,14 +138,6 @@ def test_what_effects_declare_wrongly_is_red_and_named(words, hook):
     first, *others = verify(scene_with(hook), STATES, checks=checks).misses
     assert re.match(words, first)
     assert all(miss.startswith("energy book") for miss in others)
-
-
-def test_energies_of_every_scale_are_judged_in_their_own_units():
-    """Neither a light arm nor a potential far from zero makes a fault, or hides one."""
-    for mass in (1e-6, 1e6):
-        arm = rde.FourR((mass,) * 4, (1.0, 1.0, 1.0, 1.0))
-        for hook, right in ((RIGHT["nothing else said"][1], True), (WRONG["factor"][1], False)):
-            assert verify(scene_with(hook, k=8.0 * mass, arm=arm), STATES, checks=ENERGIES).good is right
 
 
 @pytest.mark.long
@@ -195,7 +173,7 @@ def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps)
 
 def test_a_book_that_does_not_close_is_red(monkeypatch):
     """Even where every potential is right: here the work of a damper is forgotten."""
-    scene = rde.Scene(FOUR_R, (effect_with((Force(1, law.spring, {"x": "phid2", "k": ".k"}),))(),))
+    scene = scene_with(Force(1, law.brake, RATE))
     assert not misses(scene, ENERGIES)
     work = rde.BatchSimulator.work.fget
     monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
@@ -204,45 +182,36 @@ def test_a_book_that_does_not_close_is_red(monkeypatch):
 
 
 RAISED = physics(lambda position, lower, upper, stiffness: 0.0 * position)
-HALF = physics(
-    lambda position, lower, upper, stiffness: (
-        0.25 * stiffness * ((upper - position) ** 2 + (lower - position) ** 2)
-    )
-)
 WEAK = physics(lambda stiffness: 1e-9 * stiffness)
 CALM = physics(lambda position, lower, upper, damping: 1e-9 * damping * abs(position - upper))
-SPRING = e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0)
+LEVEL = physics(lambda level, scale: 0.5 * level / scale)
 CENTRING = e.CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3))
 
 
 @pytest.mark.parametrize(
     ("effect", "change", "red"),
     [
-        (SPRING, {}, set()),
-        (SPRING, {"potential": RAISED}, {"potentials against forces"}),
-        (SPRING, {"conservative": RAISED}, {"potentials against forces"}),
-        (SPRING, {"stiffness": WEAK}, {"declared stiffness"}),
-        (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, {"declared stiffness"}),
-        (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, {"declared damping"}),
-        (CENTRING, {}, set()),
-        (CENTRING, {"potential": HALF}, {"potentials against forces"}),
-        (CENTRING, {"function": RAISED, "conservative": RAISED}, {"potentials against forces"}),
-        (CENTRING, {"stiffness": WEAK}, {"declared stiffness"}),
+        (e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0), {"potential": RAISED}, "potentials against forces"),
+        (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, "declared stiffness"),
+        (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, "declared damping"),
+        (CENTRING, {"function": RAISED, "conservative": RAISED}, "potentials against forces"),
+        (SmoothFriction(0.5, 1e-3), {"damping": LEVEL}, "declared damping"),
     ],
 )
-def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red):
-    """Those at the ends of the travel act only beyond it."""
+def test_forces_are_looked_at_where_they_act(effect, change, red):
+    """Springs at the ends of the travel act only beyond it, and smooth friction is steepest near rest."""
 
     class Changed(type(effect)):
         def hooks(self, arm):
             return tuple(dataclasses.replace(hook, **change) for hook in super().hooks(arm))
 
-    scene = rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))
-    assert misses(scene, (potentials, *DECLARED)) == red
+    checks = (potentials, *DECLARED)
+    assert misses(rde.Scene(RPRP, (effect,)), checks, 256) == set()
+    assert misses(rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),)), checks, 256) == {red}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("width", [1e-9, 1e-4, 1e6])
 @pytest.mark.parametrize(
     ("arm", "joints"),
     [(RPRP, ("r1", "joint2")), (rde.FourR((1.0,) * 4, (0.3,) * 4), ("joint2",))],
@@ -255,7 +224,6 @@ def test_springs_at_any_distance_from_each_other_make_no_fault(width, arm, joint
     assert misses(scene, (potentials, energy_book, forces_at_switches, order)) == set()
 
 
-FORGETS = physics(lambda memory: -memory)
 JUMPS = {
     "everywhere": (lambda x, lower, upper, k, side: -k * x - 1e-6 * k * (upper - lower) * side, ".lower"),
     "at the top, with the rate": (
@@ -270,9 +238,8 @@ JUMPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("remembers", [False, True], ids=["", "with a state"])
 @pytest.mark.parametrize(("function", "limit"), JUMPS.values(), ids=JUMPS)
-def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit, remembers):
+def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit):
     @dataclass(frozen=True)
     class Switching(Effect):
         lower: float = -0.3
@@ -282,26 +249,11 @@ def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit, rememb
         def hooks(self, arm):
             bind = {**BOTH, "lower": ".lower", "upper": ".upper"}
             used = {n: s for n, s in bind.items() if n in function.__code__.co_varnames}
-            memory = (State("memory", "1", derivative=FORGETS, bind={"memory": ".memory"}),)
-            states = memory if remembers else ()
-            return (Force(1, physics(function), used, switch=(".lower", ".upper"), states=states),)
+            return (Force(1, physics(function), used, switch=(".lower", ".upper")),)
 
-    for arm in (FOUR_R, RPRP):
-        found = verify(rde.Scene(arm, (Switching(),)), STATES, checks=(forces_at_switches,)).misses
-        assert len(found) == (limit is not None)
-        assert all(f"switching: at ('.lower', '.upper'), {limit} = " in miss for miss in found)
-
-
-def test_friction_that_is_smooth_at_zero_is_seen_where_it_is_steepest():
-    half_of_it = physics(lambda level, scale: 0.5 * level / scale)
-
-    class Understated(SmoothFriction):
-        def hooks(self, arm):
-            return tuple(dataclasses.replace(h, damping=half_of_it) for h in super().hooks(arm))
-
-    right, wrong = (rde.Scene(FOUR_R, (kind(0.5, 1e-3),)) for kind in (SmoothFriction, Understated))
-    assert misses(right, states=256) == set()
-    assert misses(wrong, states=256) == {"declared damping"}
+    found = verify(rde.Scene(FOUR_R, (Switching(),)), STATES, checks=(forces_at_switches,)).misses
+    assert len(found) == (limit is not None)
+    assert all(f"switching: at ('.lower', '.upper'), {limit} = " in miss for miss in found)
 
 
 STATE, FOLLOW = physics(lambda z: z), physics(lambda command, z, k: k * (command - z))
@@ -321,7 +273,7 @@ def swinging(rate):
 
 
 @pytest.mark.parametrize("hook", [lagging, swinging])
-@pytest.mark.parametrize(("share", "red"), [(1.0, False), (1.6, False), (1 / 1.6, True), (1e-9, True)])
+@pytest.mark.parametrize(("share", "red"), [(1.6, False), (1 / 1.6, True)])
 def test_rates_of_states_are_compared_with_how_they_change(hook, share, red):
     assert misses(scene_with(hook(times(share)))) == ({"declared rates of states"} if red else set())
 
@@ -329,8 +281,6 @@ def test_rates_of_states_are_compared_with_how_they_change(hook, share, red):
 CLOSED = {
     "right": (lambda command, z, k, elapsed: command + (z - command) * exp(-k * elapsed), False),
     "half as fast": (lambda command, z, k, elapsed: command + (z - command) * exp(-0.5 * k * elapsed), True),
-    "to another value": (lambda command, z, k, elapsed: (z - command) * exp(-k * elapsed), True),
-    "a step of Euler's": (lambda command, z, k, elapsed: z + k * elapsed * (command - z), True),
     "another start": (
         lambda command, z, k, elapsed: command + (1.001 * z - command) * exp(-k * elapsed), True,
     ),
@@ -346,16 +296,6 @@ def test_a_closed_form_that_does_not_solve_its_derivative_is_red(form):
     assert misses(scene, checks_of(closed_forms)) == ({"closed forms of states"} if red else set())
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [e.Lag(0.001), e.Lag(2.0), e.DCMotor(2.0, 0.004, 0.05, 20.0), e.LuGre(100.0, 1.0, 0.1, 0.5, 0.7, 0.1)],
-    ids=repr,
-)
-def test_closed_forms_of_the_package_solve_their_derivatives(effect):
-    for arm in (FOUR_R, RPRP):
-        assert misses(rde.Scene(arm, (effect,)), checks_of(closed_forms)) == set()
-
-
 def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
     class Divided(rde.Arm):
         joint_types = "R"
@@ -365,30 +305,10 @@ def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
     assert miss.startswith("numbers at rest: at rest, without efforts, Lz is not finite")
 
 
-def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
-    """A registered effect is found by name in a file; the line names scene, effect and joint."""
-    monkeypatch.setattr("redundant_envs.verify.report.CHECKS", ENERGIES)
-    monkeypatch.setattr("redundant_envs.verify.report.OF_THE_MACHINE", ())
-    path = tmp_path / "mine.yaml"
-    for name, hook, status in (("Right", RIGHT["nothing else said"][1], 0), ("Wrong", WRONG["sign"][1], 1)):
-        kind = effect_with((hook,))
-        kind.__name__ = name
-        monkeypatch.setitem(REGISTRY, name, kind)
-        path.write_text(
-            "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}\n"
-            f"effects: [{{type: Gravity}}, {{type: {name}}}]\n"
-        )
-        assert main(["verify", "--quick", "--states", "64", "four_r_free", str(path)]) == status
-        out, err = capsys.readouterr()
-        assert ("MISSED" in out) == bool(status)
-    assert f"{path}: MISSED: potentials against forces: wrong: at joint2 the conservative force is" in out
-    assert "verify found" in err
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("name", scene_names())
-def test_scenes_of_the_package_are_good(name):
-    assert verify(rde.load_scene(name), STATES, Mode.QUICK).misses == ()
+@pytest.mark.parametrize("word", [*scene_names(), "FourRGoalReach-v0"])
+def test_scenes_of_the_package_are_good(word):
+    assert verify(subject_of(word), 512, Mode.FULL).misses == ()
 
 
 def test_coarse_steps_do_not_open_the_book():
