@@ -7,6 +7,14 @@ the case; a call for some "lanes" takes their rows.
 """
 
 import json
+from typing import NamedTuple
+
+
+class Violation(NamedTuple):
+    invariant: str
+    call: int  # -1: none in particular, as the lane
+    lane: int
+    found: str
 
 
 def plain(case):
@@ -43,9 +51,8 @@ def with_lanes(case, order):
     for place, lane in enumerate(order):
         places.setdefault(lane, []).append(place)
     for call in case["calls"]:
-        if chosen := [place for lane in lanes_of(case, call) for place in places.get(lane, ())]:
-            if case["face"] != "simulator":  # a mask has no order: rows are those of ascending lanes
-                chosen.sort()
+        # A mask has no order: rows are those of ascending lanes.
+        if chosen := sorted(place for lane in lanes_of(case, call) for place in places.get(lane, ())):
             lanes = None if call.get("lanes") is None else chosen
             calls.append({**call, "lanes": lanes, "rows": taken(call.get("rows", {}), order)})
     return {**case, "num_envs": len(order), "calls": calls}

@@ -21,10 +21,6 @@ LANES, FEW, MANY = 48, 12, 128
 """Most lanes of a simulator and of environments."""
 LIMIT = 7
 """Control steps of an episode, in most cases: few, so that episodes end often."""
-CALLS = ("advance",) * 10 + (
-    "set_state", "set_parameters", "refused_parameters", "refused_state", "advance_partly", "save", "restore",
-    "copy", "pickle", "anew",
-)  # fmt: skip
 CALLS_OF_ENVIRONMENTS = ("step",) * 14 + (
     "reset", "reset", "partial_reset", "reset_with", "save", "restore", "copy", "pickle", "bad_step",
     "refused_reset", "refused_step",
@@ -78,45 +74,14 @@ def drawn_parameters(rng, scene, lanes):
     return values
 
 
-# ---- simulators -----------------------------------------------------------------------------------------
-
-
 def calls_of_simulator(rng, case, scene, count):
-    q, qd = drawn_states(scene, drawn_kinds(rng, case["num_envs"], STATES, RARE_STATES), rng)
-    kinds = (*rng.choice(CALLS, count), "advance")
-    drawn = [call_of_simulator(rng, scene, case["num_envs"], str(kind)) for kind in kinds]
-    return [{"call": "set_state", "rows": {"q": q, "qd": qd}}, *drawn]
-
-
-def call_of_simulator(rng, scene, num_envs, kind):
-    """A call with its arguments."""
-    if kind in PLAIN:
-        return {"call": kind}
-    if kind in ("advance", "advance_partly"):
-        duration = scene.control_dt * rng.choice([1e-6, 0.3, 1.0, 1.7])
-        more = {"duration": duration} if kind == "advance_partly" else {}
-        efforts = drawn_efforts(scene, drawn_kinds(rng, num_envs, EFFORTS, tuple(RARE_EFFORTS)), rng)
-        return {"call": kind, "rows": {"efforts": efforts}, **more}
-    lanes, count = some_lanes(rng, num_envs), len(scene.robot.masses)
-    if kind == "set_parameters":
-        rows = {"parameters": drawn_parameters(rng, scene, num_envs)}
-        return {"call": kind, "lanes": lanes, "rows": rows}
-    if kind == "refused_parameters":
-        wrong = [
-            {"masses": -1.0}, {"masses": [1.0] * (count + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
-            {"masses": float("nan")}, {"gravity.g": 1e200}, {"masses": [1e-29, *[1e29] * (count - 1)]},
-        ][rng.integers(7)]  # fmt: skip
-        (name,) = wrong
-        return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": f"(?i){name}"}
-    q, qd = drawn_states(scene, drawn_kinds(rng, num_envs, STATES, RARE_STATES), rng)
-    call = {"call": "set_state", "lanes": lanes}
-    if kind == "set_state":  # parameters may have moved the stops since: then it is refused
-        return {**call, "rows": {"q": q, "qd": qd}, "refusable": True}
-    wrong, said = [(q[:, :-1], "shape"), (q.astype(str), "real numbers")][rng.integers(2)]
-    return {**call, "rows": {"q": wrong, "qd": qd}, "refused": said}
-
-
-# ---- environments ---------------------------------------------------------------------------------------
+    lanes = case["num_envs"]
+    q, qd = drawn_states(scene, drawn_kinds(rng, lanes, STATES, RARE_STATES), rng)
+    efforts = (
+        drawn_efforts(scene, drawn_kinds(rng, lanes, EFFORTS, tuple(RARE_EFFORTS)), rng) for _ in range(count)
+    )
+    start = {"call": "set_state", "rows": {"q": q, "qd": qd}}
+    return [start, *({"call": "advance", "rows": {"efforts": rows}} for rows in efforts)]
 
 
 def limited_scene(rng):

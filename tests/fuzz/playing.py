@@ -1,14 +1,13 @@
-"""Playing cases: every call of a simulator or an environment, its results, and the lanes before and after."""
+"""Playing cases: every call of an environment, its results, and the lanes before and after."""
 
 import copy
-import io
 import pickle
 from dataclasses import dataclass, field
 
 import gymnasium as gym
 import numpy as np
 
-import redundant_envs as rde
+import redundant_envs  # noqa: F401, registers its environments
 
 from .cases import lanes_of, taken
 
@@ -27,19 +26,23 @@ class Step:
 
     def rows(self):
         """Everything that has a row for each lane."""
-        return self.told | {name: self.after[name] for name in LANES if name in self.after}
-
-
-LANES = ("q", "qd", "z", "work", "values")
-"""Numbers of lanes: in simulators all, ``values`` in the order of ``Scene.parameters()``; in others q."""
+        return self.told | {"q": self.after["q"]}
 
 
 class Player:
-    """A simulator or an environment of a case, and what its calls need; its methods are the calls."""
+    """A vector of a case, and what its calls need; its methods are the calls."""
 
     def __init__(self, case):
-        self.case, self.scene = case, rde.Scene.from_dict(case["scene"])
-        self.subject, self.saved = self.made(), None
+        self.case, self.kind = case, case["scene"]["robot"]["type"]
+        self.env, self.saved = self.made(), None
+        self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)  # lanes whose episode ended
+
+    def made(self):
+        env_id = f"redundant_envs/{self.kind}{'Goal' * self.case['goal']}Reach-v0"
+        names = (
+            "scene", "on_bad_action", "max_episode_steps", "task", "num_envs", "threads", "autoreset_mode"
+        )  # fmt: skip
+        return gym.make_vec(env_id, **{name: self.case[name] for name in names})
 
     def play(self, call):
         """Make a call; any exception is kept."""
@@ -52,9 +55,18 @@ class Player:
         step.after = self.now()
         return step
 
-    def refusal(self, call):
-        """Whether a call may be refused, and the pattern of the message if it must be."""
-        return bool(call.get("refusable")), call.get("refused")
+    def now(self):
+        state = self.env.unwrapped.core.get_state()
+        found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
+        return found | {"q": np.array(self.env.unwrapped.q)}
+
+    def kept(self):
+        return self.env.unwrapped.get_state(), self.ready, self.ended.copy()
+
+    def put(self, kept):
+        state, self.ready, ended = kept
+        self.env.unwrapped.set_state(state)
+        self.ended = ended.copy()
 
     def save(self, call):
         self.saved = self.kept()
@@ -64,91 +76,22 @@ class Player:
             self.put(self.saved)
 
     def copy(self, call):
-        self.subject = copy.deepcopy(self.subject)
+        self.env = copy.deepcopy(self.env)
 
     def pickle(self, call):
-        self.subject = pickle.loads(pickle.dumps(self.subject))
-
-
-class SimulatorPlayer(Player):
-    def made(self):
-        return rde.BatchSimulator(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
-
-    def now(self):
-        batch = self.subject
-        names = [batch.simulator.dynamics.parameters.field_of(p) for p in self.scene.parameters()]
-        found = {name: getattr(batch, name) for name in ("q", "qd", "z", "work", "draws")}
-        return found | {"values": batch._memory.read(tuple(names))}
-
-    def kept(self):
-        return self.subject.save()
-
-    def put(self, snapshot):
-        self.subject.restore(snapshot)
-
-    def advance(self, call):
-        return told(self.subject.advance(call["efforts"]))
-
-    def advance_partly(self, call):
-        return told(self.subject.advance_partly(call["efforts"], call["duration"]))
-
-    def set_state(self, call):
-        self.subject.set_state(call["q"], call["qd"], call.get("lanes"))
-
-    def set_parameters(self, call):
-        self.subject.set_parameters(call["parameters"], call.get("lanes"))
-
-    def anew(self, call):
-        """Another simulator, restored from a file."""
-        file, other = io.BytesIO(), self.made()
-        np.savez(file, **self.kept())
-        file.seek(0)
-        with np.load(file) as snapshot:
-            other.restore(dict(snapshot))
-        self.subject = other
-
-
-def told(status):
-    return {name: np.array(value) for name, value in status._asdict().items()}
-
-
-class EnvironmentPlayer(Player):
-    """Of a vector; ``ended``: lanes whose last step ended an episode."""
-
-    def __init__(self, case):
-        super().__init__(case)
-        self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)
-
-    def made(self):
-        env_id = f"redundant_envs/{self.scene.robot.kind}{'Goal' * self.case['goal']}Reach-v0"
-        names = (
-            "scene", "on_bad_action", "max_episode_steps", "task", "num_envs", "threads", "autoreset_mode"
-        )  # fmt: skip
-        return gym.make_vec(env_id, **{name: self.case[name] for name in names})
-
-    def now(self):
-        state = self.subject.unwrapped.core.get_state()
-        found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
-        return found | {"q": np.array(self.subject.unwrapped.q)}
-
-    def kept(self):
-        return self.subject.unwrapped.get_state(), self.ready, self.ended.copy()
-
-    def put(self, kept):
-        state, self.ready, ended = kept
-        self.subject.unwrapped.set_state(state)
-        self.ended = ended.copy()
+        self.env = pickle.loads(pickle.dumps(self.env))
 
     def anew(self, call):
         """Another environment, set to the state."""
         kept = self.kept()
-        self.subject = self.made()
+        self.env = self.made()
         if self.ready:
-            self.subject.reset()  # wrappers insist on it
+            self.env.reset()  # wrappers insist on it
             self.put(kept)
 
     def refusal(self, call):
-        may, must = super().refusal(call)
+        """Whether a call may be refused, and the pattern of the message if it must be."""
+        may, must = bool(call.get("refusable")), call.get("refused")
         if call["call"] != "step":
             return may, must
         raises = must is None and self.case["on_bad_action"] == "raise"
@@ -165,7 +108,7 @@ class EnvironmentPlayer(Player):
         actions = call["actions"]
         if actions.dtype.kind == "f" and not call.get("float64"):
             actions = actions.astype(np.float32)
-        obs, reward, terminated, truncated, infos = self.subject.step(actions)
+        obs, reward, terminated, truncated, infos = self.env.step(actions)
         self.ended = terminated | truncated
         found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
         # Last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere.
@@ -183,7 +126,7 @@ class EnvironmentPlayer(Player):
         if len(lanes) < count:
             options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
         seeds = None if of_lanes is None else [of_lanes.get(k) for k in range(count)]
-        obs, _ = self.subject.reset(seed=seeds, options=options)
+        obs, _ = self.env.reset(seed=seeds, options=options)
         self.ready, self.ended[lanes] = True, False
         return now_told(obs)
 
@@ -201,14 +144,9 @@ def arrays(rows):
 
 
 def play(case):
-    """All calls of a case; a LookupError if its initial state is not accepted."""
-    simulator = case["face"] == "simulator"
-    player = (SimulatorPlayer if simulator else EnvironmentPlayer)(case)
-    steps = [player.play(call) for call in case["calls"]]
-    first = steps[0]
-    if simulator and (first.call["call"] != "set_state" or isinstance(first.error, ValueError)):
-        raise LookupError(f"the case does not begin with a state: {first.error}")
-    return steps
+    """All calls of a case."""
+    player = Player(case)
+    return [player.play(call) for call in case["calls"]]
 
 
 def same(one, other):

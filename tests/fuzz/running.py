@@ -69,7 +69,9 @@ def worker(seed, first, stride, minutes, out, only):
             sys.exit("fuzz: who asked for it is gone")
         if failed or tally["scenes"] % TOLD == 0:
             text = f"fuzz: {time.monotonic() - start:.0f} of {60 * minutes:.0f} s, case {number}: "
-            text += ", ".join(f"{tally[name]} {name}" for name in ("scenes", "intervals", "tolerance_kept kept"))
+            text += ", ".join(
+                f"{tally[name]} {name}" for name in ("scenes", "intervals", "tolerance_kept kept")
+            )
             print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
 
     return run(seed, count(first, stride), start + 60.0 * minutes, out, told, only=only)
