@@ -89,7 +89,7 @@ def end(name, reference, bound):
 def beyond(run, motion):
     """Largest distance beyond a stop at the end of an interval, m."""
     ends = [(motion.q[..., k], lower, upper) for k, lower, upper, _ in stops_of(run.scene)]
-    return max(np.maximum(np.maximum(q - upper, lower - q).max(), 0.0) for q, lower, upper in ends)
+    return np.max([np.maximum(np.maximum(q - upper, lower - q), 0.0).max() for q, lower, upper in ends])
 
 
 INSIDE = Asked("the largest distance beyond a stop", beyond, 0, "m")
@@ -271,7 +271,7 @@ CHAOS = {
     ),
     "20": (
         Run(SPINNING, ZERO, SPIN, 1257, (
-            Asked("the angle", lambda _, m: np.abs(m.q[-1] / 6285 / SPIN - 1.0).max(), 1.2e-10, "of itself off"),
+            Asked("the angle", lambda _, m: np.abs(m.q[-1] / 6285 / SPIN - 1.0).max(), 1.2e-10, "off"),
             Asked("the rate", lambda _, m: np.abs(m.qd[-1] - SPIN).max(), 0, "rad/s off"),
         )),
     ),
