@@ -33,7 +33,7 @@ def kernels_of_its_own(monkeypatch):
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT, lambda *_: None)
+    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT)
     told = "\n".join(f"python -m tests.fuzz --replay {path}" for path in files)
     assert not files, f"{tally}; each failure is a file:\n{told}"
     assert tally["intervals"] > 100

@@ -422,7 +422,6 @@ def swinging(square, shape):
     return Run(PRINTED, start, 0.0, 500, asked)
 
 
-NEAR = 1.0 + 1e-2 * np.random.default_rng(0).normal(size=(2, 256, 4))
 LEVELS = np.array((4.0, 3.0, 2.0, 1.0))
 """Dry friction of the joints, N m."""
 ALONE = (1e6, 1e6, 1e6, 1.0)
@@ -438,22 +437,6 @@ def angle_off(name, bound, exact, unit="rad off"):
     return Asked(name, lambda run, motion: abs(motion.q[-1, 0, -1] - exact), bound, unit)
 
 
-def bristles(integrator):
-    """A flywheel of 1000 kg m^2 at 10 rad/s loses what friction takes: F_C + sigma2 v, once they are bent."""
-    level, viscous = 1.0, 0.4
-    share = -math.expm1(-viscous * 0.1 / 1e3)
-    share = 1.0 - (1.0 - viscous * 1e-5) ** 10 if integrator == "euler" else share
-
-    def off(run, motion):
-        first, last = motion.qd[[1, -1], 0, 0]
-        return abs((first - last) / ((first + level / viscous) * share) - 1.0)
-
-    effect = e.LuGre(1e5, 0.0, viscous, level, 1.5, 0.01)
-    scene = rde.Scene(rde.Chain("R", (1e3,), (1.0,)), (effect,), integrator, control_dt=0.01)
-    asked = (Asked(f"with {integrator} the friction", off, 1e-9, "of itself off"),)
-    return Run(scene, (0.0,), 10.0, 11, asked)
-
-
 REST = {
     "25": (resting(0.5, 11.0), resting(0.9, 15.0)),
     # A tolerance in metres says little about a force: 1e-8 s of it move the tip by 1e-20 m.
@@ -464,16 +447,6 @@ REST = {
         untouched(1e-6, (tip("the tip after 5 intervals", 20000, 1e-6),)),
     ),
     "32": tuple(swinging(square, shape) for square, shape in zip(SQUARES, SHAPES.T, strict=True)),
-    "49": (
-        Run(
-            falling(
-                rde.RPRP((0.2, 0.2, 0.2, 0.1), (0.3, 0.3)), e.LimitSpring("r2", -100.0, 0.0, 20.8, 375.0),
-                control_dt=0.05, tolerance=1e-6,
-            ),
-            [-0.378, 0.157, 0.323, 0.0221] * NEAR[0], [-0.603, 0.123, -0.00914, 0.189] * NEAR[1], 1,
-            (tip("the tip of 256 starts after an interval", 2000, 1e-6),),
-        ),
-    ),
     "33": (
         *(
             Run(dry(tuple(LEVELS), dt=dt), (0.3, -0.5, 1.0, 0.2), 0.0, round(10.0 / dt), (
@@ -491,7 +464,6 @@ REST = {
             angle_off("pushed to 0.5 rad/s, where a joint has stopped after 1 s", 1e-13, 0.5 * 0.25 * 0.5**2),
         )),
     ),
-    "34": tuple(bristles(integrator) for integrator in ("euler", "rk4", "rk8")),
 }  # fmt: skip
 
 # ---- numbers, and steps -----------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from redundant_envs.effects import Lag, LuGre, SmoothCoulombFriction
+from redundant_envs.effects import Lag, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
@@ -232,36 +232,12 @@ class FlippedVelocity(ImpulseAtStepEnd):
 # ---- dry friction ---------------------------------------------------------------------------------------
 
 
-class OtherFriction(Subject):
-    """Replaces effects by others of the same purpose."""
-
-    def motion(self, scene, q, qd, intervals, efforts=None):
-        effects = tuple(map(self.other, scene.effects))
-        return super().motion(dataclasses.replace(scene, effects=effects), q, qd, intervals, efforts)
-
-
-class SmoothedFriction(OtherFriction):
+class SmoothedFriction(Subject):
     """Makes the jump of dry friction at rest smooth, v / sqrt(v^2 + e^2): a loaded joint creeps."""
 
     name = "smoothed friction"
 
-    def other(self, friction):
-        return SmoothCoulombFriction(friction.level, 0.05)  # rad/s: its own steps would be unstable at less
-
-
-class IntegratedLuGre(LuGre):
-    """The same without the closed form of its bristles."""
-
-    def hooks(self, arm):
-        hooks = super().hooks(arm)
-        opened = (tuple(dataclasses.replace(s, closed=None) for s in h.states) for h in hooks)
-        return tuple(dataclasses.replace(h, states=s) for h, s in zip(hooks, opened, strict=True))
-
-
-class ExplicitBristles(OtherFriction):
-    """Integrates bristles with the same steps as the arm."""
-
-    name = "explicit bristles"
-
-    def other(self, friction):
-        return IntegratedLuGre(**vars(friction))
+    def motion(self, scene, *motion):
+        (dry,) = scene.effects
+        smooth = SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
+        return super().motion(dataclasses.replace(scene, effects=(smooth,)), *motion)
