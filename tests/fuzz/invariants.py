@@ -98,10 +98,7 @@ def observations_lie_in_their_space(case, steps):
     for k, step in enumerate(steps):
         for key, table in step.told.items():
             when, _, name = key.partition(" ")
-            if when not in ("now", "last"):
-                continue
-            for lane in np.flatnonzero(step.told["begun"]) if when == "last" else range(len(table)):
-                row = table[lane]
+            for lane, row in enumerate(table) if when in ("now", "last") else ():
                 if not (np.isfinite(row).all() and (space[name] if name else space).contains(row)):
                     yield k, lane, f"{name or 'the observation'} is {row.tolist()}"
 

@@ -111,13 +111,10 @@ class Player:
         obs, reward, terminated, truncated, infos = self.env.step(actions)
         self.ended = terminated | truncated
         found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
-        # Last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere.
-        last = {n: infos["final_obs"][n] for n in np.flatnonzero(infos.get("_final_obs", ()))}
-        found["begun"] = np.isin(np.arange(self.case["num_envs"]), list(last))
-        for name, table in named(obs).items():
-            ends = found[f"last {name}"] = np.full_like(table, np.nan)
-            for lane, one in last.items():
-                ends[lane] = named(one)[name]
+        for name, table in named(obs).items():  # the last observations of episodes, where another has begun
+            ends = found[f"last {name}"] = np.array(table)
+            for lane in np.flatnonzero(infos.get("_final_obs", ())):
+                ends[lane] = named(infos["final_obs"][lane])[name]
         return found | now_told(obs)
 
     def reset(self, call):
