@@ -162,17 +162,3 @@ class Accelerations:
             mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
             forces = [mpmath.mpf(self.Q[i - 1]) - values[f"h{i}"] - values[f"G{i}"] for i in rows]
             return [mpmath.mpf(x) for x in mpmath.lu_solve(mass, mpmath.matrix(forces))]
-
-
-@dataclass(frozen=True)
-class Pose:
-    """A pose with the tip at a goal, sought from a singular one."""
-
-    arm: rde.Arm
-    start: Any
-    goal: Any
-
-    def __call__(self, subject):
-        found = self.arm.forward_kinematics(subject.pose_at(rde.Scene(self.arm), self.start, self.goal))
-        name = f"a pose {np.hypot(*self.goal):.2f} m from the base, sought from there,"
-        yield Figure(name, float(np.linalg.norm(found - self.goal)), 1e-6, "m off")

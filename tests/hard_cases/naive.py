@@ -46,7 +46,7 @@ class RegularisedMass(Subject):
 
 class InvertedJacobian(Subject):
     """Moves in Cartesian space: accelerations of two points of the arm, and from them by the inverse of
-    their Jacobian those of the joints; J J^T for poses. Dies where the arm is stretched or folded."""
+    their Jacobian those of the joints. Dies where the arm is stretched or folded."""
 
     name = "inverted Jacobian"
 
@@ -56,13 +56,6 @@ class InvertedJacobian(Subject):
         J = np.concatenate([np.where(np.arange(4) < 2, tip, 0.0), tip], axis=-2)
         forces = Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g)
         return solved(J, np.einsum("...ij,...j->...i", J, solved(arm.mass_matrix(q), forces)))
-
-    def pose_at(self, scene, start, goal):
-        q = np.array(start, float)
-        for _ in range(60):
-            J = scene.robot.jacobian(q)
-            q = q + J.T @ solved(J @ J.T, np.asarray(goal) - scene.robot.forward_kinematics(q))
-        return q
 
 
 # ---- what is kept ---------------------------------------------------------------------------------------
