@@ -16,7 +16,6 @@ from redundant_envs.support.tables import markdown
 
 from . import TESTS
 from .cases import CASES
-from .hard_case import shown
 from .subject import Subject
 
 INTRODUCTION = """# Hard cases
@@ -43,9 +42,8 @@ def measured(case):
 
 def cell(figure):
     """A found number; bold where it misses its bound, a dash where there is none."""
-    if math.isnan(figure.found):
-        return "**–**"
-    return shown(figure.found) if figure.kept else f"**{shown(figure.found)}**"
+    found = "–" if math.isnan(figure.found) else f"{figure.found:.2g}"
+    return found if figure.kept else f"**{found}**"
 
 
 def section(case, found):
@@ -53,28 +51,16 @@ def section(case, found):
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]
-    rows = []
-    for k, figure in enumerate(found[Subject.name]):
-        sign = "≤" if figure.relation == "at most" else "≥"
-        label = f"{figure.name.rstrip(',')}{', ' + figure.unit if figure.unit else ''}"
-        rows.append([label, f"{sign} {shown(figure.bound)}", *(cell(each[k]) for each in found.values())])
+    rows = [
+        [figure.name.rstrip(","), str(figure.promise), *(cell(each[k]) for each in found.values())]
+        for k, figure in enumerate(found[Subject.name])
+    ]
     return [*lines, "", markdown(["", "promised", *found], rows, formatted=True), ""]
-
-
-def summary(results):
-    """One row for each case."""
-    rows = []
-    for case in CASES:
-        own = results[case.number][Subject.name]
-        names = ", ".join(variant.name for variant in case.variants)
-        rows.append([case.number, case.title, f"{sum(f.kept for f in own)} of {len(own)}", names])
-    head = ["case", "", "figures that keep their bound", "naive variants that fail it"]
-    return markdown(head, rows, formatted=True)
 
 
 def text(results, machine, date):
     """The whole page of cases, with their results by number."""
-    lines = [INTRODUCTION, f"Measured on {date} on {machine}.", "", summary(results), ""]
+    lines = [INTRODUCTION, f"Measured on {date} on {machine}.", ""]
     for theme, some in groupby(CASES, lambda case: case.theme):
         lines += [f"## {theme}", ""]
         for case in some:

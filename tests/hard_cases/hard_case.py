@@ -17,6 +17,7 @@ from exact_numbers import exactly
 
 import redundant_envs as rde
 from redundant_envs.language.quantities import Quantities
+from redundant_envs.verify.promises import Promise, at_most
 
 from . import naive
 
@@ -26,22 +27,18 @@ THEMES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encodin
 
 @dataclass(frozen=True)
 class Figure:
-    """One number that a case measures, and the promise about it; NaN keeps no promise."""
+    """One number that a case measures, and the promise about it."""
 
     name: str  # the measured quantity, to be read before "is 3e-5"
     found: float
-    bound: float
-    unit: str = ""  # empty where the name says it
-    relation: str = "at most"  # or "at least"
+    promise: Promise
 
     @property
     def kept(self):
-        return self.found <= self.bound if self.relation == "at most" else self.found >= self.bound
+        return self.promise.holds(self.found)
 
     def __str__(self):
-        unit = f" {self.unit}" if self.unit else ""
-        promise = f"{self.relation} {shown(self.bound)}{unit} is promised"
-        return f"{self.name} is {shown(self.found)}{unit}, {promise}"
+        return f"{self.name} is {self.found:.2g}, {self.promise} is promised"
 
 
 @dataclass(frozen=True)
@@ -72,13 +69,6 @@ class Case:
                 yield from row(subject)
 
 
-def shown(x):
-    """A number with two digits, or all of a whole one."""
-    if math.isnan(x):
-        return "not a number"
-    return f"{x:.0f}" if x == round(x) and abs(x) < 1e6 else f"{x:.2g}"
-
-
 # ---- rows -------------------------------------------------------------------------------------------------
 
 
@@ -88,9 +78,7 @@ class Asked:
 
     name: str
     number: Callable  # of the run and the motion
-    bound: float
-    unit: str = ""
-    relation: str = "at most"
+    promise: Promise
 
 
 @dataclass(frozen=True)
@@ -114,8 +102,7 @@ class Run:
     def __call__(self, subject):
         motion = self.motion(subject)
         for one in self.asked:
-            found = float(one.number(self, motion))
-            yield Figure(self.name + one.name, found, one.bound, one.unit, one.relation)
+            yield Figure(self.name + one.name, float(one.number(self, motion)), one.promise)
 
     def fine_end(self, substeps):
         """A simulator at the end of the motion in many equal steps."""
@@ -140,8 +127,8 @@ class Accelerations:
     name: str = ""
 
     def __call__(self, subject):
-        name, unit = f"{self.name}the error of qdd", "of the largest acceleration"
-        yield Figure(name, self.error(subject), self.bound, unit)
+        promise = at_most(self.bound, "of the largest acceleration")
+        yield Figure(f"{self.name}the error of qdd", self.error(subject), promise)
 
     def error(self, subject):
         state = (np.array(x, float) for x in (self.q, self.qd, self.Q))

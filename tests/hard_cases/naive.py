@@ -37,10 +37,9 @@ class RegularisedMass(Subject):
     """Adds a little to the diagonal of M, so that it is "never singular": another arm moves."""
 
     name = "regularised mass matrix"
-    added = 1e-8
 
     def accelerations(self, arm, q, qd, Q, g=0.0):
-        mended = arm.mass_matrix(q) + self.added * np.eye(4)
+        mended = arm.mass_matrix(q) + 1e-8 * np.eye(4)
         return solved(mended, Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
 
 
@@ -178,12 +177,6 @@ def stops_of(scene):
     return [(x.hook.joint, *(values[x.parameter(name)] for name in own)) for x, *own in names]
 
 
-def tell(motion, scene, k, time, speed, lane):
-    """Add an impact to the events of a motion."""
-    kind = "upper impact" if speed > 0.0 else "lower impact"
-    motion.events.append(Event(time, kind, scene.robot.joints[k], abs(speed), int(lane)))
-
-
 def impulse(arm, q, qd, k, restitution):
     """Velocities after an impact of slider k: the impulse moves the whole arm."""
     along = np.linalg.inv(arm.mass_matrix(q))[..., k]
@@ -201,7 +194,8 @@ class ImpulseAtStepEnd(EqualSteps):
             k, lower, upper, _ = stop
             outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
             for i in np.flatnonzero(outside):
-                tell(motion, scene, k, time + h, qd[i, k], i)
+                kind, joint = "upper impact" if qd[i, k] > 0.0 else "lower impact", scene.robot.joints[k]
+                motion.events.append(Event(time + h, kind, joint, abs(qd[i, k]), int(i)))
             self.strike(scene.robot, q, qd, stop, outside)
         return q, qd
 
