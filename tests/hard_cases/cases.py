@@ -135,7 +135,6 @@ MASSES = {
             for tolerance, most in ((1e-6, 1e-8), (1e-12, 1e-13))
         ),
     ),
-    "2": (Accelerations(LAB, (0.0, np.pi, 0.0, np.pi), BENT[1], (0.1,) * 4, 9.81),),
     "3": tuple(
         Accelerations(LIGHT, *BENT, (0.1,) * 4, g, name=f"with g = {g:g} ") for g in (0.0, 9.81)
     ),
