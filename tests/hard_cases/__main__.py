@@ -14,10 +14,10 @@ from pathlib import Path
 from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import markdown
 
-from . import TESTS
 from .cases import CASES
 from .subject import Subject
 
+ROOT = Path(__file__).parents[2]
 INTRODUCTION = """# Hard cases
 
 This page shows how this package and textbook methods fare in cases that break simulators. Each case is a row
@@ -74,7 +74,7 @@ def main(arguments):
     )
     parser.add_argument("--out", type=Path, default=Path("runs/hard_cases"), help="default: %(default)s")
     out = parser.parse_args(arguments).out
-    os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(TESTS.parent / ".pytest_cache" / "kernels"))
+    os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(ROOT / ".pytest_cache" / "kernels"))
     out.mkdir(parents=True, exist_ok=True)
     results = {}
     for case in CASES:

@@ -13,11 +13,11 @@ from typing import Any
 import mpmath
 import numpy as np
 import yaml
-from exact_numbers import exactly
 
 import redundant_envs as rde
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.verify.promises import Promise, at_most
+from tests.exact_numbers import exactly
 
 from . import naive
 

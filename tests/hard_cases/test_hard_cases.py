@@ -20,7 +20,7 @@ PAIRS = [
 
 
 @pytest.mark.quick(
-    "1", "3", "4", "5", "6", "8", "9", "10", "11", "12", "48", "13", "14", "18", "19", "25", "32",
+    "1", "3", "4", "5", "6", "8", "9", "10", "11", "48", "13", "14", "18", "19", "25", "32",
     "40",
 )  # fmt: skip
 @pytest.mark.parametrize("number", BY_NUMBER)
@@ -34,10 +34,6 @@ def test_a_hard_case_keeps_its_bounds(number):
 def test_a_naive_variant_fails_its_case(case, variant):
     passes = all(figure.kept for figure in case.figures(variant()))  # until the first that is missed
     assert not passes, f"{variant.name} passes {case.name}"
-
-
-def test_every_case_has_figures_and_a_variant_that_misses_them():
-    assert all(case.rows and case.caught for case in CASES)
 
 
 def test_the_page_has_every_case_in_order_and_marks_missed_promises():

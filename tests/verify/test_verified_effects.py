@@ -130,10 +130,6 @@ WRONG = {
     "damping": ("declared damping", Force(1, BRAKE, RATE, damping=times(1e-9))),
     "damping at the tip": ("declared damping", Force(Point(3), AT_POINT, AT_TIP, damping=times(1.0))),
     "the sign of a damper": ("dampers brake", Force(1, PUSH, RATE, damping=times(1.0))),
-    "a sign at the tip": (
-        "dampers brake",
-        Force(Point(3), physics(lambda vx, vy, k: (-k * vx, k * vy)), AT_TIP, damping=times(1.0)),
-    ),
     "a force at rest": (
         "numbers at rest", Force(1, physics(lambda rate, k: -k * rate / abs(rate)), RATE),
     ),
@@ -145,10 +141,6 @@ WRONG = {
     "rates of states that swing": ("declared rates of states", swinging(times(1 / 1.6))),
     "a closed form that is half as fast": (
         "closed forms of states", lagging(closed=after(0.5)),
-    ),
-    "a jump everywhere": (
-        "forces at their switches",
-        switching(lambda x, lower, upper, k, side: -k * x - 1e-6 * k * (upper - lower) * side),
     ),
     "a jump at the top, with the rate": (
         "forces at their switches",

@@ -14,7 +14,7 @@ import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.extras import MissingPackage
-from redundant_envs.verify import Mode, Subject, Verdict, engines, promises, report, subject_from, verify
+from redundant_envs.verify import Mode, Subject, promises, report, subject_from, verify
 from redundant_envs.verify.checks import Check
 from redundant_envs.verify.judging import CONFIRMED, LIMIT, judge
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, at_most
@@ -163,20 +163,6 @@ def test_reasons_and_errors_stand_in_the_table():
     text = report.text_table(found.outcomes)
     assert "not applicable, there is none: check 2" in text
     assert re.search("not run +mujoco is not installed", text)
-
-
-def test_a_check_whose_package_is_missing_is_not_run_and_no_miss(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    found = verify(FOUR_R, 8, checks=[engines.mass_matrix])
-    assert found.good
-    assert found.outcomes[0].verdict is Verdict.NOT_RUN
-    assert "pip install '.[verify]'" in found.outcomes[0].finding.words
-
-
-def test_modes_run_what_those_before_them_run():
-    quick, standard, full = (report.checks_in(mode) for mode in Mode)
-    assert set(quick) < set(standard) < set(full)
-    assert len({c.name for c in full}) == len(full)
 
 
 @pytest.fixture
