@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.effects import Actuation, Effect, State
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.env import ArmEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
-from redundant_envs.language import algebra
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
 from redundant_envs.verify import bits, environments, evaluators, impacts, verify
@@ -21,18 +19,9 @@ from redundant_envs.verify.subjects import subject_of
 e = rde.effects
 BITS = tuple(c for c in checks_of(bits) if c is not bits.record)
 STATES = 80
-
-
-class Late(Effect):
-    """The command of the previous interval acts: a state of the first motor."""
-
-    def hooks(self, arm):
-        renewed, effort = algebra.physics(lambda command: command), algebra.physics(lambda waiting: waiting)
-        kept = State("waiting", "N m", update=renewed, bind={"command": "command1"})
-        return (Actuation(0, effort, {"waiting": ".waiting"}, states=(kept,)),)
-
-
-SCENE = rde.Scene(rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)), (e.Gravity(), Late()), "rk4", 0.01)
+SCENE = rde.Scene(
+    rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)), (e.Gravity(), e.Lag(0.05)), "rk4", 0.01
+)
 
 
 def red(thing, checks):
@@ -129,12 +118,6 @@ def late(results, wrong, right, at=40):
     return np.where(steps.reshape(-1, *[1] * (np.ndim(right) - 1)), wrong, right)
 
 
-def share_of_actions(env, actions, results):
-    """NaN without actions: a division that a task may contain."""
-    share = np.abs(actions[:, 0]) / np.abs(actions).sum(axis=1)
-    return results[4] | {"distance": np.where(results[4]["episode_steps"] > 20, share, 0.0)}
-
-
 def without_generators(self, state, right=Core.set_state):
     return right(self, {**state, "generators": copy.deepcopy(self.generators)})
 
@@ -148,7 +131,9 @@ BROKEN = {
     "observations outside their space": (
         "ranges", *stepping(VECTOR, 0, lambda env, a, r: late(r, np.float32(1.001), r[0])),
     ),
-    "metrics without an action": ("ranges", *stepping(VECTOR, 4, share_of_actions)),
+    "metrics that are no number": (
+        "ranges", *stepping(VECTOR, 4, lambda env, a, r: r[4] | {"distance": late(r, np.nan, r[1])}),
+    ),
     "threads": (
         "seeds, threads and neighbours",
         *stepping(VECTOR, 1, lambda env, a, r: r[1] + 1e-9 * (env.core.threads > 1)),
