@@ -1,10 +1,8 @@
 """Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), also as copies."""
 
-import numpy as np
 import pytest
 from catalogue import COPIES, IDS, SCENES, assert_same_bits, motion, names, on, started
 
-import redundant_envs as rde
 from redundant_envs.verify import Mode, Subject, Verdict
 from redundant_envs.verify.checks import Sample
 from redundant_envs.verify.report import checks_in
@@ -65,15 +63,3 @@ def test_a_copy_in_the_middle_of_a_motion_continues_to_the_same_bits(scene, copi
 @on("4R every effect *", "RPRP every effect 1e-6", "RPRP users' all 1e-6")
 def test_the_work_that_is_tracked_changes_no_bit_of_a_motion(scene):
     assert_same_bits(motion(started(scene, track_work=True)), motion(started(scene)))
-
-
-@pytest.mark.long
-@on("RPRP users' all 1e-6")
-def test_a_simulated_motion_is_that_of_a_batch(scene):
-    q, qd, efforts = np.array([-0.2, 0.15, -0.4, 0.1]), np.array([0.5, -0.6, 0.9, 0.8]), np.ones(4)
-    found = rde.simulate(scene, q, qd, np.arange(11) * scene.control_dt, efforts=efforts)
-    batch = rde.BatchSimulator(scene)
-    batch.set_state(q, qd)
-    for k in range(11):
-        assert_same_bits((found.q[k], found.qd[k]), (batch.q[0], batch.qd[0]))
-        batch.advance(efforts)

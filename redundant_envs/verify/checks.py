@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scenes.scene import Scene
+from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.tasks.base import hard_stops, narrowed
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, NotRun, Promise, Verdict, nothing
@@ -93,6 +93,8 @@ class Sample:
     count: int = STATES[Mode.STANDARD]  # of random states
     mode: Mode = Mode.STANDARD
     seed: int = 0  # of the states
+    given: tuple[Array, Array, Array] | None = dataclasses.field(default=None, repr=False, compare=False)
+    """States to be judged instead of random ones: ``count`` of them."""
     _kept: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -111,7 +113,7 @@ class Sample:
     @cached_property
     def states(self) -> tuple[Array, Array, Array]:
         """Coordinates, velocities and joint efforts, (count, joints) each."""
-        return random_states(self.scene, self.count, self.seed)
+        return self.given or random_states(self.scene, self.count, self.seed)
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
@@ -143,7 +145,7 @@ class Sample:
     @cached_property
     def calm_scene(self) -> Scene:
         """The scene, with an interval that is calm for at least half of the states."""
-        seconds = min(self.scene.control_dt, float(np.median(self.calm)))
+        seconds = min(self.scene.control_dt, max(float(np.median(self.calm)), SHORTEST_INTERVAL))
         return dataclasses.replace(self.scene, control_dt=seconds)
 
     def shared(self, make: Callable[[Sample], Any]) -> Any:

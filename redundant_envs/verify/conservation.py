@@ -88,6 +88,13 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Ar
     return kinetic[1] - kinetic[0] + gained - end.work, scale, stored
 
 
+def by_rounding(scene: Scene, q: Array) -> Array:
+    """Change of the potential energy if each coordinate is off by its rounding, (n,), J."""
+    nudges = ROUNDING * np.eye(q.shape[1])
+    here = potential_energy(scene, q)
+    return np.sum([np.abs(potential_energy(scene, q + nudge * q) - here) for nudge in nudges], axis=0)
+
+
 @check("energy book", at_most(OPEN))
 def energy_book(trial: Sample) -> Finding:
     """Kinetic + potential - work is constant over a control interval, or over a shorter one that is calm for
@@ -96,7 +103,7 @@ def energy_book(trial: Sample) -> Finding:
     whole, parts = (crossed(trial.calm_scene, *trial.states, n) for n in (1, PARTS))
     change, scale, stored = energy_changes(trial.scene, q, qd, whole)
     other = energy_changes(trial.scene, q, qd, parts)[0]
-    noise = ROUNDING * stored
+    noise = ROUNDING * stored + by_rounding(trial.scene, q)
     judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
     if np.mean(judged) < ENOUGH_SMOOTH:
         words = (

@@ -19,8 +19,6 @@ def main(arguments=None):
     parser = argparse.ArgumentParser("python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is printed")
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--stride", type=int, default=1, help="5 with --first 3: environments of many lanes")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
@@ -36,10 +34,10 @@ def main(arguments=None):
         return int(bool(found))
     seed = secrets.randbelow(2**31) if given.seed is None else given.seed
     print(f"fuzz: seed {seed}", file=sys.stderr)
-    firsts = range(given.first, given.first + given.processes * given.stride, given.stride)
-    rest = (given.processes * given.stride, given.minutes, given.out, given.only)
+    rest = (given.processes, given.minutes, given.out, given.only)
     with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
-        parts = [part.result() for part in [pool.submit(worker, seed, first, *rest) for first in firsts]]
+        waiting = [pool.submit(worker, seed, first, *rest) for first in range(given.processes)]
+        parts = [part.result() for part in waiting]
     tally = sum((own for own, _ in parts), Counter())
     files = [path.name for _, paths in parts for path in paths]
     data = {"seed": seed, "minutes": given.minutes, **tally, "files": files}

@@ -1,14 +1,20 @@
 """A case: a scene, and calls of its simulator or environment, as a JSON document that needs no generator.
 
-A case is a mapping with "face" ("simulator" or one of :data:`ENVIRONMENTS`), "scene", "num_envs" and "calls".
+A case is a mapping with "face" ("simulator" or "vector"), "scene", "num_envs" and "calls".
 Each call is a mapping with "call", its arguments, and "refusable" if it may be refused, or "refused" if it
 must be: then a text is a pattern of the message. Arguments in "rows" are tables with a row for each lane of
 the case; a call for some "lanes" takes their rows.
 """
 
 import json
+from typing import NamedTuple
 
-ENVIRONMENTS = ("env", "vector", "sb3")
+
+class Violation(NamedTuple):
+    invariant: str
+    call: int  # -1: none in particular, as the lane
+    lane: int
+    found: str
 
 
 def plain(case):
@@ -40,19 +46,14 @@ def taken(rows, lanes):
 
 
 def with_lanes(case, order):
-    """The case with some of its lanes, in any order and each as often as it is there, with the draws that it
-    had; calls for none of them are left out."""
-    calls, places = [], {}
-    for place, lane in enumerate(order):
-        places.setdefault(lane, []).append(place)
+    """The case with some of its lanes, in any order; calls for none of them are left out."""
+    calls, places = [], {lane: place for place, lane in enumerate(order)}
     for call in case["calls"]:
-        if chosen := [place for lane in lanes_of(case, call) for place in places.get(lane, ())]:
-            if case["face"] != "simulator":  # a mask has no order: rows are those of ascending lanes
-                chosen.sort()
+        # A mask has no order: rows are those of ascending lanes.
+        if chosen := sorted(places[lane] for lane in lanes_of(case, call) if lane in places):
             lanes = None if call.get("lanes") is None else chosen
             calls.append({**call, "lanes": lanes, "rows": taken(call.get("rows", {}), order)})
-    draws = case.get("draws", range(case["num_envs"]))
-    return {**case, "num_envs": len(order), "calls": calls, "draws": [draws[lane] for lane in order]}
+    return {**case, "num_envs": len(order), "calls": calls}
 
 
 def without_calls(case, left_out):

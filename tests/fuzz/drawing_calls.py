@@ -1,35 +1,21 @@
-"""Cases: a drawn scene, a simulator or a kind of environment, and calls in any order."""
+"""Cases: a drawn scene with states and efforts, or a vector of environments with calls in any order."""
 
 import numpy as np
 
-from redundant_envs.robots.parameters import LARGEST_RATIO
-from studies.drawing import TRIES, drawn_efforts, drawn_state, drawn_states
+from studies.drawing import RARE_EFFORTS, TRIES, drawn_efforts, drawn_state, drawn_states
 
-from .cases import ENVIRONMENTS, plain
-from .drawing_scenes import (
-    EFFORTS,
-    MOTORS,
-    RARE_EFFORTS,
-    RARE_STATES,
-    STATES,
-    drawn_actions,
-    drawn_kinds,
-    drawn_scene,
-)
+from .cases import plain
+from .drawing_scenes import EFFORTS, MOTORS, RARE_STATES, STATES, drawn_actions, drawn_kinds, drawn_scene
 
 LANES, FEW, MANY = 48, 12, 128
 """Most lanes of a simulator and of environments."""
 LIMIT = 7
 """Control steps of an episode, in most cases: few, so that episodes end often."""
-CALLS = ("advance",) * 10 + (
-    "set_state", "set_parameters", "refused_parameters", "refused_state", "advance_partly", "save", "restore",
-    "copy", "pickle", "anew",
-)  # fmt: skip
-CALLS_OF_ENVIRONMENTS = ("step",) * 14 + (
+CALLS = ("step",) * 14 + (
     "reset", "reset", "partial_reset", "reset_with", "save", "restore", "copy", "pickle", "bad_step",
     "refused_reset", "refused_step",
 )  # fmt: skip
-PLAIN = ("save", "restore", "copy", "pickle", "anew")
+PLAIN = ("save", "restore", "copy", "pickle")
 """Calls without arguments."""
 AUTORESETS = ("next_step", "same_step", "disabled")
 
@@ -40,85 +26,25 @@ def drawn(seed, number, scene=None, calls=None, **fixed):
     A scene and entries of the case may be given.
     """
     rng = np.random.default_rng([seed, number])
-    face = fixed.get("face", "environment" if number % 5 in (1, 3) else "simulator")
     made = {"seed": seed, "number": number, "threads": int(rng.choice([1, 1, 2]))}
-    if face == "simulator":
-        scene = scene or drawn_scene(rng)
-        made |= {"face": face, "num_envs": rng.choice([1, 7, 8, 9, LANES, LANES, LANES])} | fixed
-        of_case, calls = calls_of_simulator, calls or 6
+    if fixed.get("face") != "vector" and number % 5 not in (1, 3):
+        scene, of_case, calls = scene or drawn_scene(rng), calls_of_simulator, calls or 3
+        made |= {"face": "simulator", "num_envs": rng.choice([1, 7, 8, 9, LANES, LANES, LANES])} | fixed
     else:
-        scene = scene or limited_scene(rng)
+        scene, of_case, calls = scene or limited_scene(rng), calls_of_environment, calls or 30
         made |= drawn_environment(rng, FEW if number % 5 == 1 else MANY) | fixed
-        of_case, calls = calls_of_environment, calls or 30
-    if made["face"] == "env":
-        made |= {"num_envs": 1, "threads": 1}
     if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
-        made["num_envs"], calls = min(made["num_envs"], 2 if face != "simulator" else 9), max(3, calls // 4)
+        made["num_envs"], calls = min(made["num_envs"], 9), max(2, calls // 4)
     return plain({**made, "scene": scene.to_dict(), "calls": of_case(rng, made, scene, calls)})
 
 
-def some_lanes(rng, count):
-    """A few lanes in any order."""
-    return rng.permutation(count)[: rng.integers(1, max(2, count // 2))]
-
-
-def drawn_parameters(rng, scene, lanes):
-    """New numbers near the scene's own, with a row for each lane."""
-    values = {}
-    for name in ("masses", "lengths"):
-        if rng.random() < 0.6:
-            own = np.array(getattr(scene.robot, name))
-            near = own * rng.uniform(0.7, 1.4, (lanes, len(own)))
-            too_far_apart = near.max(axis=1) > LARGEST_RATIO * near.min(axis=1)
-            values[name] = np.where(too_far_apart[:, None], own, near)
-    parameters = scene.parameters()
-    for name in ("gravity.g", "viscous_friction.coefficients", "effort_limits.limits",
-                 "prismatic_stop.restitution"):  # fmt: skip
-        own = np.array([v for p, v in parameters.items() if p.split("[")[0] == name])
-        if len(own) and rng.random() < 0.6:
-            values[name] = own * rng.uniform(0.3, 1.0, (lanes, len(own)))
-    return values
-
-
-# ---- simulators -----------------------------------------------------------------------------------------
-
-
 def calls_of_simulator(rng, case, scene, count):
-    q, qd = drawn_states(scene, drawn_kinds(rng, case["num_envs"], STATES, RARE_STATES), rng)
-    kinds = (*rng.choice(CALLS, count), "advance")
-    drawn = [call_of_simulator(rng, scene, case["num_envs"], str(kind)) for kind in kinds]
-    return [{"call": "set_state", "rows": {"q": q, "qd": qd}}, *drawn]
-
-
-def call_of_simulator(rng, scene, num_envs, kind):
-    """A call with its arguments."""
-    if kind in PLAIN:
-        return {"call": kind}
-    if kind in ("advance", "advance_partly"):
-        duration = scene.control_dt * rng.choice([1e-6, 0.3, 1.0, 1.7])
-        more = {"duration": duration} if kind == "advance_partly" else {}
-        efforts = drawn_efforts(scene, drawn_kinds(rng, num_envs, EFFORTS, tuple(RARE_EFFORTS)), rng)
-        return {"call": kind, "rows": {"efforts": efforts}, **more}
-    lanes, count = some_lanes(rng, num_envs), len(scene.robot.masses)
-    if kind == "set_parameters":
-        rows = {"parameters": drawn_parameters(rng, scene, num_envs)}
-        return {"call": kind, "lanes": lanes, "rows": rows}
-    if kind == "refused_parameters":
-        wrong = [
-            {"masses": -1.0}, {"masses": [1.0] * (count + 1)}, {"lengths": 0.0}, {"unknown": 1.0},
-            {"masses": float("nan")}, {"gravity.g": 1e200}, {"masses": [1e-29, *[1e29] * (count - 1)]},
-        ][rng.integers(7)]  # fmt: skip
-        (name,) = wrong
-        return {"call": "set_parameters", "lanes": lanes, "parameters": wrong, "refused": f"(?i){name}"}
-    q, qd = drawn_states(scene, drawn_kinds(rng, num_envs, STATES, RARE_STATES), rng)
-    call = {"call": "set_state", "lanes": lanes}
-    if kind == "set_state":  # parameters may have moved the stops since: then it is refused
-        return {**call, "rows": {"q": q, "qd": qd}, "refusable": True}
-    wrong, said = [(q[:, :-1], "shape"), (q.astype(str), "real numbers")][rng.integers(2)]
-    return {**call, "rows": {"q": wrong, "qd": qd}, "refused": said}
-
-
-# ---- environments ---------------------------------------------------------------------------------------
+    lanes = case["num_envs"]
+    q, qd = drawn_states(scene, drawn_kinds(rng, lanes, STATES, RARE_STATES), rng)
+    kinds = (drawn_kinds(rng, lanes, EFFORTS, tuple(RARE_EFFORTS)) for _ in range(count))
+    advances = ({"efforts": drawn_efforts(scene, some, rng)} for some in kinds)
+    start = {"call": "set_state", "rows": {"q": q, "qd": qd}}
+    return [start, *({"call": "advance", "rows": rows} for rows in advances)]
 
 
 def limited_scene(rng):
@@ -132,25 +58,22 @@ def limited_scene(rng):
 
 
 def drawn_environment(rng, lanes):
-    face, mode = str(rng.choice(ENVIRONMENTS)), str(rng.choice(AUTORESETS))
-    made = {
-        "face": face, "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([2, 8, 9, lanes])),
+    mode = str(rng.choice(AUTORESETS))
+    return {
+        "face": "vector", "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([1, 2, 8, 9, lanes])),
         "autoreset_mode": mode, "on_bad_action": str(rng.choice(["raise", "terminate", "terminate"])),
-        "max_episode_steps": int(rng.choice([1, LIMIT, LIMIT, 100])),
+        # Where ends are waited for, short episodes would make most steps be refused.
+        "max_episode_steps": 100 if mode == "disabled" else int(rng.choice([1, LIMIT, LIMIT, 100])),
         "task": {"speed_bound": rng.choice([50.0, 50.0, 5.0])},
     }  # fmt: skip
-    if mode == "disabled" and face == "vector":
-        made["max_episode_steps"] = 100  # or most steps are refused, as other lanes wait for a reset
-    return made
 
 
 def calls_of_environment(rng, case, scene, count):
     early = [step(drawn_actions(rng, case["num_envs"], len(scene.robot.joints)), refused="before reset")]
-    made = early if rng.random() < 0.2 else []
-    made.append({"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}})
-    waits = case["face"] == "env" or (case["face"] == "vector" and case["autoreset_mode"] == "disabled")
-    usual = CALLS_OF_ENVIRONMENTS + ("reset",) * 5 * waits  # else most steps come after an end
-    return made + [call_of_environment(rng, case, scene, str(kind)) for kind in rng.choice(usual, count)]
+    first = {"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}}
+    usual = CALLS + ("reset",) * 5 * (case["autoreset_mode"] == "disabled")
+    kinds = map(str, rng.choice(usual, count))
+    return early * (rng.random() < 0.2) + [first, *(call_of(rng, case, scene, kind) for kind in kinds)]
 
 
 def drawn_seeds(rng, count):
@@ -161,7 +84,8 @@ def step(actions, **more):
     return {"call": "step", "rows": {"actions": actions}, **more}
 
 
-def call_of_environment(rng, case, scene, kind):
+def call_of(rng, case, scene, kind):
+    """A call with its arguments."""
     count, joints = case["num_envs"], len(scene.robot.joints)
     if kind in PLAIN:
         return {"call": kind}
@@ -170,10 +94,7 @@ def call_of_environment(rng, case, scene, kind):
     if kind == "bad_step":
         return step(drawn_actions(rng, count, joints, bad=True), float64=True)
     if kind == "refused_step":
-        wrong, said = [(np.zeros((count, joints + 1)), "shape"), ([["0"] * joints] * count, "dtype")][
-            rng.integers(2)
-        ]
-        return step(wrong, refused=said)
+        return step(np.zeros((count, joints + 1)), refused="shape")
     if kind == "refused_reset":
         name, wrong = [
             ("unknown", {"unknown": 1.0}), ("masses", {"parameters": {"masses": -1.0}}),
@@ -181,34 +102,26 @@ def call_of_environment(rng, case, scene, kind):
             ("'q'", {"q": [[0.0]] * count}), ("'qd'", {"qd": [[1e200] * joints] * count}),
         ][rng.integers(6)]  # fmt: skip
         return {"call": "reset", "options": wrong, "refused": name}
-    partly = kind == "partial_reset" and case["face"] == "vector"
-    call = {"call": "reset", "lanes": np.sort(some_lanes(rng, count)) if partly else None, "rows": {}}
+    some = rng.permutation(count)[: rng.integers(1, max(2, count // 2))]
+    call = {"call": "reset", "lanes": np.sort(some) if kind == "partial_reset" else None, "rows": {}}
     if rng.random() < 0.5:
         call["rows"]["seed"] = drawn_seeds(rng, count)
     if kind == "reset_with" or rng.random() < 0.2:
-        call["rows"]["options"] = drawn_options(rng, scene, count, case["goal"])
+        call["rows"]["options"] = drawn_options(rng, scene, count)
         call["refusable"] = True
     return call
 
 
-def drawn_options(rng, scene, lanes, goal):
-    """Options of a reset: positions, velocities and parameters; some are refused."""
-    options = {}
-
-    def states(*kinds):
-        found = [drawn_state(scene, str(rng.choice(kinds)), rng) for _ in range(lanes)]
-        return (np.array(x) for x in zip(*found, strict=True))
-
-    if rng.random() < 0.6:
-        usual = ("plain", "folded", "at rest", "at stop", "near stop", "denormal")
-        options["q"], options["qd"] = states(*usual)
-    if rng.random() < 0.3:
-        _, qd = states("fast", "huge", "overflowing")
-        options["qd"] = np.clip(qd, -1e100, 1e100)
-    if rng.random() < 0.4:
-        options["parameters"] = drawn_parameters(rng, scene, lanes)
-        if goal:
-            options["parameters"].pop("lengths", None)
-    if rng.random() < 0.3:
-        options["goal"] = rng.uniform(-0.4, 0.4, (lanes, 2)) * min(scene.robot.lengths)
-    return options
+def drawn_options(rng, scene, lanes):
+    """Options of a reset: positions, velocities, parameters and goals; some are refused."""
+    kinds = ("plain", "folded", "at rest", "at stop", "near stop", "denormal", "fast", "huge", "overflowing")
+    states = [drawn_state(scene, str(rng.choice(kinds)), rng) for _ in range(lanes)]
+    q, qd = (np.array(x) for x in zip(*states, strict=True))
+    masses = scene.robot.masses * rng.uniform(0.7, 1.4, (lanes, len(scene.robot.masses)))
+    options = {
+        "q": q,
+        "qd": np.clip(qd, -1e100, 1e100),
+        "parameters": {"masses": masses},
+        "goal": rng.uniform(-0.4, 0.4, (lanes, 2)) * min(scene.robot.lengths),
+    }
+    return {name: rows for name, rows in options.items() if rng.random() < 0.4}

@@ -1,17 +1,15 @@
-"""Playing cases: every call of a simulator or an environment, its results, and the lanes before and after."""
+"""Playing cases: every call of an environment, its results, and the lanes before and after."""
 
 import copy
-import io
 import pickle
 from dataclasses import dataclass, field
 
 import gymnasium as gym
 import numpy as np
 
-import redundant_envs as rde
-from redundant_envs.model.batch import draws_of
+import redundant_envs  # noqa: F401, registers its environments
 
-from .cases import ENVIRONMENTS, lanes_of, taken
+from .cases import lanes_of, taken
 
 
 @dataclass
@@ -28,19 +26,23 @@ class Step:
 
     def rows(self):
         """Everything that has a row for each lane."""
-        return self.told | {name: self.after[name] for name in LANES if name in self.after}
-
-
-LANES = ("q", "qd", "z", "work", "values")
-"""Numbers of lanes: in simulators all, ``values`` in the order of ``Scene.parameters()``; in others q."""
+        return self.told | {"q": self.after["q"]}
 
 
 class Player:
-    """A simulator or an environment of a case, and what its calls need; its methods are the calls."""
+    """A vector of a case, and what its calls need; its methods are the calls."""
 
-    def __init__(self, case, make=rde.BatchSimulator):
-        self.case, self.make, self.scene = case, make, rde.Scene.from_dict(case["scene"])
-        self.subject, self.saved = self.made(), None
+    def __init__(self, case):
+        self.case, self.kind = case, case["scene"]["robot"]["type"]
+        self.env, self.saved = self.made(), None
+        self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)  # lanes whose episode ended
+
+    def made(self):
+        env_id = f"redundant_envs/{self.kind}{'Goal' * self.case['goal']}Reach-v0"
+        names = (
+            "scene", "on_bad_action", "max_episode_steps", "task", "num_envs", "threads", "autoreset_mode"
+        )  # fmt: skip
+        return gym.make_vec(env_id, **{name: self.case[name] for name in names})
 
     def play(self, call):
         """Make a call; any exception is kept."""
@@ -53,9 +55,18 @@ class Player:
         step.after = self.now()
         return step
 
-    def refusal(self, call):
-        """Whether a call may be refused, and the pattern of the message if it must be."""
-        return bool(call.get("refusable")), call.get("refused")
+    def now(self):
+        state = self.env.unwrapped.core.get_state()
+        found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
+        return found | {"q": np.array(self.env.unwrapped.q)}
+
+    def kept(self):
+        return self.env.unwrapped.get_state(), self.ready, self.ended.copy()
+
+    def put(self, kept):
+        state, self.ready, ended = kept
+        self.env.unwrapped.set_state(state)
+        self.ended = ended.copy()
 
     def save(self, call):
         self.saved = self.kept()
@@ -65,175 +76,60 @@ class Player:
             self.put(self.saved)
 
     def copy(self, call):
-        self.subject = copy.deepcopy(self.subject)
+        self.env = copy.deepcopy(self.env)
 
     def pickle(self, call):
-        self.subject = pickle.loads(pickle.dumps(self.subject))
-
-
-class SimulatorPlayer(Player):
-    def made(self):
-        batch = self.make(self.scene, self.case["num_envs"], self.case["threads"], track_work=True)
-        if batch.draws.size and "draws" in self.case:
-            batch.set_draws(draws_of(0, np.array(self.case["draws"])))
-        return batch
-
-    def now(self):
-        return lanes_now(self.subject)
-
-    def kept(self):
-        return self.subject.save()
-
-    def put(self, snapshot):
-        self.subject.restore(snapshot)
-
-    def advance(self, call):
-        return told(self.subject.advance(call["efforts"]))
-
-    def advance_partly(self, call):
-        return told(self.subject.advance_partly(call["efforts"], call["duration"]))
-
-    def set_state(self, call):
-        self.subject.set_state(call["q"], call["qd"], call.get("lanes"))
-
-    def set_parameters(self, call):
-        self.subject.set_parameters(call["parameters"], call.get("lanes"))
-
-    def anew(self, call):
-        """Another simulator, restored from a file."""
-        file, other = io.BytesIO(), self.made()
-        np.savez(file, **self.kept())
-        file.seek(0)
-        with np.load(file) as snapshot:
-            other.restore(dict(snapshot))
-        self.subject = other
-
-
-def told(status):
-    return {name: np.array(value) for name, value in status._asdict().items()}
-
-
-def lanes_now(batch):
-    names = tuple(batch.simulator.dynamics.parameters.field_of(p) for p in batch.scene.parameters())
-    values = batch._memory.read(names)
-    found = {"q": batch.q, "qd": batch.qd, "z": batch.z, "work": batch.work, "values": values}
-    return found | {"draws": batch.draws}
-
-
-class EnvironmentPlayer(Player):
-    """``ended``: lanes whose last step ended an episode; ``over``: a fault did in a single environment."""
-
-    def __init__(self, case, make=None):
-        super().__init__(case, make)
-        self.single, self.mode = case["face"] == "env", case["autoreset_mode"]
-        self.ready, self.ended, self.over = False, np.zeros(case["num_envs"], np.bool_), False
-
-    def made(self):
-        case = self.case
-        env_id = f"redundant_envs/{case['scene']['robot']['type']}{'Goal' if case['goal'] else ''}Reach-v0"
-        arguments = {name: case[name] for name in ("scene", "on_bad_action", "max_episode_steps", "task")}
-        if case["face"] == "env":
-            return gym.make(env_id, disable_env_checker=True, **arguments)
-        arguments |= {"num_envs": case["num_envs"], "threads": case["threads"]}
-        if case["face"] == "sb3":
-            return rde.make_sb3(env_id, **arguments)
-        return gym.make_vec(env_id, autoreset_mode=case["autoreset_mode"], **arguments)
-
-    @property
-    def inner(self):
-        return getattr(self.subject, "unwrapped", self.subject)
-
-    def now(self):
-        state = self.inner.core.get_state()
-        found = {name: state[name] for name in ("states", "parameters", "keys", "mask", "waiting")}
-        memory = self.inner.core.memory
-        if "evaluations_sum" in memory:
-            found["evaluations"] = memory.read(("evaluations_sum",))
-        return found | {"q": np.array(self.inner.q).reshape(self.case["num_envs"], -1)}
-
-    def kept(self):
-        counted = self.single and self.subject.get_wrapper_attr("_elapsed_steps")
-        return self.inner.get_state(), counted, self.ready, self.ended.copy(), self.over
-
-    def put(self, kept):
-        state, counted, self.ready, ended, self.over = kept
-        self.inner.set_state(state)
-        self.ended = ended.copy()
-        if self.single:
-            self.subject.set_wrapper_attr("_elapsed_steps", counted)
+        self.env = pickle.loads(pickle.dumps(self.env))
 
     def anew(self, call):
         """Another environment, set to the state."""
         kept = self.kept()
-        self.subject = self.made()
+        self.env = self.made()
         if self.ready:
-            self.subject.reset()  # wrappers insist on it
+            self.env.reset()  # wrappers insist on it
             self.put(kept)
 
     def refusal(self, call):
-        may, must = super().refusal(call)
+        """Whether a call may be refused, and the pattern of the message if it must be."""
+        may, must = bool(call.get("refusable")), call.get("refused")
         if call["call"] != "step":
             return may, must
-        bad = (
-            must is None and self.case["on_bad_action"] == "raise" and not np.isfinite(call["actions"]).all()
-        )
-        waits = self.case["face"] == "vector" and self.mode == "disabled" and self.ended.any()
+        raises = must is None and self.case["on_bad_action"] == "raise"
         reasons = {
-            must or "": must is not None, "before reset": not self.ready, "after the end": self.over,
-            "have ended": waits, "non-finite": bad and self.single,
-        }  # fmt: skip
+            must or "": must is not None,
+            "before reset": not self.ready,
+            "have ended": self.case["autoreset_mode"] == "disabled" and self.ended.any(),
+            "non-finite": raises and not np.isfinite(call["actions"]).all(),
+        }
         found = [reason for reason, holds in reasons.items() if holds]
-        return bad, None if not found else found[0] if len(found) == 1 else ""
+        return may, None if not found else found[0] if len(found) == 1 else ""
 
     def step(self, call):
         actions = call["actions"]
         if actions.dtype.kind == "f" and not call.get("float64"):
             actions = actions.astype(np.float32)
-        if self.case["face"] == "sb3":
-            obs, reward, dones, infos = self.subject.step(actions)
-            truncated = np.array([info["TimeLimit.truncated"] for info in infos])
-            terminated, self.ended[:] = dones & ~truncated, False
-            last = {n: infos[n]["terminal_observation"] for n in np.flatnonzero(dones)}
-        else:
-            obs, *ends, infos = self.subject.step(actions[0] if self.single else actions)
-            reward, terminated, truncated = (np.atleast_1d(np.array(x)) for x in ends)
-            last = {n: infos["final_obs"][n] for n in np.flatnonzero(infos.get("_final_obs", ()))}
-            self.ended, self.over = terminated | truncated, self.single and bool(terminated[0])
-        found = {"reward": reward, "terminated": terminated, "truncated": truncated}
-        # Last observations of lanes whose next episode has begun: which lanes, and NaN elsewhere.
-        found["begun"] = np.isin(np.arange(self.case["num_envs"]), list(last))
-        for name, table in self.tables(obs).items():
-            ends = found[f"last {name}"] = np.full_like(table, np.nan)
-            for lane, one in last.items():
-                ends[lane] = named(one)[name]
-        return found | self.now_told(obs)
-
-    def tables(self, obs):
-        """The parts of an observation, with a row for each lane."""
-        return {k: np.array(x).reshape(self.case["num_envs"], -1) for k, x in named(obs).items()}
-
-    def now_told(self, obs):
-        return {f"now {name}": table for name, table in self.tables(obs).items()}
+        obs, reward, terminated, truncated, infos = self.env.step(actions)
+        self.ended = terminated | truncated
+        found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
+        for name, table in named(obs).items():  # the last observations of episodes, where another has begun
+            ends = found[f"last {name}"] = np.array(table)
+            for lane in np.flatnonzero(infos.get("_final_obs", ())):
+                ends[lane] = named(infos["final_obs"][lane])[name]
+        return found | now_told(obs)
 
     def reset(self, call):
         count, lanes, options = self.case["num_envs"], lanes_of(self.case, call), call.get("options", {})
-        seeds = call["seed"].tolist() if "seed" in call else None
-        if self.case["face"] == "sb3":
-            own = "options" in call.get("rows", {})
-            self.subject.set_options([of_lane(options, k) if own else options for k in range(count)])
-            if seeds is not None:
-                self.subject._seeds = seeds  # seed(s) gives s, s + 1, ...; here lanes are in any order
-            obs = self.subject.reset()
-        elif self.single:
-            obs, _ = self.subject.reset(seed=seeds and seeds[0], options=options)
-        else:
-            of_lanes = dict(zip(lanes, seeds or (), strict=False))
-            if len(lanes) < count:
-                options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
-            wanted = None if seeds is None else [of_lanes.get(k) for k in range(count)]
-            obs, _ = self.subject.reset(seed=wanted, options=options)
-        self.ready, self.ended[lanes], self.over = True, False, False
-        return self.now_told(obs)
+        of_lanes = dict(zip(lanes, call["seed"].tolist(), strict=True)) if "seed" in call else None
+        if len(lanes) < count:
+            options = {**options, "reset_mask": np.isin(np.arange(count), lanes)}
+        seeds = None if of_lanes is None else [of_lanes.get(k) for k in range(count)]
+        obs, _ = self.env.reset(seed=seeds, options=options)
+        self.ready, self.ended[lanes] = True, False
+        return now_told(obs)
+
+
+def now_told(obs):
+    return {f"now {name}": np.array(table) for name, table in named(obs).items()}
 
 
 def named(obs):
@@ -244,21 +140,10 @@ def arrays(rows):
     return {name: arrays(x) if isinstance(x, dict) else np.array(x) for name, x in rows.items()}
 
 
-def of_lane(options, lane):
-    """The rows of one lane of options."""
-    return {name: of_lane(x, lane) if isinstance(x, dict) else x[lane] for name, x in options.items()}
-
-
-def play(case, make=rde.BatchSimulator):
-    """All calls of a case; a LookupError if its initial state is not accepted."""
-    player = (EnvironmentPlayer if case["face"] in ENVIRONMENTS else SimulatorPlayer)(case, make)
-    steps = [player.play(call) for call in case["calls"]]
-    first = steps[0]
-    if case["face"] == "simulator" and (
-        first.call["call"] != "set_state" or isinstance(first.error, ValueError)
-    ):
-        raise LookupError(f"the case does not begin with a state: {first.error}")
-    return steps
+def play(case):
+    """All calls of a case."""
+    player = Player(case)
+    return [player.play(call) for call in case["calls"]]
 
 
 def same(one, other):

@@ -9,15 +9,14 @@ from collections import Counter
 from itertools import count
 
 from . import cases
+from .cases import Violation
 from .drawing_calls import drawn
-from .invariants import Violation, violations
+from .invariants import violations
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 KEPT = 5
 """Most failures of one invariant that become files."""
-TOLD = 10
-"""Number of cases between two lines of progress."""
 SECONDS = 40.0
 """Time after which a case is small enough."""
 
@@ -25,54 +24,43 @@ SECONDS = 40.0
 def judged(case, tally=None, only=()):
     """The violations of a case of any kind; ``only`` those of some promises."""
     try:
-        return violations(case, tally=tally, only=only)
+        return violations(case, tally, only)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__} at {place.name}, line {place.lineno}: {error}"
         return [Violation(HARNESS, -1, -1, text)]
 
 
-def run(seed, numbers, end, out, told, seconds=SECONDS, only=()):
-    """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``.
-
-    ``told`` receives the number of each case, the counts so far, and the failures. Each of these is made
-    small in some seconds.
-    """
-    tally, files = Counter(), []
+def run(seed, numbers, end, out, only=()):
+    """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``."""
+    tally, files, parent = Counter(), [], os.getppid()
     for number in numbers:
         if time.monotonic() > end:
             break
+        if os.getppid() != parent:
+            sys.exit("fuzz: who asked for it is gone")
         case = drawn(seed, number)
         failures = {v.invariant: v for v in reversed(judged(case, tally, only))}
         for kind, violation in failures.items():
             tally[f"{kind} failed"] += 1
-            if sum(path.name.startswith(f"{kind}-") for path in files) < KEPT:
+            if tally[f"{kind} failed"] <= KEPT:
 
                 def again(case, kind=kind):
                     return next((v for v in judged(case, only=(kind,)) if v.invariant == kind), None)
 
-                small = minimised(case, again, seconds)
+                small = minimised(case, again)
                 files.append(out / f"{kind}-{seed}-{number}.json")
                 found = (again(small) or violation).found
                 cases.write({"fails": kind, "found": found, **small}, files[-1])
-        told(number, tally, ", ".join(failures))
+        told = f"fuzz: case {number}, {tally['intervals']} intervals: {', '.join(failures) or 'good'}"
+        print(told, file=sys.stderr, flush=True)
     return tally, files
 
 
 def worker(seed, first, stride, minutes, out, only):
     """Run the cases first, first + stride, ... of a seed in a process of their own."""
     warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
-    start, parent = time.monotonic(), os.getppid()
-
-    def told(number, tally, failed):
-        if os.getppid() != parent:
-            sys.exit("fuzz: who asked for it is gone")
-        if failed or tally["scenes"] % TOLD == 0:
-            text = f"fuzz: {time.monotonic() - start:.0f} of {60 * minutes:.0f} s, case {number}: "
-            text += ", ".join(f"{tally[name]} {name}" for name in ("scenes", "intervals", "judged"))
-            print(f"{text}: {failed} failed" if failed else text, file=sys.stderr, flush=True)
-
-    return run(seed, count(first, stride), start + 60.0 * minutes, out, told, only=only)
+    return run(seed, count(first, stride), time.monotonic() + 60.0 * minutes, out, only)
 
 
 # ---- small cases ----------------------------------------------------------------------------------------

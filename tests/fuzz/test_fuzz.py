@@ -16,7 +16,6 @@ from studies.drawing import drawn_arm, own_effects
 from . import cases
 from .drawing_calls import AUTORESETS, drawn
 from .drawing_scenes import drawn_scene
-from .invariants import SHORT
 from .running import judged, minimised, run
 
 HERE = Path(__file__).parent
@@ -34,7 +33,7 @@ def kernels_of_its_own(monkeypatch):
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT, lambda *_: None)
+    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT)
     told = "\n".join(f"python -m tests.fuzz --replay {path}" for path in files)
     assert not files, f"{tally}; each failure is a file:\n{told}"
     assert tally["intervals"] > 100
@@ -48,47 +47,28 @@ def test_the_command_counts_what_it_did(tmp_path):
     assert found == {"seed": 1, "minutes": 0.0, "files": []}
 
 
-LONG = {
-    "an_impact_before_two_references_part", "fast_sliders_in_a_short_interval", "sliders_that_double_errors",
-    "a_spring_that_lets_go_in_a_microsecond", "dop853_after_182_impacts",
-    "friction_that_takes_energy_at_once",
-}  # fmt: skip
-"""Failures whose kernels take long to compile."""
-
-
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, id=path.stem, marks=[pytest.mark.long] if path.stem in LONG else [])
-        for path in sorted((HERE / "found").glob("*.json"))
-    ],
-)
+@pytest.mark.parametrize("path", sorted((HERE / "found").glob("*.json")), ids=lambda path: path.stem)
 def test_mended_failures_stay_mended(path):
-    assert judged(cases.read(path), only=SHORT) == []
+    assert judged(cases.read(path)) == []
 
 
 COMMON = {
-    "num_envs": 3, "max_episode_steps": 6, "task": {}, "autoreset_mode": "next_step", "goal": False,
-    "on_bad_action": "terminate",
+    "face": "vector", "num_envs": 3, "max_episode_steps": 6, "task": {}, "autoreset_mode": "next_step",
+    "goal": False, "on_bad_action": "terminate",
 }  # fmt: skip
-FACES = {
-    "simulator": {"face": "simulator", "num_envs": 3},
-    "env": COMMON | {"face": "env", "on_bad_action": "raise"},
-    "sb3": COMMON | {"face": "sb3"},
-    "goal": COMMON | {"face": "vector", "goal": True},
-    **{mode: COMMON | {"face": "vector", "autoreset_mode": mode} for mode in AUTORESETS},
-}
+FACES = {"goal": COMMON | {"goal": True, "on_bad_action": "raise"}}
+FACES |= {mode: COMMON | {"autoreset_mode": mode} for mode in AUTORESETS}
 
 
-@pytest.mark.quick("simulator-0", "env-0", "sb3-0", "next_step-0")
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.quick("goal-0", "next_step-0")
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("face", FACES)
 def test_no_order_of_calls_breaks_a_promise(face, seed):
     """Of a scene of the package, which is compiled once."""
     case = drawn(seed, 0, rde.load_scene("rprp_reach"), 20, **FACES[face])
-    assert judged(case, only=SHORT) == [], case
+    assert judged(case) == [], case
 
 
 # ---- drawing, files, making small -----------------------------------------------------------------------
@@ -113,7 +93,6 @@ def test_every_effect_and_every_way_to_step_is_drawn():
     arms = [drawn_arm(rng) for _ in range(1000)]
     assert max(max(arm.masses) / min(arm.masses) for arm in arms) > 1e10
     assert max(max(arm.lengths) / min(arm.lengths) for arm in arms) > 1e5
-    assert min(len(s.effects) for s in scenes) <= 1
 
 
 def test_a_failing_case_is_made_small():

@@ -1,68 +1,58 @@
-"""Hard cases: descriptions (``cases.yaml``), promises, and the mistakes that each case finds.
+"""The harness of hard cases: rows that simulate a motion of a subject and ask for figures of it.
 
-A case is a function of the implementation under test that returns figures. As a test it measures this
-package, and every figure must keep its bound; measured on a naive variant, a figure must miss its bound.
+Measured of this package every figure must keep its bound; measured of a naive variant, one must miss it.
 """
 
-import importlib
+import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import mpmath
 import numpy as np
 import yaml
 
+import redundant_envs as rde
+from redundant_envs.language.quantities import Quantities
+from redundant_envs.verify.promises import Promise, at_most
+from tests.exact_numbers import exactly
+
 from . import naive
-from .subject import Subject
 
 THEMES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 """Heading of the page -> its cases by their numbers, in the order of the page."""
-ROWS = {number: {"theme": theme, **row} for theme, rows in THEMES.items() for number, row in rows.items()}
-CASES = {}
-"""All cases by their numbers, once their modules are imported."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One number that a case measures, and the promise about it; NaN keeps no promise."""
+    """One number that a case measures, and the promise about it."""
 
     name: str  # the measured quantity, to be read before "is 3e-5"
     found: float
-    relation: str  # "at most" or "at least"
-    bound: float
-    unit: str = ""  # empty where the name says it
+    promise: Promise
 
     @property
     def kept(self):
-        return self.found <= self.bound if self.relation == "at most" else self.found >= self.bound
+        return self.promise.holds(self.found)
 
     def __str__(self):
-        unit = f" {self.unit}" if self.unit else ""
-        promise = f"{self.relation} {shown(self.bound)}{unit} is promised"
-        return f"{self.name} is {shown(self.found)}{unit}, {promise}"
-
-
-def at_most(name, found, bound, unit=""):
-    return Figure(name, float(found), "at most", bound, unit)
-
-
-def at_least(name, found, bound, unit=""):
-    return Figure(name, float(found), "at least", bound, unit)
+        return f"{self.name} is {self.found:.2g}, {self.promise} is promised"
 
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: its row of ``cases.yaml``, and the function that measures a subject."""
+    """A hard case: its words in ``cases.yaml``, and its rows, which are functions of a subject."""
 
     number: str
-    measure: object
     theme: str
     title: str
     hard: str
     naive: str
-    caught: tuple = ()  # naive variants that fail it
+    caught: tuple  # naive variants that fail it
+    rows: tuple
     mujoco: str = ""
-    compared: bool = False  # also measured of MuJoCo
 
     @property
     def name(self):
@@ -75,35 +65,87 @@ class Case:
     def figures(self, subject):
         """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
         with np.errstate(all="ignore"):
-            return list(self.measure(subject))
+            for row in self.rows:
+                yield from row(subject)
 
 
-def hard_case(measure):
-    """Register a function of a subject, test_<number>_..., as a case, and make it a test of this package."""
-    number = measure.__name__.split("_")[1].lstrip("0")
-    assert number not in CASES, f"there is a case {number} already"
-    case = CASES[number] = Case(number, measure, **ROWS[number])
-
-    def test():
-        figures = case.figures(Subject())
-        assert figures, f"{case.name} measures nothing"
-        missed = [f"{case.name}: {figure}" for figure in figures if not figure.kept]
-        assert not missed, "\n".join(missed)
-
-    test.__name__ = test.__qualname__ = measure.__name__
-    test.__module__, test.__doc__ = measure.__module__, measure.__doc__
-    return test
+# ---- rows -------------------------------------------------------------------------------------------------
 
 
-def all_cases():
-    """Every case, in the order of the page."""
-    for module in ("test_motions", "test_stops", "test_frictions_that_stick", "test_numbers"):
-        importlib.import_module(f".{module}", __package__)
-    return [CASES[number] for number in ROWS]
+@dataclass(frozen=True)
+class Asked:
+    """A figure of a motion."""
+
+    name: str
+    number: Callable  # of the run and the motion
+    promise: Promise
 
 
-def shown(x):
-    """A number with two digits, or all of a whole one."""
-    if math.isnan(x):
-        return "not a number"
-    return f"{x:.0f}" if x == round(x) and abs(x) < 1e6 else f"{x:.2g}"
+@dataclass(frozen=True)
+class Run:
+    """A motion, and the figures that are asked of it."""
+
+    scene: rde.Scene
+    q: Any
+    qd: Any
+    intervals: int
+    asked: tuple[Asked, ...]
+    efforts: Any = None
+    name: str = ""  # before those of the figures
+    longest: float | None = None  # step of variants with equal steps, s
+
+    def motion(self, subject):
+        if self.longest is not None:
+            subject.longest = self.longest
+        return subject.motion(self.scene, self.q, self.qd, self.intervals, self.efforts)
+
+    def __call__(self, subject):
+        motion = self.motion(subject)
+        for one in self.asked:
+            yield Figure(self.name + one.name, float(one.number(self, motion)), one.promise)
+
+    def fine_end(self, substeps):
+        """A simulator at the end of the motion in many equal steps."""
+        fine = dataclasses.replace(self.scene, tolerance=None, substeps=substeps)
+        batch = rde.BatchSimulator(fine, len(np.atleast_2d(self.q)), track_work=True)
+        batch.set_state(self.q, self.qd)
+        for _ in range(self.intervals):
+            batch.advance(None if self.efforts is None else np.atleast_2d(self.efforts))
+        return batch
+
+
+@dataclass(frozen=True)
+class Accelerations:
+    """The accelerations of an arm in a state, against those solved densely in 60 digits."""
+
+    arm: rde.Arm
+    q: Any
+    qd: Any
+    Q: Any
+    g: float = 0.0
+    bound: float = 1e-14
+    name: str = ""
+
+    def __call__(self, subject):
+        promise = at_most(self.bound, "of the largest acceleration")
+        yield Figure(f"{self.name}the error of qdd", self.error(subject), promise)
+
+    def error(self, subject):
+        state = (np.array(x, float) for x in (self.q, self.qd, self.Q))
+        found, exact = subject.accelerations(self.arm, *state, self.g), self.exact()
+        if not np.isfinite(found).all():
+            return math.nan
+        with mpmath.workdps(60):
+            worst = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(found, exact, strict=True))
+            return float(worst / max(abs(b) for b in exact))
+
+    def exact(self):
+        """qdd from M qdd = Q - h - G."""
+        arm, n = self.arm, len(self.arm.coordinates)
+        with mpmath.workdps(60):
+            state = dict(zip((*arm.coordinates, *arm.rates), (*self.q, *self.qd), strict=True))
+            known = exactly({**arm.parameter_values(), **state, "ax": 0.0, "ay": self.g})
+            values, rows = Quantities(known, arm.functions, arm.sincos), range(1, n + 1)
+            mass = mpmath.matrix([[values[f"M{i}{j}"] for j in rows] for i in rows])
+            forces = [mpmath.mpf(self.Q[i - 1]) - values[f"h{i}"] - values[f"G{i}"] for i in rows]
+            return [mpmath.mpf(x) for x in mpmath.lu_solve(mass, mpmath.matrix(forces))]

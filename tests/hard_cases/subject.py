@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.control.computed_torque import pose_at
 
 
 @dataclass
@@ -23,10 +22,6 @@ class Motion:
 
     def impacts(self, joint=None, lane=0):
         return [x for x in self.events if "impact" in x.kind and x.lane == lane and joint in (None, x.joint)]
-
-    @property
-    def finite(self):
-        return np.isfinite(self.q).all(axis=(0, 2)) & np.isfinite(self.qd).all(axis=(0, 2))
 
 
 def commands(efforts, lanes, joints):
@@ -57,25 +52,15 @@ class Subject:
     name = "this package"
     longest = np.inf
     """Longest step of a variant with equal steps, s; a case may change it."""
-    threads = 1
-    """Threads of its simulators; a case may use more."""
-
-    def arm(self, kind, masses, lengths):
-        """An arm, or a refusal."""
-        return getattr(rde, kind)(masses, lengths)
 
     def accelerations(self, arm, q, qd, Q, g=0.0):
         """qdd, (..., joints), from generalized forces."""
         return arm.forward_dynamics(q, qd, Q, g)
 
-    def pose_at(self, scene, start, goal):
-        """A pose with the tip at a goal, by iteration from a start."""
-        return pose_at(scene, np.array([start]), np.array([goal]))[0]
-
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""
         q, qd = started(q, qd)
-        batch = rde.BatchSimulator(scene, len(q), threads=self.threads, track_work=True)  # it tells events
+        batch = rde.BatchSimulator(scene, len(q), track_work=True)  # it tells events
         batch.set_state(q, qd)
         self.keep(batch)
         command, motion = commands(efforts, *q.shape), unfilled(batch.q, batch.qd, intervals)
@@ -90,22 +75,3 @@ class Subject:
 
     def keep(self, batch):
         """Set another state for the next interval: this package keeps its own."""
-
-    def save(self, batch):
-        """A snapshot of a simulator."""
-        return batch.save()
-
-    def restore(self, batch, snapshot):
-        """Return to it."""
-        batch.restore(snapshot)
-
-    def instants(self, count, dt):
-        """The times at which a controller is called, s: ``count`` of them."""
-        scene, asked = rde.Scene(rde.FourR((1.0,) * 4, (0.5,) * 4), (), "euler", control_dt=dt), []
-
-        def controller(t, q, qd):
-            asked.append(t)
-            return np.zeros(4)
-
-        rde.simulate(scene, np.zeros(4), np.zeros(4), [count * dt], controller)
-        return np.array(asked[:count])

@@ -1,21 +1,20 @@
 """verify: potentials, declarations and laws of effects against their forces; a wrong one fails by name."""
 
 import dataclasses
-import re
 from dataclasses import dataclass
-from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.__main__ import main
-from redundant_envs.effects import REGISTRY
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
-from redundant_envs.language.algebra import exp, maximum, minimum, physics, where
+from redundant_envs.language.algebra import exp, maximum, physics, where
 from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.verify import (
     Mode,
+    Subject,
+    Verdict,
     closed_forms,
     conservation,
     evaluators,
@@ -26,34 +25,36 @@ from redundant_envs.verify import (
     verify,
 )
 from redundant_envs.verify.accuracy import flagged, order
-from redundant_envs.verify.checks import checks_of
+from redundant_envs.verify.checks import Sample, checks_of
 from redundant_envs.verify.conservation import energy_book
 from redundant_envs.verify.forces import forces_at_switches, potentials
-from redundant_envs.verify.promises import Verdict
+from redundant_envs.verify.subjects import subject_of
 from studies.kinked_effects import SmoothFriction
 
 e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
-ENERGIES, DECLARED = (potentials, energy_book), checks_of(hints, rest)
+OF_EFFECTS = (potentials, forces_at_switches, *checks_of(hints, rest, closed_forms))
 
 
-def misses(scene, checks=DECLARED, states=STATES):
+def misses(scene, checks=OF_EFFECTS, states=STATES):
     return {miss.partition(": ")[0] for miss in verify(scene, states, checks=checks).misses}
 
 
-def effect_with(hooks):
-    """An effect with these hooks, and a number k."""
+def scene_with(*hooks):
+    """A scene with an effect that has these hooks, and some numbers."""
 
     @dataclass(frozen=True)
     class Own(Effect):
         k: float = 8.0
+        lower: float = -0.3
+        upper: float = 0.7
 
         def hooks(self, arm):
             return hooks
 
-    return Own
+    return rde.Scene(FOUR_R, (e.Gravity(), Own()))
 
 
 def times(factor):
@@ -61,111 +62,115 @@ def times(factor):
     return physics(lambda k: factor * k)
 
 
-law = SimpleNamespace(
-    spring=physics(lambda x, k: -k * x),
-    energy=physics(lambda x, k: 0.5 * k * x**2),
-    wrong_sign=physics(lambda x, k: -0.5 * k * x**2),
-    wrong_factor=physics(lambda x, k: k * x**2),
-    slightly_wrong=physics(lambda x, k: 0.50001 * k * x**2),
-    clamped=physics(lambda x, k: 0.5 * k * minimum(x * x, 16.0)),
-    coupled=physics(lambda x, y, k: -k * (x - y)),
-    coupled_energy=physics(lambda x, y, k: 0.5 * k * (x - y) ** 2),
-    damped=physics(lambda x, rate, k: -k * (x + 0.1 * rate)),
-    one_sided=physics(lambda x, k: -k * maximum(x, 0.0)),
-    one_sided_energy=physics(lambda x, k: 0.5 * k * maximum(x, 0.0) ** 2),
-    brake=physics(lambda rate, k: -k * rate),
-    push=physics(lambda rate, k: k * rate),
-    in_wind=physics(lambda rate, k: -k * (rate - 3.0) * abs(rate - 3.0)),
-    steepness_in_wind=physics(lambda rate, k: 2.0 * k * abs(rate - 3.0)),
-    between=physics(lambda rate, other, k: -k * (rate - other)),
-    brake_at_point=physics(lambda vx, vy, k: (-k * vx + 3.0 * k * vy, -k * vy - 3.0 * k * vx)),
-    push_at_point=physics(lambda vx, vy, k: (-k * vx, k * vy)),
-    dry=physics(lambda rate, k: -k * rate / abs(rate)),
-    by_sign=physics(lambda rate, k: where(rate > 0.0, -k, where(rate < 0.0, k, 0.0))),
-    share_of=physics(lambda command: command * command / abs(command)),
-)
 X, RATE = {"x": "phi2", "k": ".k"}, {"rate": "phid2", "k": ".k"}
 BOTH, AT_TIP = {**X, "rate": "phid2"}, {"vx": "tip_vx", "vy": "vy4", "k": ".k"}
 TO_3, TO_2 = {**X, "y": "phi3"}, {"x": "phi3", "y": "phi2", "k": ".k"}
-RIGHT = {
-    "nothing else said": (ENERGIES, Force(1, law.spring, X, potential=law.energy)),
-    "said twice, with a damper, of an angle, one-sided, between two joints": (
-        ENERGIES,
-        Force(1, law.spring, X, potential=law.energy, conservative=law.spring),
-        Force(1, law.damped, BOTH, potential=law.energy, conservative=law.spring),
-        Force(0, law.spring, {"x": "theta1", "k": ".k"}, potential=law.energy),
-        Force(1, law.one_sided, X, potential=law.one_sided_energy),
-        Force(1, law.coupled, TO_3, potential=law.coupled_energy),
-        Force(2, law.coupled, TO_2, conservative=law.coupled),
+SPRING, ENERGY = physics(lambda x, k: -k * x), physics(lambda x, k: 0.5 * k * x**2)
+COUPLED, OF_BOTH = physics(lambda x, y, k: -k * (x - y)), physics(lambda x, y, k: 0.5 * k * (x - y) ** 2)
+DAMPED = physics(lambda x, rate, k: -k * (x + 0.1 * rate))
+ONE_SIDED = physics(lambda x, k: -k * maximum(x, 0.0))
+BRAKE, PUSH = physics(lambda rate, k: -k * rate), physics(lambda rate, k: k * rate)
+BETWEEN = physics(lambda rate, other, k: -k * (rate - other))
+AT_POINT = physics(lambda vx, vy, k: (-k * vx + 3.0 * k * vy, -k * vy - 3.0 * k * vx))
+STATE, FOLLOW = physics(lambda z: z), physics(lambda command, z, k: k * (command - z))
+TURN, BACK = physics(lambda other, k: k * other), physics(lambda other, k: -k * other)
+
+
+def lagging(**declared):
+    """A state that follows the command."""
+    bind = {"command": "command2", "z": ".z", "k": ".k"}
+    return Actuation(1, STATE, bind, states=(State("z", "N m", FOLLOW, bind=bind, **declared),))
+
+
+def after(factor):
+    """A closed form of such a state, right with the factor 1."""
+    return physics(lambda command, z, k, elapsed: command + (z - command) * exp(-factor * k * elapsed))
+
+
+def swinging(rate):
+    """Two states, of which neither changes with itself."""
+    pairs = (("a", TURN, ".b"), ("b", BACK, ".a"))
+    states = [State(n, "1", f, bind={"other": other, "k": ".k"}, rate=rate) for n, f, other in pairs]
+    return Force(1, STATE, {"z": ".a"}, states=tuple(states))
+
+
+def switching(law, **more):
+    bind = {**X, "lower": ".lower", "upper": ".upper", **more}
+    return Force(1, physics(law), bind, switch=(".lower", ".upper"))
+
+
+RIGHT = [
+    Force(1, SPRING, X, potential=ENERGY, stiffness=times(1.0)),
+    Force(1, DAMPED, BOTH, potential=ENERGY, conservative=SPRING),
+    Force(1, ONE_SIDED, X, potential=physics(lambda x, k: 0.5 * k * maximum(x, 0.0) ** 2)),
+    Force(1, COUPLED, TO_3, potential=OF_BOTH),
+    Force(2, COUPLED, TO_2, conservative=COUPLED),
+    Force(
+        1, physics(lambda rate, other, k: -k * (rate - other)), {**RATE, "other": "phid3"}, damping=times(1.0)
     ),
-    "spring": (DECLARED, Force(1, law.spring, X, stiffness=times(1.0))),
-    "spring, a little more": (DECLARED, Force(1, law.spring, X, stiffness=times(1 / 1.4))),
-    "brake": (DECLARED, Force(1, law.brake, RATE, damping=times(1.0))),
-    "drag in the wind": (DECLARED, Force(1, law.in_wind, RATE, damping=law.steepness_in_wind)),
-    "dampers between two joints": (
-        DECLARED, Force(1, law.between, {**RATE, "other": "phid3"}, damping=times(1.0)),
-    ),
-    "at the tip": (DECLARED, Force(Point(3), law.brake_at_point, AT_TIP, damping=times(4.0))),
-    "a force that drives and declares nothing": (DECLARED, Force(1, law.push, RATE)),
-}  # fmt: skip
-AT_2, AT_3, AT_EITHER = (
-    f"potentials against forces: own: at joint{k} the conservative force is" for k in ("2", "3", "[23]")
-)
-STIFF, DAMPED, DRIVES = "declared stiffness: own", "declared damping: own", "dampers brake: own"
-AT_REST = "numbers at rest: .*own"
+    Force(Point(3), AT_POINT, AT_TIP, damping=times(4.0)),
+    Force(1, PUSH, RATE),
+    lagging(closed=after(1.0)),
+    lagging(rate=times(1.6)),
+    swinging(times(1.6)),
+    switching(lambda x, lower, upper, k, side: -k * x - 9.0 * k * maximum(side, 0.0) * (x - upper)),
+]
 WRONG = {
-    "sign": (AT_2, Force(1, law.spring, X, potential=law.wrong_sign)),
-    "factor": (AT_2, Force(1, law.spring, X, potential=law.wrong_factor)),
-    "beyond a turn": (AT_2, Force(1, law.spring, X, potential=law.clamped)),
-    "small factor": (AT_2, Force(1, law.spring, X, potential=law.slightly_wrong)),
-    "joint": (AT_EITHER, Force(2, law.spring, X, potential=law.energy)),
-    "uncounted damper": (
-        AT_2, Force(1, law.damped, BOTH, potential=law.energy, conservative=law.one_sided),
+    "the sign of a potential": (
+        "potentials against forces", Force(1, SPRING, X, potential=physics(lambda x, k: -0.5 * k * x**2)),
     ),
-    "half of a coupling": (AT_3, Force(1, law.coupled, TO_3, potential=law.coupled_energy)),
-    "stiffness": (STIFF, Force(1, law.spring, X, stiffness=times(1e-9))),
-    "stiffness by more than a half": (STIFF, Force(1, law.spring, X, stiffness=times(1 / 1.6))),
-    "damping": (DAMPED, Force(1, law.brake, RATE, damping=times(1e-9))),
-    "sign of a damper": (DRIVES, Force(1, law.push, RATE, damping=times(1.0))),
-    "sign at the tip": (DRIVES, Force(Point(3), law.push_at_point, AT_TIP, damping=times(1.0))),
-    "damping at the tip": (DAMPED, Force(Point(3), law.brake_at_point, AT_TIP, damping=times(1.0))),
-    "force at rest": (AT_REST, Force(1, law.dry, RATE)),
-    "link at rest": (AT_REST, Actuation(1, law.share_of, {"command": "command2"})),
+    "a factor of 1.00002": (
+        "potentials against forces", Force(1, SPRING, X, potential=physics(lambda x, k: 0.50001 * k * x**2)),
+    ),
+    "an uncounted damper": (
+        "potentials against forces", Force(1, DAMPED, BOTH, potential=ENERGY, conservative=ONE_SIDED),
+    ),
+    "half of a coupling": ("potentials against forces", Force(1, COUPLED, TO_3, potential=OF_BOTH)),
+    "stiffness by more than a half": ("declared stiffness", Force(1, SPRING, X, stiffness=times(1 / 1.6))),
+    "damping": ("declared damping", Force(1, BRAKE, RATE, damping=times(1e-9))),
+    "damping at the tip": ("declared damping", Force(Point(3), AT_POINT, AT_TIP, damping=times(1.0))),
+    "the sign of a damper": ("dampers brake", Force(1, PUSH, RATE, damping=times(1.0))),
+    "a force at rest": (
+        "numbers at rest", Force(1, physics(lambda rate, k: -k * rate / abs(rate)), RATE),
+    ),
+    "a link at rest": (
+        "numbers at rest",
+        Actuation(1, physics(lambda command: command * command / abs(command)), {"command": "command2"}),
+    ),
+    "the rate of a state": ("declared rates of states", lagging(rate=times(1 / 1.6))),
+    "rates of states that swing": ("declared rates of states", swinging(times(1 / 1.6))),
+    "a closed form that is half as fast": (
+        "closed forms of states", lagging(closed=after(0.5)),
+    ),
+    "a jump at the top, with the rate": (
+        "forces at their switches",
+        switching(
+            lambda x, rate, lower, upper, k, side: -k * x - 1e-8 * k * maximum(side, 0.0) * rate, rate="phid2"
+        ),
+    ),
 }  # fmt: skip
 
 
-def scene_with(*hooks, k=8.0, arm=FOUR_R):
-    return rde.Scene(arm, (e.Gravity(), effect_with(hooks)(k)))
+def test_what_effects_declare_rightly_is_green():
+    for hook in RIGHT[:3] + RIGHT[5:]:
+        assert misses(scene_with(hook)) == set(), hook
+    assert misses(scene_with(*RIGHT[:5]), (potentials, energy_book)) == set()
 
 
-@pytest.mark.quick("nothing else said")
-@pytest.mark.parametrize("case", RIGHT.values(), ids=RIGHT)
-def test_what_effects_declare_rightly_is_green(case):
-    checks, *hooks = case
-    assert misses(scene_with(*hooks), checks) == set()
-
-
-@pytest.mark.quick("sign")
-@pytest.mark.parametrize(("words", "hook"), WRONG.values(), ids=WRONG)
-def test_what_effects_declare_wrongly_is_red_and_named(words, hook):
-    checks = ENERGIES if words.startswith("potentials") else DECLARED
-    first, *others = verify(scene_with(hook), STATES, checks=checks).misses
-    assert re.match(words, first)
-    assert all(miss.startswith("energy book") for miss in others)
-
-
-def test_energies_of_every_scale_are_judged_in_their_own_units():
-    """Neither a light arm nor a potential far from zero makes a fault, or hides one."""
-    for mass in (1e-6, 1e6):
-        arm = rde.FourR((mass,) * 4, (1.0, 1.0, 1.0, 1.0))
-        for hook, right in ((RIGHT["nothing else said"][1], True), (WRONG["factor"][1], False)):
-            assert verify(scene_with(hook, k=8.0 * mass, arm=arm), STATES, checks=ENERGIES).good is right
+@pytest.mark.quick("the sign of a potential")
+@pytest.mark.parametrize(("red", "hook"), WRONG.values(), ids=WRONG)
+def test_what_effects_declare_wrongly_is_red_and_named(red, hook):
+    found = verify(scene_with(hook), STATES, checks=OF_EFFECTS)
+    (missed,) = (o for o in found.outcomes if o.verdict is Verdict.MISSED)
+    assert missed.check == red
+    assert "own" in missed.finding.words
 
 
 @pytest.mark.long
 def test_intervals_that_are_flagged_are_told():
     """Friction that jumps where a joint turns: no number of steps reaches a tolerance."""
-    hooks = [Force(k, law.by_sign, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4)]
+    dry = physics(lambda rate, k: where(rate > 0.0, -k, where(rate < 0.0, k, 0.0)))
+    hooks = [Force(k, dry, {"rate": f"phid{k + 1}", "k": ".k"}) for k in range(4)]
     scene = dataclasses.replace(scene_with(*hooks), tolerance=1e-6)
     outcome = verify(scene, STATES, checks=(flagged,)).outcomes[0]
     assert outcome.finding.found > 0.5
@@ -193,60 +198,60 @@ def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps)
     assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
 
 
+def test_given_states_are_judged_however_fast_and_however_near_to_rest():
+    """No interval is shorter than a scene allows, and energies below rounding of an angle are no fault."""
+    scene = rde.Scene(rde.FourR((0.5,) * 4, (1e5,) * 4), (e.Gravity(1.6),), control_dt=1e-6)
+    straight = [[3.141592653589794, 3.141592653589794, -3.1415926535897922, 1e-15]]
+    for efforts in (0.0, 1e300):
+        given = np.array(straight), np.zeros((1, 4)), np.full((1, 4), efforts)
+        outcome = energy_book.run(Sample(Subject("given", scene), 1, given=given))
+        assert outcome.verdict is (Verdict.MISSED if efforts else Verdict.KEPT)
+        assert "control_dt" not in outcome.finding.words
+
+
 def test_a_book_that_does_not_close_is_red(monkeypatch):
     """Even where every potential is right: here the work of a damper is forgotten."""
-    scene = rde.Scene(FOUR_R, (effect_with((Force(1, law.spring, {"x": "phid2", "k": ".k"}),))(),))
-    assert not misses(scene, ENERGIES)
+    scene = scene_with(Force(1, BRAKE, RATE))
+    assert not misses(scene, (energy_book,))
     work = rde.BatchSimulator.work.fget
     monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
-    (miss,) = verify(scene, STATES, checks=ENERGIES).misses
+    (miss,) = verify(scene, STATES, checks=(energy_book,)).misses
     assert miss.startswith("energy book: energy: kinetic + potential - work changes by up to")
 
 
 RAISED = physics(lambda position, lower, upper, stiffness: 0.0 * position)
-HALF = physics(
-    lambda position, lower, upper, stiffness: (
-        0.25 * stiffness * ((upper - position) ** 2 + (lower - position) ** 2)
-    )
-)
 WEAK = physics(lambda stiffness: 1e-9 * stiffness)
 CALM = physics(lambda position, lower, upper, damping: 1e-9 * damping * abs(position - upper))
-SPRING = e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0)
+LEVEL = physics(lambda level, scale: 0.5 * level / scale)
 CENTRING = e.CentringSpring((9.0, 8.0), (0.0, 0.0), (0.3, 0.3))
 
 
 @pytest.mark.parametrize(
     ("effect", "change", "red"),
     [
-        (SPRING, {}, set()),
-        (SPRING, {"potential": RAISED}, {"potentials against forces"}),
-        (SPRING, {"conservative": RAISED}, {"potentials against forces"}),
-        (SPRING, {"stiffness": WEAK}, {"declared stiffness"}),
-        (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, {"declared stiffness"}),
-        (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, {"declared damping"}),
-        (CENTRING, {}, set()),
-        (CENTRING, {"potential": HALF}, {"potentials against forces"}),
-        (CENTRING, {"function": RAISED, "conservative": RAISED}, {"potentials against forces"}),
-        (CENTRING, {"stiffness": WEAK}, {"declared stiffness"}),
+        (e.LimitSpring("r1", 0.0, 0.3, 50.0, 900.0), {"potential": RAISED}, "potentials against forces"),
+        (e.LimitSpring("joint2", -4.0, 5.0, 50.0, 9.0), {"stiffness": WEAK}, "declared stiffness"),
+        (e.LimitSpring("r2", 0.0, 0.3, 50.0, 9.0), {"damping": CALM}, "declared damping"),
+        (CENTRING, {"function": RAISED, "conservative": RAISED}, "potentials against forces"),
+        (SmoothFriction(0.5, 1e-3), {"damping": LEVEL}, "declared damping"),
     ],
 )
-def test_springs_of_the_package_are_looked_at_where_they_act(effect, change, red):
-    """Those at the ends of the travel act only beyond it."""
+def test_forces_are_looked_at_where_they_act(effect, change, red):
+    """Springs at the ends of the travel act only beyond it, and smooth friction is steepest near rest."""
 
     class Changed(type(effect)):
         def hooks(self, arm):
             return tuple(dataclasses.replace(hook, **change) for hook in super().hooks(arm))
 
-    scene = rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),))
-    assert misses(scene, (potentials, *DECLARED)) == red
+    checks = (potentials, *checks_of(hints))
+    assert misses(rde.Scene(RPRP, (effect,)), checks, 256) == set()
+    assert misses(rde.Scene(RPRP, (Changed(**dataclasses.asdict(effect)),)), checks, 256) == {red}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("width", [1e-9, 1e-6, 1e-4, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("width", [1e-9, 1e-4, 1e6])
 @pytest.mark.parametrize(
-    ("arm", "joints"),
-    [(RPRP, ("r1", "joint2")), (rde.FourR((1.0,) * 4, (0.3,) * 4), ("joint2",))],
-    ids=["RPRP", "4R"],
+    ("arm", "joints"), [(RPRP, ("r1", "joint2")), (FOUR_R, ("joint2",))], ids=["RPRP", "4R"]
 )
 def test_springs_at_any_distance_from_each_other_make_no_fault(width, arm, joints):
     """Differences do not straddle both limits, and rounding of an angle of many turns is no error."""
@@ -255,140 +260,19 @@ def test_springs_at_any_distance_from_each_other_make_no_fault(width, arm, joint
     assert misses(scene, (potentials, energy_book, forces_at_switches, order)) == set()
 
 
-FORGETS = physics(lambda memory: -memory)
-JUMPS = {
-    "everywhere": (lambda x, lower, upper, k, side: -k * x - 1e-6 * k * (upper - lower) * side, ".lower"),
-    "at the top, with the rate": (
-        lambda x, rate, lower, upper, k, side: -k * x - 1e-8 * k * maximum(side, 0.0) * rate, ".upper",
-    ),
-    "nowhere": (
-        lambda x, lower, upper, k, side: (
-            -k * x - 9.0 * k * (maximum(side, 0.0) * (x - upper) - maximum(-side, 0.0) * (x - lower))
-        ),
-        None,
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("remembers", [False, True], ids=["", "with a state"])
-@pytest.mark.parametrize(("function", "limit"), JUMPS.values(), ids=JUMPS)
-def test_a_force_that_jumps_where_its_law_changes_is_red(function, limit, remembers):
-    @dataclass(frozen=True)
-    class Switching(Effect):
-        lower: float = -0.3
-        upper: float = 0.7
-        k: float = 8.0
-
-        def hooks(self, arm):
-            bind = {**BOTH, "lower": ".lower", "upper": ".upper"}
-            used = {n: s for n, s in bind.items() if n in function.__code__.co_varnames}
-            memory = (State("memory", "1", derivative=FORGETS, bind={"memory": ".memory"}),)
-            states = memory if remembers else ()
-            return (Force(1, physics(function), used, switch=(".lower", ".upper"), states=states),)
-
-    for arm in (FOUR_R, RPRP):
-        found = verify(rde.Scene(arm, (Switching(),)), STATES, checks=(forces_at_switches,)).misses
-        assert len(found) == (limit is not None)
-        assert all(f"switching: at ('.lower', '.upper'), {limit} = " in miss for miss in found)
-
-
-def test_friction_that_is_smooth_at_zero_is_seen_where_it_is_steepest():
-    half_of_it = physics(lambda level, scale: 0.5 * level / scale)
-
-    class Understated(SmoothFriction):
-        def hooks(self, arm):
-            return tuple(dataclasses.replace(h, damping=half_of_it) for h in super().hooks(arm))
-
-    right, wrong = (rde.Scene(FOUR_R, (kind(0.5, 1e-3),)) for kind in (SmoothFriction, Understated))
-    assert misses(right, states=256) == set()
-    assert misses(wrong, states=256) == {"declared damping"}
-
-
-STATE, FOLLOW = physics(lambda z: z), physics(lambda command, z, k: k * (command - z))
-TURN, BACK = physics(lambda other, k: k * other), physics(lambda other, k: -k * other)
-
-
-def lagging(rate):
-    bind = {"command": "command2", "z": ".z", "k": ".k"}
-    return Actuation(1, STATE, bind, states=(State("z", "N m", FOLLOW, bind=bind, rate=rate),))
-
-
-def swinging(rate):
-    """Two states, of which neither changes with itself."""
-    pairs = (("a", TURN, ".b"), ("b", BACK, ".a"))
-    states = [State(n, "1", f, bind={"other": other, "k": ".k"}, rate=rate) for n, f, other in pairs]
-    return Force(1, STATE, {"z": ".a"}, states=tuple(states))
-
-
-@pytest.mark.parametrize("hook", [lagging, swinging])
-@pytest.mark.parametrize(("share", "red"), [(1.0, False), (1.6, False), (1 / 1.6, True), (1e-9, True)])
-def test_rates_of_states_are_compared_with_how_they_change(hook, share, red):
-    assert misses(scene_with(hook(times(share)))) == ({"declared rates of states"} if red else set())
-
-
-CLOSED = {
-    "right": (lambda command, z, k, elapsed: command + (z - command) * exp(-k * elapsed), False),
-    "half as fast": (lambda command, z, k, elapsed: command + (z - command) * exp(-0.5 * k * elapsed), True),
-    "to another value": (lambda command, z, k, elapsed: (z - command) * exp(-k * elapsed), True),
-    "a step of Euler's": (lambda command, z, k, elapsed: z + k * elapsed * (command - z), True),
-    "another start": (
-        lambda command, z, k, elapsed: command + (1.001 * z - command) * exp(-k * elapsed), True,
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("form", CLOSED)
-def test_a_closed_form_that_does_not_solve_its_derivative_is_red(form):
-    function, red = CLOSED[form]
-    bind = {"command": "command2", "z": ".z", "k": ".k"}
-    state = State("z", "N m", FOLLOW, bind=bind, closed=physics(function))
-    scene = scene_with(Actuation(1, STATE, bind, states=(state,)))
-    assert misses(scene, checks_of(closed_forms)) == ({"closed forms of states"} if red else set())
-
-
-@pytest.mark.parametrize(
-    "effect",
-    [e.Lag(0.001), e.Lag(2.0), e.DCMotor(2.0, 0.004, 0.05, 20.0), e.LuGre(100.0, 1.0, 0.1, 0.5, 0.7, 0.1)],
-    ids=repr,
-)
-def test_closed_forms_of_the_package_solve_their_derivatives(effect):
-    for arm in (FOUR_R, RPRP):
-        assert misses(rde.Scene(arm, (effect,)), checks_of(closed_forms)) == set()
-
-
 def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
     class Divided(rde.Arm):
         joint_types = "R"
         functions = (physics(lambda m1, l1, w1: m1 * l1 * l1 * w1 * w1 / w1, gives="Lz"),)
 
-    (miss,) = verify(rde.Scene(Divided((1.0,), (1.0,))), STATES, checks=DECLARED).misses
+    (miss,) = verify(rde.Scene(Divided((1.0,), (1.0,))), STATES, checks=checks_of(rest)).misses
     assert miss.startswith("numbers at rest: at rest, without efforts, Lz is not finite")
 
 
-def test_verify_exits_with_1_on_a_miss(tmp_path, monkeypatch, capsys):
-    """A registered effect is found by name in a file; the line names scene, effect and joint."""
-    monkeypatch.setattr("redundant_envs.verify.report.CHECKS", ENERGIES)
-    monkeypatch.setattr("redundant_envs.verify.report.OF_THE_MACHINE", ())
-    path = tmp_path / "mine.yaml"
-    for name, hook, status in (("Right", RIGHT["nothing else said"][1], 0), ("Wrong", WRONG["sign"][1], 1)):
-        kind = effect_with((hook,))
-        kind.__name__ = name
-        monkeypatch.setitem(REGISTRY, name, kind)
-        path.write_text(
-            "robot: {type: FourR, masses: [1, 1, 1, 1], lengths: [0.2, 0.2, 0.2, 0.2]}\n"
-            f"effects: [{{type: Gravity}}, {{type: {name}}}]\n"
-        )
-        assert main(["verify", "--quick", "--states", "64", "four_r_free", str(path)]) == status
-        out, err = capsys.readouterr()
-        assert ("MISSED" in out) == bool(status)
-    assert f"{path}: MISSED: potentials against forces: wrong: at joint2 the conservative force is" in out
-    assert "verify found" in err
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("name", scene_names())
-def test_scenes_of_the_package_are_good(name):
-    assert verify(rde.load_scene(name), STATES, Mode.QUICK).misses == ()
+@pytest.mark.parametrize("word", [*scene_names(), "FourRGoalReach-v0"])
+def test_scenes_of_the_package_are_good(word):
+    assert verify(subject_of(word), 512, Mode.FULL).misses == ()
 
 
 def test_coarse_steps_do_not_open_the_book():
