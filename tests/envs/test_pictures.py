@@ -132,6 +132,7 @@ def test_partial_resets_and_states_begin_trails_anew():
         env.step(action)
     env.reset(options={"reset_mask": np.array([False, True, False])})
     assert [len(env._renderer.trail(lane)) for lane in range(3)] == [7, 1, 7]
+    env.step(actions(env, 1)[0])
     state = env.get_state()
     begin(env, seed=1)
     env.set_state(state)
