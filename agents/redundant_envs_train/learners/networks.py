@@ -48,11 +48,11 @@ def _silu_backward(derivatives: Tensor, values: Tensor, sigmoid: Tensor) -> Tens
 ACTIVATIONS = {
     "silu": Activation(nn.SiLU, torch.ops.aten.silu_, _silu, _silu_backward),
     "tanh": Activation(
-        nn.Tanh, torch.tanh_, lambda z: (torch.tanh_(z), ONE),
+        nn.Tanh, torch.tanh_, lambda z: (torch.tanh_(z),) * 2,
         lambda d, y, _: torch.ops.aten.tanh_backward(d, y),
     ),
     "relu": Activation(
-        nn.ReLU, torch.relu_, lambda z: (torch.relu_(z), ONE), lambda d, y, _: d.mul_(y > 0.0)
+        nn.ReLU, torch.relu_, lambda z: (torch.relu_(z),) * 2, lambda d, y, _: d.mul_(y > 0.0)
     ),
 }  # fmt: skip
 
