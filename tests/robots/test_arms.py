@@ -78,6 +78,24 @@ def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind
 
 @KINDS
 @FIELDS
+def test_scales_of_30_decades_and_ratios_of_12_are_allowed_and_none_beyond(kind, field):
+    q, qd, Q = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
+    count = len(GOOD[kind][field])
+    small, usual, large = (
+        kind(**{**GOOD[kind], field: (x,) * count}).forward_dynamics(q, qd, Q) for x in (1e-30, 1.0, 1e30)
+    )
+    assert np.isfinite([small, usual, large]).all()
+    if field == "masses":
+        np.testing.assert_allclose([small, large], [usual, usual], rtol=1e-13)
+    for beyond in (1e-30 * 0.1, 1e30 * 10.0):
+        refused(kind, field, (beyond,) * count, f"{field}[0] is {beyond}", "1e-30 to 1e+30")
+    rest = (1.0,) * (count - 1)
+    kind(**{**GOOD[kind], field: (1e-12, *rest)})
+    refused(kind, field, (*rest, 0.5e-12), f"{field} spans a ratio of 2.0e+12", "1e+12")
+
+
+@KINDS
+@FIELDS
 def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
     for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, "1", True, None, [1.0])):
         values = [*GOOD[kind][field]]
