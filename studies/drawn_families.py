@@ -23,7 +23,7 @@ from redundant_envs.verify.judging import agree
 from studies import account_of_contacts, another_account, drawing
 from studies.account_of_contacts import ContactAccount
 from studies.another_account import Account
-from studies.interval_families import Draw, chosen, decades
+from studies.interval_families import LaneSamples, chosen, decades
 
 Array = NDArray[np.float64]
 KINDS = "plain", "plain", "fast", "folded", "at rest", "at stop", "near stop"
@@ -105,9 +105,9 @@ class DrawnFamily:
         """Scenes whose tips are right where they agree, the most accurate one first."""
         return [self.scene(tolerance=max(f * self.tolerance, 1e-13)) for f in reversed(FINER)]
 
-    def draw(self, count: int, rng: np.random.Generator) -> Draw:
+    def draw(self, count: int, rng: np.random.Generator) -> LaneSamples:
         """Random data of at most ``count`` lanes: starts of intervals in succession from random states."""
-        states, drawn, spent = -(-count // SUCCESSIVE), list[Draw](), 0.0
+        states, drawn, spent = -(-count // SUCCESSIVE), list[LaneSamples](), 0.0
         for start in range(0, states, AT_ONCE):
             some, evaluations = self._drawn_from(min(AT_ONCE, states - start), rng)
             drawn.append(some)
@@ -117,7 +117,7 @@ class DrawnFamily:
         made = joined(drawn)
         return chosen(made, np.arange(min(count, len(made.joints))))
 
-    def _drawn_from(self, few: int, rng: np.random.Generator) -> tuple[Draw, float]:
+    def _drawn_from(self, few: int, rng: np.random.Generator) -> tuple[LaneSamples, float]:
         """Intervals in succession from ``few`` random states, and their evaluations in all."""
         scenes = self.variants
         which = np.sort(rng.integers(len(scenes), size=few))
@@ -140,13 +140,13 @@ class DrawnFamily:
         lanes = np.concatenate([one[-1] for one in drawn])
         q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn]) for k in range(4))
         B = self.robot.motor_map
-        made = Draw(
+        made = LaneSamples(
             q @ B, qd @ B, efforts, {name: values[lanes] for name, values in numbers.items()},
             dict(zip(scenes[0].states(), z.T, strict=True)),
         )  # fmt: skip
         return made, spent
 
-    def tips_after(self, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
+    def tips_after(self, scene: Scene, drawn: LaneSamples) -> tuple[Array, Any]:
         """Tips after a control interval, (count, 2), m, and its status."""
         inverse = np.linalg.inv(self.robot.motor_map)
         batch = begun(scene, drawn.parameters, drawn.joints @ inverse, drawn.rates @ inverse)
@@ -159,7 +159,7 @@ class DrawnFamily:
         tips = np.broadcast_arrays(*self.robot.evaluate(["tip_x", "tip_y"], values))
         return np.stack(tips, axis=-1), status
 
-    def told(self, drawn: Draw, others: Array) -> Array:
+    def told(self, drawn: LaneSamples, others: Array) -> Array:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
         ``others``, it has to give the same with smaller steps."""
         scene, inverse = self.scene(), np.linalg.inv(self.robot.motor_map)
@@ -167,7 +167,7 @@ class DrawnFamily:
         if not alone and not another_account.tells(scene):
             return np.full((len(drawn.joints), 2), np.nan)
 
-        def crossed(d: Draw, error: float) -> Array:
+        def crossed(d: LaneSamples, error: float) -> Array:
             if alone and len(d.joints) != 1:
                 each = [crossed(chosen(d, np.array([k])), error) for k in range(len(d.joints))]
                 return np.concatenate([np.empty((0, 2)), *each])
@@ -228,13 +228,13 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
     return made if made.parameters().keys() == scene.parameters().keys() else None
 
 
-def joined(draws: Sequence[Draw]) -> Draw:
+def joined(draws: Sequence[LaneSamples]) -> LaneSamples:
     """The lanes of several draws of a family."""
     parts = [[getattr(d, name) for d in draws] for name in ("joints", "rates", "efforts")]
     tables = [[d.parameters for d in draws], [d.states for d in draws]]
     merged = [{name: np.concatenate([t[name] for t in some]) for name in some[0]} for some in tables]
     joints, rates, efforts = map(np.concatenate, parts)
-    return Draw(joints, rates, efforts, *merged)
+    return LaneSamples(joints, rates, efforts, *merged)
 
 
 def begun(scene: Scene, numbers: dict[str, Array], q: Array, qd: Array) -> BatchSimulator:

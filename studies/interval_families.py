@@ -33,7 +33,7 @@ REACH = 1.0
 
 
 @dataclass
-class Draw:
+class LaneSamples:
     """Random data of the lanes of a family."""
 
     joints: Array  # positions of the joints, (count, joints), rad and m
@@ -43,14 +43,14 @@ class Draw:
     states: dict[str, Array] = field(default_factory=dict)  # of effects, where they are not those of a start
 
 
-def chosen(drawn: Draw, lanes: NDArray[Any]) -> Draw:
+def chosen(drawn: LaneSamples, lanes: NDArray[Any]) -> LaneSamples:
     """Some of the lanes."""
     tables = drawn.parameters, drawn.states
     rows = ({name: values[lanes] for name, values in table.items()} for table in tables)
-    return Draw(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], *rows)
+    return LaneSamples(drawn.joints[lanes], drawn.rates[lanes], drawn.efforts[lanes], *rows)
 
 
-Change = Callable[[Draw, np.random.Generator], None]
+Change = Callable[[LaneSamples, np.random.Generator], None]
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Family:
         how = how or {"tolerance": self.tolerance}
         return Scene(self.robot, self.effects, control_dt=self.control_dt, actuation=self.actuation, **how)
 
-    def draw(self, count: int, rng: np.random.Generator) -> Draw:
+    def draw(self, count: int, rng: np.random.Generator) -> LaneSamples:
         """Random data of ``count`` lanes."""
         slides = np.array(self.robot.prismatic)
         shape = count, len(slides)
@@ -85,7 +85,7 @@ class Family:
         efforts = rng.uniform(-1.0, 1.0, shape) * np.where(slides, 10.0, 4.0)
         hard = rng.random(count) < 0.5  # half of them bang-bang
         efforts[hard] = np.sign(efforts[hard]) * np.abs(efforts).max(axis=0)
-        drawn = Draw(joints, rates, efforts, {})
+        drawn = LaneSamples(joints, rates, efforts, {})
         drawn.parameters["masses"] = decades(rng, 0.2, 1.0, (count, self.arm.num_masses))
         drawn.parameters["lengths"] = decades(rng, 0.1, 0.5, (count, self.arm.num_lengths))
         for change in self.changes:
@@ -101,12 +101,12 @@ def decades(rng: np.random.Generator, low: float, high: float, shape: Any = None
 # ---- changes of the usual draws ------------------------------------------------------------------
 
 
-def masses(drawn: Draw, rng: np.random.Generator, low: float) -> None:
+def masses(drawn: LaneSamples, rng: np.random.Generator, low: float) -> None:
     """Masses over decades, up to 1 kg."""
     drawn.parameters["masses"] = decades(rng, low, 1.0, drawn.joints.shape)
 
 
-def lengths(drawn: Draw, rng: np.random.Generator, low: float) -> None:
+def lengths(drawn: LaneSamples, rng: np.random.Generator, low: float) -> None:
     """Lengths over decades, up to a quarter of a metre, which one has in each lane."""
     shape = drawn.parameters["lengths"].shape
     found = decades(rng, low, 0.25, shape)
@@ -114,12 +114,12 @@ def lengths(drawn: Draw, rng: np.random.Generator, low: float) -> None:
     drawn.parameters["lengths"] = found
 
 
-def heavy_tip(drawn: Draw, rng: np.random.Generator) -> None:
+def heavy_tip(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """A tip up to a thousand times as heavy as the rest of the arm."""
     drawn.parameters["masses"][:, 3] *= decades(rng, 1.0, 1e3, len(drawn.joints))
 
 
-def weak(drawn: Draw, rng: np.random.Generator) -> None:
+def weak(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Motors for the lightest and shortest link: strong ones would turn it thousands of times an interval."""
     lightest, shortest = (drawn.parameters[name].min(axis=1) for name in ("masses", "lengths"))
     slides = drawn.parameters["lengths"].shape[1] == 2
@@ -127,13 +127,13 @@ def weak(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.efforts *= inertia[:, None]
 
 
-def faster(drawn: Draw, rng: np.random.Generator) -> None:
+def faster(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """All rates and efforts five times as large."""
     drawn.rates *= 5.0
     drawn.efforts *= 5.0
 
 
-def singular(drawn: Draw, rng: np.random.Generator) -> None:
+def singular(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Links in line or folded, exactly or nearly; for RPRP some second sliders at the pole, l2 + r2 = 0."""
     count, slides = len(drawn.joints), drawn.parameters["lengths"].shape[1] == 2
     gap = rng.normal(size=(count, 4)) * decades(rng, 1e-12, 0.1, (count, 4))
@@ -147,7 +147,9 @@ def singular(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.joints[pole, 3] = -drawn.parameters["lengths"][pole, 1] + 0.1 * near[pole, 3]
 
 
-def near_limits(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], names: Sequence[str]) -> None:
+def near_limits(
+    drawn: LaneSamples, rng: np.random.Generator, arm: type[RPRP | FourR], names: Sequence[str]
+) -> None:
     """Joints near the limits of springs, whose stiffness and damping are drawn over decades."""
     count = len(drawn.joints)
     for name in names:
@@ -165,7 +167,7 @@ def near_limits(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], 
         drawn.parameters[f"{key}.damping"] = damping
 
 
-def in_damper(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], name: str) -> None:
+def in_damper(drawn: LaneSamples, rng: np.random.Generator, arm: type[RPRP | FourR], name: str) -> None:
     """A joint as deep in a spring as 0.1 m or 0.6 rad; the damping is strong in some lanes."""
     count, joint, slides = len(drawn.joints), arm.joints.index(name), name.startswith("r")
     depth, arms = (0.1, 1.0) if slides else (0.6, 0.03)
@@ -175,7 +177,7 @@ def in_damper(drawn: Draw, rng: np.random.Generator, arm: type[RPRP | FourR], na
     drawn.parameters[f"limit_spring.{name}.damping"] = arms * decades(rng, 0.1, 1e3, (count, 1))
 
 
-def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
+def near_stops(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """A third of the sliders anywhere, a third near an end of the travel, a third at rest at one."""
     count = len(drawn.joints)
     for joint in (1, 3):
@@ -188,19 +190,19 @@ def near_stops(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["prismatic_stop.restitution"] = elastic
 
 
-def dry(drawn: Draw, rng: np.random.Generator) -> None:
+def dry(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Levels of dry friction over decades; half of the joints at rest."""
     count, joints = drawn.joints.shape
     drawn.rates[rng.random((count, joints)) < 0.5] = 0.0
     drawn.parameters["coulomb_friction.level"] = decades(rng, 1e-2, 5.0, (count, joints))
 
 
-def friction(drawn: Draw, rng: np.random.Generator) -> None:
+def friction(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Coefficients of viscous friction over decades."""
     drawn.parameters["viscous_friction.coefficients"] = decades(rng, 1e-3, 3.0, drawn.joints.shape)
 
 
-def floors(drawn: Draw, rng: np.random.Generator) -> None:
+def floors(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Floors of any hardness, with and without friction, at any height."""
     count = len(drawn.joints)
     drawn.parameters["half_plane.stiffness"] = decades(rng, 1e2, 2e4, (count, 1))
@@ -209,7 +211,7 @@ def floors(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["half_plane.point"] = np.stack([np.zeros(count), height], axis=1)
 
 
-def discs(drawn: Draw, rng: np.random.Generator) -> None:
+def discs(drawn: LaneSamples, rng: np.random.Generator) -> None:
     """Discs of any hardness, with and without friction, anywhere below the base."""
     count = len(drawn.joints)
     drawn.parameters["disc.stiffness"] = decades(rng, 1e2, 2e4, (count, 1))
@@ -219,7 +221,7 @@ def discs(drawn: Draw, rng: np.random.Generator) -> None:
     drawn.parameters["disc.centre"] = np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1)
 
 
-def near_kinks(drawn: Draw, rng: np.random.Generator, kinked: Kinked) -> None:
+def near_kinks(drawn: LaneSamples, rng: np.random.Generator, kinked: Kinked) -> None:
     """Rates near 0 in half of the lanes, and numbers of the effect."""
     count, joints = drawn.joints.shape
     drawn.rates[rng.random(count) < 0.5] *= 0.01

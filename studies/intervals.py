@@ -26,7 +26,7 @@ from redundant_envs.support.progress import counted
 from redundant_envs.verify.judging import judge
 from studies import account_of_contacts
 from studies.drawn_families import DrawnFamily
-from studies.interval_families import FAMILIES, Draw, Family, chosen
+from studies.interval_families import FAMILIES, Family, LaneSamples, chosen
 from studies.stop_families import NAMED, StopFamily, drawn_families
 
 COLUMNS = (
@@ -66,7 +66,7 @@ def families(study: str, seed: int) -> Sequence[AnyFamily]:
     return [*FAMILIES, *(DrawnFamily(seed, number) for number in range(DRAWN[study]))]
 
 
-def tips_after(family: AnyFamily, scene: Scene, drawn: Draw) -> tuple[Array, Any]:
+def tips_after(family: AnyFamily, scene: Scene, drawn: LaneSamples) -> tuple[Array, Any]:
     """Tips after a control interval, (count, 2), m, and its status."""
     if isinstance(family, DrawnFamily):
         return family.tips_after(scene, drawn)
@@ -83,14 +83,14 @@ def tips_after(family: AnyFamily, scene: Scene, drawn: Draw) -> tuple[Array, Any
     return np.stack(arm.evaluate(["tip_x", "tip_y"], {**arm.parameter_values(), **values}), axis=-1), status
 
 
-def judge_family(family: AnyFamily, count: int, seed: Any, misses: list[Draw] | None = None) -> Tally:
+def judge_family(family: AnyFamily, count: int, seed: Any, misses: list[LaneSamples] | None = None) -> Tally:
     """Judge intervals of a family; ``misses`` collects the random data of missed ones."""
     (tally,) = judge_tolerances([family], count, seed, misses)
     return tally
 
 
 def judge_tolerances(
-    asked: Sequence[AnyFamily], count: int, seed: Any, misses: list[Draw] | None = None
+    asked: Sequence[AnyFamily], count: int, seed: Any, misses: list[LaneSamples] | None = None
 ) -> list[Tally]:
     """Judge the same intervals of a family at several tolerances: one family for each."""
     rng, tallies, family = np.random.default_rng(seed), [Tally() for _ in asked], asked[0]
@@ -130,7 +130,7 @@ def judge_tolerances(
     return tallies
 
 
-def told_of(family: DrawnFamily, drawn: Draw, best: Array, doubtful: NDArray[np.bool_]) -> Array:
+def told_of(family: DrawnFamily, drawn: LaneSamples, best: Array, doubtful: NDArray[np.bool_]) -> Array:
     """Tips by another account, (count, 2), m, of some lanes and of doubtful ones; NaN of the others."""
     few = TOLD_WITH_CONTACTS if account_of_contacts.tells(family.scene()) else TOLD
     some = np.arange(len(doubtful)) % (len(doubtful) // few + 1) == 0

@@ -10,7 +10,7 @@ import numpy as np
 from redundant_envs.effects import Gravity, PrismaticStop, ViscousFriction
 from redundant_envs.robots import RPRP
 from redundant_envs.scenes.scene import Scene
-from studies.interval_families import Draw, decades
+from studies.interval_families import LaneSamples, decades
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class StopFamily:
             self.robot, effects, control_dt=self.control_dt, **(how or {"tolerance": self.tolerance})
         )
 
-    def draw(self, count: int, rng: np.random.Generator) -> Draw:
+    def draw(self, count: int, rng: np.random.Generator) -> LaneSamples:
         """Random states and efforts of lanes: a third of the sliders are anywhere in their travel, a third at
         logarithmic distances from an end, a third rest at one; half of the efforts are uniform, half at their
         limits."""
@@ -72,7 +72,7 @@ class StopFamily:
         efforts[hard] = self.effort * np.sign(efforts[hard])
         efforts[:, [0, 2]] *= 0.5 * sum(self.lengths)
         joints, rates = q @ self.robot.motor_map, qd @ self.robot.motor_map
-        return Draw(joints, rates, efforts, {})
+        return LaneSamples(joints, rates, efforts, {})
 
 
 NAMED = (

@@ -284,10 +284,10 @@ def run_study(
     rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
     write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
     save_figure(figure(rows), out / "strength.png")
-    return table(rows)
+    return strength_table(rows)
 
 
-def table(rows: Sequence[Row]) -> str:
+def strength_table(rows: Sequence[Row]) -> str:
     """Hold success in percent, a line for each arm and factor."""
     who = list(dict.fromkeys(row.who for row in rows))
     found = {(row.arm, row.factor, row.who): row for row in rows}

@@ -135,7 +135,7 @@ def train(
             from .training.many import train_many
 
             train_many(chosen, folder, processes)
-        say(tables.table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
+        say(tables.results_table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
         return
     if processes is not None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
@@ -295,7 +295,7 @@ def table(
             raise ValueError(f"out is {out}; end its name in {TABLE}")
         run_folder.check_out(out.parent)
         check_kept([out], force, read_places(runs))
-    text = tables.table(runs)
+    text = tables.results_table(runs)
     run_folder.tell_differences(runs)
     say(text)
     if out is not None:

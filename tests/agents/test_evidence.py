@@ -10,7 +10,7 @@ from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train import statistics
 from redundant_envs_train.evidence.curves import MEASURES, curves
 from redundant_envs_train.evidence.runs import read_groups, read_run, read_runs, write_runs
-from redundant_envs_train.evidence.table import table
+from redundant_envs_train.evidence.table import results_table
 from redundant_envs_train.statistics import bootstrap, interquartile_mean, run_interval
 
 
@@ -102,7 +102,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
             assert getattr(one, name) == getattr(other, name), name
         np.testing.assert_array_equal(one.curve, other.curve)
         assert other.folder == path / one.folder.relative_to(base)
-    assert table([path]) == table(folders)
+    assert results_table([path]) == results_table(folders)
     picked = read_runs([path / "b" / "0", folders[0], path / "*seed1"])
     assert [run.folder.name for run in picked] == ["0", "seed0", "seed1"]
     with says("runs.jsonl has no run d/*; it has a/seed0, a/seed1, b/0 ..."):
@@ -134,7 +134,7 @@ def row_of(base, **columns):
     runs = [
         write_run(base / f"{k}", k, **dict(zip(columns, line, strict=True))) for k, line in enumerate(lines)
     ]
-    head, _, row, *_ = table(runs).split("\n\n")[0].split("\n")
+    head, _, row, *_ = results_table(runs).split("\n\n")[0].split("\n")
     names, cells = ([cell.strip() for cell in line.strip("|").split(" | ")] for line in (head, row))
     return dict(zip(names, cells, strict=True))
 

@@ -12,7 +12,7 @@ import redundant_envs as rde
 from redundant_envs.simulator.events import crossings
 from redundant_envs.simulator.events.boundary import BoundedCoordinate
 from redundant_envs.simulator.numerics.methods import Watched
-from studies.interval_families import FAMILIES, Draw
+from studies.interval_families import FAMILIES, LaneSamples
 from studies.intervals import judge_family, tips_after
 from studies.stop_families import NAMED, StopFamily
 
@@ -22,7 +22,9 @@ FOUND = json.loads(Path(__file__).with_name("found_intervals.json").read_text(en
 CAUGHT = [np.array([x[name] for x in FOUND["undone within the interval"]]) for name in ("q", "qd", "efforts")]
 """Of random actions in the reach task: a slider meets its stop and leaves it, or leaves it and is back, or
 the other slider's release decides, all within 20 ms."""
-CASCADES = Draw(*(np.array([x[n] for x in FOUND["cascades"]]) for n in ("joints", "rates", "efforts")), {})
+CASCADES = LaneSamples(
+    *(np.array([x[n] for x in FOUND["cascades"]]) for n in ("joints", "rates", "efforts")), {}
+)
 """Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times; these
 intervals were off by 2 to 200 tolerances."""
 BEYOND = FOUND["beyond their tolerance"]
@@ -141,7 +143,7 @@ def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
 def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
     family = next(family for family in FAMILIES if family.name == found["family"])
     lane = {name: np.array([found[name]]) for name in ("joints", "rates", "efforts")}
-    drawn = Draw(**lane, parameters={name: np.array([x]) for name, x in found["parameters"].items()})
+    drawn = LaneSamples(**lane, parameters={name: np.array([x]) for name, x in found["parameters"].items()})
     (exact, sure), (tip, status) = (
         tips_after(family, family.scene(**how), drawn) for how in ({"integrator": "dop853"}, {})
     )

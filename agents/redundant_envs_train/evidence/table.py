@@ -39,7 +39,7 @@ EXPLANATION = (
 UNKNOWN = "-"
 
 
-def table(places: Iterable[str | Path]) -> str:
+def results_table(places: Iterable[str | Path]) -> str:
     """Results of runs as two Markdown tables, with a row for each group, and the notes needed to judge
     them."""
     groups, comparison, untold = read_groups(places), [], []

@@ -31,7 +31,7 @@ FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
 
 
-class Draw(NamedTuple):
+class SampledActions(NamedTuple):
     """Actions drawn at states, row by row, and the data that their derivatives need."""
 
     outputs: Tensor  # of the actor: means and logarithms of standard deviations, (rows, 2 A)
@@ -153,7 +153,7 @@ class AveragedSAC(Averaging, SAC):
             weights[rewards > rewards.mean()] = self.smoothness_at_goal
         return weights
 
-    def _draw(self, states: Tensor) -> Draw:
+    def _draw(self, states: Tensor) -> SampledActions:
         """Actions of the present actor."""
         outputs, tape = self.networks["actor"].forward(states)
         before, noise, log_std, normal = _noisy(outputs[0])
@@ -163,7 +163,7 @@ class AveragedSAC(Averaging, SAC):
         halves = squash.sub_(log_std.addcmul_(normal, normal, value=0.5), alpha=0.5)
         constant = before.shape[1] * (2.0 * math.log(2.0) + 0.5 * math.log(2.0 * math.pi))
         log_prob = halves.sum(1, keepdim=True).mul_(2.0).sub_(constant)
-        return Draw(outputs[0], tape, torch.tanh(before), log_prob, noise)
+        return SampledActions(outputs[0], tape, torch.tanh(before), log_prob, noise)
 
     def _update_critics(
         self, pairs: Tensor, ahead: Tensor, rewards: Tensor, discounts: Tensor, log_prob: Tensor, rate: float
@@ -176,7 +176,7 @@ class AveragedSAC(Averaging, SAC):
         critics.backward(tape, found.sub_(goals).mul_(1.0 / len(pairs)))
         self.adams["critics"].step(rate)
 
-    def _update_actor(self, chosen: Tensor, drawn: Draw, smoothness: Tensor, rate: float) -> None:
+    def _update_actor(self, chosen: Tensor, drawn: SampledActions, smoothness: Tensor, rate: float) -> None:
         """One step of the actor at ``chosen`` states, with actions drawn there: the last rows of
         ``drawn``."""
         count, width = len(chosen), drawn.actions.shape[1]

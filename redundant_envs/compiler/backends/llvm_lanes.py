@@ -14,7 +14,7 @@ from redundant_envs.compiler.tracing.flow import LaneFunction, Output
 from redundant_envs.compiler.tracing.graph import Operation, Value, bits_of, reached
 from redundant_envs.compiler.tracing.passes.order import in_order
 from redundant_envs.compiler.tracing.passes.simplify import join_products, specialise
-from redundant_envs.compiler.tracing.passes.stages import Part, Stages
+from redundant_envs.compiler.tracing.passes.stages import StageResults, Stages
 from redundant_envs.language.philox import LOW, philox
 
 DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
@@ -252,7 +252,7 @@ class EmittedStages:
         self.functions = {n: self._function(caller, n, part) for n, part in stages.parts.items()}
         self.memory: dict[str, Any] = {}
 
-    def _function(self, caller: ir.Function, name: str, part: Part) -> ir.Function:
+    def _function(self, caller: ir.Function, name: str, part: StageResults) -> ir.Function:
         """An LLVM function: spaces of the lanes, memories of the calls, arguments."""
         result = self.returned if part.returned else ir.VoidType()
         pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]

@@ -39,7 +39,7 @@ class OnlyNumbers:
     """In place of a local variable that holds nothing but numbers of lanes."""
 
 
-class State(NamedTuple):
+class WaitingPoint(NamedTuple):
     """Where a program may wait."""
 
     number: int
@@ -58,18 +58,18 @@ class Machine:
 
     def __init__(self, program: Program, lane: Any, requests: type[enum.Enum], whole: bool = False) -> None:
         self.program, self.lane, self.requests = program, lane, requests
-        self.states: list[State] = [State(0, None, ())]
+        self.states: list[WaitingPoint] = [WaitingPoint(0, None, ())]
         self.ways: dict[int, Tree] = {}
         self.graphs: dict[enum.Enum | None, Graph] = {}
         self._rehearsals: dict[enum.Enum | None, Graph] = {}
-        self._found: dict[Any, tuple[State, Any]] = {}
+        self._found: dict[Any, tuple[WaitingPoint, Any]] = {}
         for state in self.states:  # grows while it is explored
             graph = self.graphs.setdefault(state.request, Graph(whole))
             run = functools.partial(self._run, state)
             name = "the beginning" if state.request is None else f"the stretch after {state.request.name}"
             self.ways[state.number] = every_way(graph, run, name)
 
-    def _run(self, state: State, ways: Ways) -> Writes:
+    def _run(self, state: WaitingPoint, ways: Ways) -> Writes:
         """One way of the stretch after a state."""
         rehearsal = self._rehearsals.setdefault(state.request, Graph(ways.graph.whole))
         running = self.program(self.lane)
@@ -86,7 +86,7 @@ class Machine:
                 outlives()
         return {**written, "state": number}
 
-    def _reached(self, before: State, request: enum.Enum, running: Any, ways: Ways) -> float:
+    def _reached(self, before: WaitingPoint, request: enum.Enum, running: Any, ways: Ways) -> float:
         """Number of the state in which the program waits now."""
         place: list[tuple[Any, ...]] = []
         values: dict[tuple[str, str], Any] = {}
@@ -104,7 +104,7 @@ class Machine:
         key = tuple(place)
         if key not in self._found:
             answers = (*before.answers, tuple(a for _, a in ways.taken))
-            self._found[key] = State(len(self.states), request, answers), values
+            self._found[key] = WaitingPoint(len(self.states), request, answers), values
             self.states.append(self._found[key][0])
         state, known = self._found[key]
         for where_, name in {*known, *values}:

@@ -50,7 +50,7 @@ class Subroutine:
         return results, reached(results)
 
 
-class Part(NamedTuple):
+class StageResults(NamedTuple):
     """Results of one of the functions that stages call."""
 
     returned: list[Value]  # in registers
@@ -105,9 +105,9 @@ class Stages:
         later = [self.results[k] for k in self.returned]
         told = _stores("told", [self.results[k] for k in self.told])
         self.parts = {
-            "first": Part([], _stores("after", self.carried) + _stores("shared", self.shared)),
-            "middle": Part(later, _stores("after", carried_on) + told),
-            "last": Part(later, told),
+            "first": StageResults([], _stores("after", self.carried) + _stores("shared", self.shared)),
+            "middle": StageResults(later, _stores("after", carried_on) + told),
+            "last": StageResults(later, told),
         }
 
     def _split(self, results: list[Value]) -> tuple[list[Any], ...]:
