@@ -119,4 +119,4 @@ def row(name: str, line: Any, code: list[str]) -> Iterator[str]:
         first, *more = broken(text)
         yield f"$${tex(name)} = {tex(first)}$$"
         yield from (f"$$\\quad {tex(further)}$$" for further in more)
-    yield "```python\n" + "\n".join(dict.fromkeys(code)) + "\n```"
+    yield "```{code-block} python\n" + "\n".join(dict.fromkeys(code)) + "\n```"
