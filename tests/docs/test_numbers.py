@@ -10,7 +10,7 @@ from markdown import README, RESULTS, ROOT, blocks, rows, text
 
 from redundant_envs.scenes.scene import ACCURACIES
 from redundant_envs_train.evidence.runs import read_runs
-from redundant_envs_train.evidence.table import brief_table, table
+from redundant_envs_train.evidence.table import brief_table, results_table
 from studies import strength as strength_run
 from studies.strength import learner_rows, read_rows
 
@@ -64,7 +64,9 @@ def test_what_an_error_costs_is_what_the_study_wrote():
     ("name", "source"), [("learners", "runs"), ("learners", "baselines"), ("strength", "weak")]
 )
 def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
-    made = [line for line in table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")]
+    made = [
+        line for line in results_table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")
+    ]
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
     assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")
@@ -72,7 +74,7 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
     found = read_rows(RESULTS / "strength" / "strength.csv")
-    assert strength_run.table(found) in page("strength")
+    assert strength_run.strength_table(found) in page("strength")
     (command,) = re.findall("^python -m studies strength --seeds none --runs .*", page("strength"), re.M)
     kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in found if row.seeds)

@@ -78,7 +78,11 @@ def laid_out(role, name):
 
 TAKEN = "interval", "ax", "gravity_g", "action1", "held3", "paid"
 OF_ARM = "command1", "ax", "m1", "speed_bound", "paid", "gravity_g"
-NAMES = {**dict.fromkeys({*TASKS} - {"metric"}, TAKEN), "quantity": OF_ARM, "coordinate": ("error", "held3")}
+NAMES = {
+    **{role: TAKEN for role in TASKS if role != "metric"},
+    "quantity": OF_ARM,
+    "coordinate": ("error", "held3"),
+}
 
 
 @pytest.mark.long
