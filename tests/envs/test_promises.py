@@ -109,7 +109,10 @@ def test_sb3_equals_a_vector_in_the_same_step(plain_id):
         for n in np.flatnonzero(dones):
             np.testing.assert_array_equal(infos["final_obs"][n], infos3[n]["terminal_observation"])
             assert infos3[n]["TimeLimit.truncated"] is True
-            assert infos3[n]["is_success"] == infos["final_info"]["is_success"][n]
+            for name in ("is_success", "distance", "episode_steps"):
+                assert infos3[n][name] == infos["final_info"][name][n]
+        if "final_info" in infos:
+            assert not infos["final_info"]["distance"][~dones].any()
 
 
 def test_whole_numbers_of_any_kind_are_seeds(face):

@@ -232,3 +232,19 @@ def test_numbers_that_no_environment_can_draw_or_show(face, words, given):
         kwargs = {"scene": drawing(kwargs)}
     with pytest.raises(ValueError, match=words):
         made(face, env_id, **kwargs)
+
+
+@pytest.mark.parametrize("scene", [None, drawing()], ids=["fixed", "drawing"])
+def test_a_lane_that_options_reset_changes_no_number_and_no_bit_of_others(scene):
+    given = {} if scene is None else {"scene": scene}
+    one, other = (running("disabled", FOUR_R, **given) for _ in range(2))
+    for env in (one, other):
+        begin(env, {"parameters": {"inner": [0.2, 0.4, 0.6], "gravity.g": [1.0, 2.0, 3.0]}}, seed=5)
+    mask = np.array([False, True, False])
+    for numbers in ({"gravity.g": 1.6}, {}):
+        one.reset(options={"reset_mask": mask, "parameters": numbers})
+        np.testing.assert_array_equal(one.parameters["inner"].value, [0.2, 0.1, 0.6])
+        np.testing.assert_array_equal(one.parameters["gravity.g"].value[[0, 2]], [1.0, 3.0])
+        for env in (one, other):
+            env.step(actions(env, 1)[0])
+        np.testing.assert_array_equal(one.q[[0, 2]], other.q[[0, 2]])

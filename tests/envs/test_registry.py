@@ -208,3 +208,25 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     known = {key for key, *_ in rows(section(page(env_id), "Info"))} - {"return_*"}
     assert sums <= found <= known | sums
     assert known - found == {"beyond_limit", "parameters"} | ({"events"} if "FourR" in env_id else set())
+
+
+def test_an_id_may_have_the_module_that_registers_it():
+    whole = f"redundant_envs:{FOUR_R}"
+    vector = gym.make_vec(whole, num_envs=2)
+    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == FOUR_R
+    for env in (gym.make(FOUR_R).unwrapped, vector):  # skrl looks at these names
+        assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
+
+
+@pytest.mark.long
+def test_spawned_workers_know_an_id_with_its_module(tmp_path):
+    program = f"""
+import gymnasium as gym
+if __name__ == "__main__":
+    env = gym.make_vec("redundant_envs:{FOUR_R}", 2, "async", vector_kwargs={{"context": "spawn"}})
+    print(env.reset(seed=0)[0].shape)
+    env.close()
+"""
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    done = subprocess.run([sys.executable, tmp_path / "program.py"], capture_output=True, text=True)
+    assert (done.stdout, done.returncode) == ("(2, 20)\n", 0), done.stderr

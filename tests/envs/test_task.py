@@ -183,3 +183,12 @@ def test_accuracy_chooses_the_tolerance():
     standard, between, exact = states
     assert 0.0 < np.abs(between - exact).max() < np.abs(standard - exact).max() < 1e-3
     assert 12 * 20 <= evaluations[0] < evaluations[1] < evaluations[2]
+
+
+def test_a_start_beyond_springs_tells_how_far():
+    env = made("single", FOUR_R, scene=changed(FOUR_R, ("joint1", -1.0, 1.0), ("joint3", -0.5, 2.0)))
+    for numbers, depth in (({}, 0.25), ({"limit_spring.joint1.upper": 0.5}, 0.75)):
+        _, info = env.reset(seed=0, options={"q": (1.25, 1.5, 1.5, 1.5), "parameters": numbers})
+        assert info["beyond_limit"] == pytest.approx(depth, abs=1e-12)
+    info = env.step(ZERO)[4]
+    assert info["beyond_limit"] == pytest.approx(max(joints(env)[0, 0] - 0.5, 0.0), abs=1e-12)

@@ -80,3 +80,13 @@ def test_a_pickle_is_not_much_larger_than_the_numbers():
     small, large = (rde.BatchSimulator(SCENES["4R all rk8"], n) for n in (8, 80_008))
     of_a_lane = (len(pickle.dumps(large)) - len(pickle.dumps(small))) / 80_000
     assert of_a_lane < 1.01 * 8 * (8 + 1)  # eight states and its number; the parameters are shared
+
+
+@pytest.mark.parametrize("way", COPIES.values(), ids=COPIES)
+def test_what_simulate_returns_is_copied(way):
+    made = rde.simulate(STOPS, (0.1, 0.15, 0.2, 0.1), (1.0, 1.0, 0.0, -1.0), [0.1, 0.5])
+    twin = way(made)
+    assert made.events
+    assert (twin.events, twin.scene, twin._repr_html_()) == (made.events, made.scene, made._repr_html_())
+    assert_same_bits([twin.q, twin.tip, twin.work], [made.q, made.tip, made.work])
+    assert way(rde.Numerics(5)) == rde.Numerics(5)

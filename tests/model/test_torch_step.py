@@ -152,3 +152,39 @@ def test_wrong_arguments_are_named(change, said):
     given = dict(zip(("q", "qd", "efforts"), start(FOUR_R), strict=True))
     with pytest.raises(ValueError, match=said):
         rde.torch_step(rde.Scene(FOUR_R))(**{**given, **change})
+
+
+CARRYING = (
+    e.Gravity(),
+    e.Lag(0.03),
+    e.CommandDelay(0.013, 0.04),
+    e.PickUp(0.7, 0.02),
+    e.TipForce(density=0.5),
+)
+
+
+@pytest.mark.parametrize("how", [{"integrator": "rk4", "substeps": 3}, {"tolerance": 1e-6}], ids=str)
+def test_states_of_effects_and_draws_are_those_of_the_simulator(how):
+    scene = rde.Scene(FOUR_R, CARRYING, **how)
+    batch, step, (q, qd, efforts) = rde.BatchSimulator(scene, 12), rde.torch_step(scene), start(FOUR_R)
+    batch.set_state(q.numpy(), qd.numpy())
+    z, draws = torch.tensor(batch.z), torch.tensor(batch.draws)
+    for k in range(4):
+        q, qd, z, draws = step(q, qd, (k + 1) * efforts, z=z, draws=draws)
+        batch.advance((k + 1) * efforts.numpy())
+        for found, known in ((q, batch.q), (qd, batch.qd), (z, batch.z), (draws, batch.draws)):
+            np.testing.assert_allclose(found, known, rtol=1e-10, atol=1e-10)
+
+
+def test_lanes_have_parameters_of_their_own_in_a_batch_of_any_shape():
+    scene, masses = (
+        scene_of(FOUR_R, "rk8"),
+        torch.tensor(FOUR_R.masses) * torch.linspace(0.5, 2.0, 4)[:, None],
+    )
+    batch, flat = rde.BatchSimulator(scene, 12), start(FOUR_R)
+    batch.set_parameters({"masses": masses.repeat(3, 1).numpy()})
+    batch.set_state(flat[0].numpy(), flat[1].numpy())
+    batch.advance(flat[2].numpy())
+    q, qd = rde.torch_step(scene)(*(x.reshape(3, 4, 4) for x in flat), {"masses": masses})
+    np.testing.assert_allclose(q.reshape(12, 4), batch.q, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(qd.reshape(12, 4), batch.qd, rtol=1e-12, atol=1e-11)
