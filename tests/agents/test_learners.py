@@ -12,6 +12,7 @@ from stable_baselines3 import PPO, SAC, TD3
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.build import make_model
+from redundant_envs_train.learners.networks import goal_mixing
 from redundant_envs_train.learners.ppo import neighbouring_actions
 from redundant_envs_train.learners.sampling import sample
 
@@ -46,6 +47,8 @@ def trained(algo, env, steps, settings, **own):
     model.learn(steps)
     with model.averaged():
         weights = {name: tensor.clone() for name, tensor in model.policy.state_dict().items()}
+    if getattr(model, "log_ent_coef", None) is not None:
+        weights["log_ent_coef"] = model.log_ent_coef.detach().clone()
     return weights, getattr(model, "replay_buffer", None)
 
 
@@ -261,3 +264,44 @@ def test_the_learning_rate_follows_its_schedule(algo, schedule, half):
     model = make(algo, learning_rate=2e-3, schedule=schedule)
     assert (model.lr_schedule(1.0), model.lr_schedule(0.5)) == (2e-3, half)
     assert model.lr_schedule(-0.01) == (2e-3 if schedule == "constant" else 0.0)
+
+
+@pytest.mark.long
+def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_the_other():
+    ours, theirs = (make("sac", policy_delay=3, gradient_steps=8).learn(1600) for _ in range(2))
+    before = theirs.networks["actor"].vector.clone()
+    torch.manual_seed(2)
+    np.random.seed(2)
+    ours.train(7, 32)
+    torch.manual_seed(2)
+    np.random.seed(2)
+    drawn = sample(theirs.replay_buffer, 7 * 32)
+    numbers = drawn.actions, drawn.rewards, theirs.gamma * (1.0 - drawn.dones)
+    rows = [part.split(32) for part in (drawn.observations, drawn.next_observations, *numbers)]
+    with torch.no_grad():
+        for now, after, actions, rewards, discounts in zip(*rows, strict=True):
+            theirs._n_updates += 1
+            last = theirs._n_updates % 3 == 0
+            ahead = theirs._draw(torch.cat([after, now]) if last else after)
+            chosen = [torch.cat(pair, 1) for pair in zip((after, now), ahead.actions.split(32), strict=False)]
+            theirs._update_critics(
+                torch.cat([now, actions], 1), chosen[0], rewards, discounts, ahead.log_prob[:32], 6e-3
+            )
+            theirs.networks["targets"].vector.lerp_(theirs.networks["critics"].vector, theirs.tau)
+            if last:
+                theirs._update_actor(chosen[1], ahead, theirs._smoothness(rewards), 6e-3)
+    assert ours._n_updates == theirs._n_updates
+    assert not torch.equal(theirs.networks["actor"].vector, before)
+    for name, networks in ours.networks.items():
+        torch.testing.assert_close(networks.vector, theirs.networks[name].vector, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.long
+def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
+    space = make_sb3("FourRGoalReach-v0", 1).observation_space
+    achieved, desired = np.array([0.5, -0.2]), np.array([0.51, -0.2])  # the reach is 1 m
+    raw = np.concatenate([achieved, desired, np.arange(16)])
+    given = goal_mixing(space, 0.05).double().numpy() @ raw
+    np.testing.assert_allclose(given[:2], (desired - achieved) / 0.05, atol=1e-6)
+    np.testing.assert_allclose(given[2:], [*desired, *np.arange(16)])
+    assert goal_mixing(space["observation"], 0.05) is None

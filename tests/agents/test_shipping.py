@@ -82,6 +82,7 @@ def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_has_the_published_
     (result,) = data["model-index"][0]["results"]
     assert result["dataset"]["type"] == config.env
     metrics = {metric["type"].replace("_", " "): metric["value"] for metric in result["metrics"]}
+    assert "hold success" in metrics
     for label, key, scale, digits, unit in MEASURES:
         if label in metrics or table.get(label, "-").strip() != "-":
             assert metrics[label] == round(scale * evaluation[key], digits)

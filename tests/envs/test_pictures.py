@@ -68,11 +68,11 @@ def test_a_window_opens_without_a_warning_and_shows_every_step(goal_id, monkeypa
 
 
 def test_a_missing_pygame_or_display_is_told_at_once(monkeypatch):
-    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "pygame", None)
         with pytest.raises(DependencyNotInstalled, match=r"pip install '\.\[human\]'"):
             gym.make(ID, render_mode="human")
+    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
     monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")  # what SDL takes without one
     monkeypatch.setattr(pygame.display, "init", lambda: None)

@@ -1,12 +1,13 @@
 """What users may not give: refused by one short message, in every kind of environment; nothing changes."""
 
+import copy
 import itertools
 import re
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FACES, FOUR_R, MODES, actions, begin, drawing, made, refused, running
+from faces import FACES, FOUR_R, MODES, actions, begin, drawing, flat, made, refused, running
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
@@ -318,3 +319,13 @@ def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
     assert ended.step(np.full(4, NAN))[2]
     other = running("sb3", count=1, max_episode_steps=-1)
     refused(other, lambda other: other.set_state(ended.get_state()), r"episodes have ended, \[0\]")
+
+
+def test_actions_are_not_kept_for_the_second_half_of_a_step():
+    env = running("sb3", on_bad_action="raise")
+    twin = copy.deepcopy(env)
+    for one in (env, twin):
+        one.step_async(np.full((3, 4), 0.2, np.float32))
+    with pytest.raises(ValueError, match="non-finite"):
+        env.step_async(np.full((3, 4), NAN, np.float32))
+    assert flat(env.step_wait()) == flat(twin.step_wait())

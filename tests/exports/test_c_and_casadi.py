@@ -199,3 +199,10 @@ def test_any_name_and_an_arm_on_whose_pose_nothing_depends_compile_without_a_war
 def test_an_unknown_format_lists_the_valid_ones():
     with pytest.raises(ValueError, match="format is 'sdf'; choose mjcf, urdf, casadi, c"):
         document(SCENES["4R gravity rk4"], "sdf")
+
+
+def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():
+    scene = dataclasses.replace(SCENES["4R gravity rk4"], randomize={"gravity.g": {"uniform": [5.0, 12.0]}})
+    text = document(scene, "c").content
+    assert "Numbers that episodes draw have their nominal values." in text
+    assert text.count("9.81") == document(SCENES["4R gravity rk4"], "c").content.count("9.81")

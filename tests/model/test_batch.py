@@ -86,3 +86,4 @@ def test_what_is_the_same_in_every_interval_is_read_only_in_a_copy_too():
             with pytest.raises(ValueError, match="read-only"):
                 shared += 1
         assert batch.advance().evaluations.tolist() == [4] * 5
+        assert np.isnan(status.error_estimate).all()  # rk4 has none

@@ -175,3 +175,21 @@ REFUSED = [
 def test_a_refused_call_names_the_field_and_changes_nothing(unchanged, call, said):
     with pytest.raises(ValueError, match=said):
         call(unchanged)
+
+
+def test_a_lane_without_a_finite_state_is_kept_as_it_is():
+    batch = started()
+    batch.set_state(np.full(4, np.nan), np.zeros(4), index=[3])
+    snapshot = batch.save()
+    batch.set_state(np.zeros(4), np.zeros(4), index=[3])
+    batch.restore(snapshot)
+    assert np.isnan(batch.q[3]).all()
+
+
+def test_an_arm_without_lengths_takes_masses_and_snapshots_of_others():
+    scene = rde.Scene(rde.Chain("PP", masses=(1.0, 2.0), lengths=()))
+    one, other = started(scene, 2), started(scene, 2)
+    one.set_parameters({"masses": [[1.0, 2.0], [3.0, 2.0]]})
+    other.restore(one.save())
+    for name, now in other.save().items():
+        np.testing.assert_array_equal(now, one.save()[name])

@@ -100,6 +100,13 @@ def test_how_torch_keeps_tensors_does_not_matter(steps):
     assert torch.equal(step(lazy, *rest)[0], ends[0])
     with torch.device("meta"):  # as the device of new tensors
         assert torch.equal(step(*given)[0], ends[0])
+    assert torch.equal(torch.compile(step, backend="eager")(*given)[0], ends[0])
+    away = [x.to("meta") for x in given]
+    if steps == "1e-9":
+        with pytest.raises(ValueError, match=r"q is on the device meta, .* leave out scene.tolerance"):
+            step(*away)
+    else:
+        assert step(*away)[0].shape == q.shape
 
 
 @pytest.mark.parametrize("steps", ["three rk4", "1e-9"])

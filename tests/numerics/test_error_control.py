@@ -55,6 +55,11 @@ def test_true_error_is_within_the_tolerance(tolerance, most):
     assert status.evaluations.mean() <= most
     assert (status.error_estimate <= tolerance).all()
     assert not status.numerics.any()
+    got, status = advance(rde.Scene(LAB, FREE), q, qd, efforts)
+    errors = tip_errors(LAB, got, reference)
+    assert (errors <= status.error_estimate)[
+        errors > 1e-12
+    ].mean() > 0.999  # of one step, without a tolerance
 
 
 @pytest.mark.long
