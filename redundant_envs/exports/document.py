@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+from xml.etree import ElementTree as ET
 
 from redundant_envs.effects.hooks import Effect
 from redundant_envs.scenes.scene import Scene
@@ -68,3 +69,20 @@ def named(effect: Effect, scene: Scene) -> str:
 def plain(text: str) -> str:
     """A text of a user without what is not printable: XML has no such characters."""
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def numbers(*values: float) -> str:
+    """Numbers of XML that are read back to the last bit."""
+    return " ".join(repr(float(x) + 0.0) for x in values)
+
+
+def xml(root: ET.Element, head: Iterable[str], notes: Sequence[Note]) -> Document:
+    """An XML document, with the lines of its head as a comment."""
+    text = "\n    ".join(head)
+    while "--" in text:  # not allowed in a comment
+        text = text.replace("--", "- -")
+    root.insert(0, ET.Comment(f" {text} "))
+    for element in root.iter():
+        element.attrib.update({name: plain(value) for name, value in element.attrib.items()})
+    ET.indent(root)
+    return Document(f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n', notes)

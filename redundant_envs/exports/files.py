@@ -51,10 +51,8 @@ def document(
 
 
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
-    """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done.
-
-    The function of a C file is called by the file.
-    """
+    """Write the same to a file, whose folder is made, and return what it leaves out. OSError if that cannot
+    be done. The function of a C file is called by the file."""
     made = document(scene, form, approximate, name, path.stem)
     write_bytes(path, made.content if isinstance(made.content, bytes) else made.content.encode())
     return made.notes
