@@ -209,15 +209,12 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
         interval = Interval(Dynamics(scene))
         episode = Episode(interval, task)
         layout = episode.layout()
-        made = {
-            "reward": traced("reward", layout, episode.finish_control_step),
-            "observation": traced("observation", layout, episode.observe),
-            "reset": traced("reset", layout, episode.reset),
-        }
+        step, observe, reset = episode.finish_control_step, episode.observe, episode.reset
+        parts = (("reward", step), ("observation", observe), ("reset", reset))
+        made = {name: traced(name, layout, part) for name, part in parts}
         if scene.action_units():
-            made["action"] = traced(
-                "action", layout, episode.command, inputs={"actions": ("f32", episode.actions)}
-            )
+            given = {"actions": ("f32", episode.actions)}
+            made["action"] = traced("action", layout, episode.command, inputs=given)
         for part, function in made.items():
             _add(counts, {part: Counter(), **_counted(reached(function.results), part)})
         # The end of a control step updates the states of effects, too, as the motion does.

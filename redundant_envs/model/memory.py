@@ -51,18 +51,18 @@ class Used(Protocol):
 S = TypeVar("S", bound=Used)
 
 
-def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+def alone(method: Callable[Concatenate[S, P], R], inner: bool = True) -> Callable[Concatenate[S, P], R]:
     """A method that one thread at a time may be in, of all methods on a memory; :class:`InUse` in another.
 
-    One method may call another one. A thread is not stopped between the look at ``free`` and its change:
-    CPython switches threads at calls and loops only.
+    As an ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and
+    its change: CPython switches threads at calls and loops only.
     """
 
     @functools.wraps(method)
     def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
         memory, thread = self._memory, get_ident()
         if memory.free == IN_USE:
-            if memory.user != thread:
+            if memory.user != thread or not inner:
                 raise InUse
             return method(self, *args, **kwargs)
         memory.free, memory.user = IN_USE, thread
@@ -77,19 +77,7 @@ def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P],
 def first(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
     """The same for a method that no other one calls: :class:`InUse` in the same thread, too, where a handler
     of a signal would call it in the middle of another one."""
-
-    @functools.wraps(method)
-    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
-        memory, thread = self._memory, get_ident()
-        if memory.free == IN_USE:
-            raise InUse
-        memory.free, memory.user = IN_USE, thread
-        try:
-            return method(self, *args, **kwargs)
-        finally:
-            memory.free, memory.user = memory.version, NOBODY
-
-    return guarded
+    return alone(method, inner=False)
 
 
 IN_USE, NOBODY = -1, 0
@@ -122,25 +110,20 @@ class Memory:
         _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self._places: dict[tuple[str, ...], tuple[str, NDArray[np.int64]] | None] = {}
-        self.user = get_ident()
-        """The thread that uses these numbers, if it is in a method of :func:`alone`."""
-        self.free = IN_USE
-        """IN_USE, or the version if no thread uses these numbers."""
+        self.user = get_ident()  # the thread that uses these numbers, in a method of :func:`alone`
+        self.free = IN_USE  # or the version, if no thread uses these numbers
         self.blocks = -(-count // LANES)
         self.index, self.drawn = np.arange(count), drawn
-        self.shared = True
-        """Whether all lanes have the same parameters, in one block."""
-        self.version = 0
-        """Grows when an array is replaced by another one."""
+        self.shared = True  # whether all lanes have the same parameters, in one block
+        self.version = 0  # grows when an array is replaced by another one
         self.arrays: dict[str, Array] = {
             str(life): aligned(1 if life is PARAMETER else self.blocks, layout.size(life), LANES)
             for life in KEPT
         }
-        scene = dynamics.scene
-        steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-        if layout.fields["h"].lifetime is not PARAMETER:  # each piece of an interval has its own steps
-            del steps["h"]
-        initial = dict(dynamics.effect_states.initial)
+        scene, initial = dynamics.scene, dict(dynamics.effect_states.initial)
+        steps = {"interval": scene.control_dt}
+        if layout.fields["h"].lifetime is PARAMETER:  # else each piece of an interval has its own steps
+            steps["h"] = scene.control_dt / scene.substeps
         stops = scene.attached.of(Impact)
         nearest = [0.0] * dynamics.count
         for a in stops:  # at 0, or at the stop that is nearest

@@ -145,8 +145,6 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
         memory.prepare()
 
 
-# ---- snapshots -----------------------------------------------------------------------------------------
-
 KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 OF_THE_FIRST_CORE = "numbers"

@@ -85,21 +85,16 @@ class Trajectory:
     def _repr_html_(self) -> str:
         """A moving picture of the first motions, and their energies, for a notebook."""
 
+        arm = self.scene.robot
+
         def picture() -> str:
-            arm = self.scene.robot
             return drawn.moving(arm, self.t, self.q.reshape(len(self.t), -1, len(arm.joints)))
 
         def facts() -> str:
-            motions = int(np.prod(self.q.shape[1:-1], dtype=int))
-            rows: list[tuple[str, object]] = [
-                ("arm", self.scene.robot.kind),
-                ("times", len(self.t)),
-                ("motions", motions),
-            ]
-            rows.append(("events", len(self.events)))
-            if self.t.size:
-                rows.append(("energy error / energy exchanged", self.drift))
-            return table(("trajectory", ""), rows)
+            rows: dict[str, object] = {"arm": arm.kind, "times": len(self.t)}
+            rows |= {"motions": int(np.prod(self.q.shape[1:-1], dtype=int)), "events": len(self.events)}
+            rows |= {"energy error / energy exchanged": self.drift} if self.t.size else {}
+            return table(("trajectory", ""), rows.items())
 
         return as_html(self, picture, facts)
 
@@ -258,6 +253,10 @@ def _check(status: Status, time: float) -> None:
         )
 
 
+TOLD = "_error_told"
+"""Attribute of a scene whose user knows how inaccurate its steps are."""
+
+
 def _tell_error(scene: Scene, largest: float) -> None:
     """Tell once for each scene without error control by how much its steps missed the usual tolerance."""
     if scene.controlled or largest <= ACCURACIES["standard"] or vars(scene).get(TOLD):
@@ -272,21 +271,12 @@ def _tell_error(scene: Scene, largest: float) -> None:
     )
 
 
-TOLD = "_error_told"
-"""Attribute of a scene whose user knows how inaccurate its steps are."""
-
-
-# ---- the experiment of the report, figures 1 and 2 ------------------------------------------------
-
-STARTS: dict[str, tuple[float, float, float, float]] = {
-    "rprp_report_spring": (1.2, 0.25, 0.4, 0.2),
-    "rprp_stops": (1.2, 0.25, 0.4, 0.2),
-    "rprp_limit_springs": (1.2, 0.25, 0.4, 0.2),
+STARTS = {
+    **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }
-"""Scenes of the report's experiment and the pose in which the arm starts: rad, and m for sliders. The
-report states neither parameters nor a start; these are ours."""
-
+"""Scenes of the report's experiment, figures 1 and 2, and the pose in which the arm starts: rad, and m for
+sliders. The report states neither parameters nor a start; these are ours."""
 SAMPLE_INTERVAL = 0.005
 """Longest time between rows of a recorded motion, s."""
 

@@ -88,8 +88,6 @@ def tolerance_kept(trial: Sample) -> Finding:
     return Finding(share, where if share else "", words)
 
 
-# ---- order of convergence --------------------------------------------------------------------------
-
 LANES = 64
 FINE, SHARE = 1e-11, 0.75
 """Error of the finer steps at which the order is measured, in radians and reaches: far above rounding, and so

@@ -24,8 +24,6 @@ from redundant_envs.scenes.files import read_yaml
 
 Array = NDArray[Any]
 
-# ---- effects with states and kinks -----------------------------------------------------------------
-
 
 @physics
 def approach(command, effort, time_constant):
@@ -98,8 +96,6 @@ class DryFriction(Effect):
         k = len(arm.coordinates)
         return (Force(k - 1, dry, {"rate": f"phid{k}", "level": ".level"}),)
 
-
-# ---- scenes ------------------------------------------------------------------------------------------
 
 ARMS = {
     "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
@@ -192,7 +188,6 @@ SCENES = {name: scene_of(entry) for name, entry in ENTRIES["scenes"].items()}
 AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed"].items()}
 """Aimed motions by their names."""
 
-# ---- motions -----------------------------------------------------------------------------------------
 
 LOG2_OF_10 = 3.3219280948873626
 BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20

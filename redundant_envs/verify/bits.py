@@ -157,8 +157,6 @@ def snapshots(trial: Sample) -> Finding:
     return max(found, key=lambda finding: finding.found)
 
 
-# ---- the record ------------------------------------------------------------------------------------
-
 RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
 """Recorded motions that each mode checks; None means all."""
 

@@ -181,8 +181,6 @@ def ratio(difference: Any, scale: Any) -> Array:
         return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))
 
 
-# ---- random states ---------------------------------------------------------------------------------
-
 BEYOND = 0.5
 """Distance of poses beyond the travel, in units of it: springs at its ends act only there."""
 WIDE = 5.0

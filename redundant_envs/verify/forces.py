@@ -101,8 +101,6 @@ def conservative_force(scene: Scene, q: Array) -> Array:
     return force
 
 
-# ---- laws that meet ------------------------------------------------------------------------------
-
 CONTINUOUS = 1e-9
 """Largest jump of a force where its law changes, in units of the largest force nearby."""
 

@@ -104,9 +104,6 @@ def verify(
     return Report(tuple(outcomes))
 
 
-# ---- the table -------------------------------------------------------------------------------------
-
-
 def about(subject: Subject) -> str:
     """Description of a subject, in one line."""
     scene = subject.scene
@@ -183,9 +180,6 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     subjects = [{"subject": title, "outcomes": [plain(o) for o in r.outcomes]} for title, r in reports]
     good = all(r.good for _, r in reports)
     return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
-
-
-# ---- the command -----------------------------------------------------------------------------------
 
 
 def run(
