@@ -311,8 +311,7 @@ def _between(low: Any, high: Any, psi: Any) -> Any:
 
 
 def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
-    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle; with
-    its base at the goal a link may point anywhere: then it is psi."""
+    """Angle from a link to the line to the goal, 0 to pi, that closes the triangle; psi at the goal."""
     product = 2.0 * distance * length
     squares = distance**2 + length**2 - rest**2
     cosine = np.divide(squares, product, out=np.zeros_like(squares * product), where=product > 0.0)

@@ -55,8 +55,7 @@ def identifier(name: str) -> str:
 
 
 def _statements(results: list[Value], named: set[str]) -> Iterator[str]:
-    """Operations in their order, under the functions of the equations that they come from, if these are among
-    the ``named`` ones."""
+    """Operations in their order, under the functions of equations they come from, if these are ``named``."""
     names: dict[Operation, str] = {}
     source = ""
     for operation in reached(results):

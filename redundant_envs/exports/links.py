@@ -22,8 +22,7 @@ POSES = 16
 EQUAL = 1e-12
 """Largest difference of positions and of displacements, as a share of the reach."""
 ALIKE = 1e-10
-"""Largest difference of the arm's own equations from those of its points, as a share of the largest
-sum of the sizes of their terms."""
+"""Largest difference of the arm's equations from those of its points, in units of their terms."""
 LENGTH = 14
 """Characters from which on a number is not a short one."""
 
@@ -128,8 +127,7 @@ def _placed(links: Sequence[Link], phi: Array, tip: int) -> Iterator[tuple[int, 
 
 
 def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Positions of point masses and tip, (poses, points, 2), and their displacements by the joints, (poses,
-    points, 2, joints)."""
+    """Positions of point masses and tip, (poses, points, 2), and their slopes, (poses, points, 2, joints)."""
     n, count = len(arm.joints), arm.num_masses
     names = [f"{axis}{p + 1}{j + 1}" for p in range(count) for axis in "XY" for j in range(n)]
     slopes = arm._vector(names, q=q).reshape(len(q), count, 2, n)

@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 
 
 def kinetic_energy(scene: Scene, q: Array, qd: Array, z: Array | None = None) -> Array:
-    """Kinetic energy, (...), J; ``z`` are states of effects, (..., states), with which masses may change, by
-    default those at the start of a motion."""
+    """Kinetic energy, (...), J; masses may follow from the states of effects ``z``, (..., states)."""
     if z is None or not scene.attached.changing:
         return scene.loaded_robot.kinetic_energy(q, qd)
     x = scene_quantities(scene, q, qd, _masses(scene, z))

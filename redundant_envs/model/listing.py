@@ -189,8 +189,7 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
 
 
 COMMON = ("interval", "step", "common", "common_held", "end")
-"""Functions of the step that all lanes take together, which is counted by its parts, and the form of it for
-lanes that rest at a stop."""
+"""Functions of the step that all lanes take together, counted by its parts, and of lanes at rest."""
 
 
 def _of_function(function: LaneFunction) -> Counts:

@@ -84,8 +84,7 @@ IN_USE, NOBODY = -1, 0
 
 
 class InUse(RuntimeError):
-    """A simulator or an environment is used by two threads at the same time, or by a thread and its signal
-    handler."""
+    """A simulator or an environment is used by two threads at once, or by a thread and its signal handler."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -105,8 +104,7 @@ class Memory:
     def __init__(
         self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
     ) -> None:
-        """``more`` are parameters beside those of the scene; ``drawn`` if each episode of a lane draws some,
-        so that lanes never share theirs."""
+        """``more`` are parameters beside the scene's; ``drawn`` if episodes draw some, never shared."""
         _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self._places: dict[tuple[str, ...], tuple[str, NDArray[np.int64]] | None] = {}
@@ -186,8 +184,7 @@ class Memory:
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers of some lanes from an array that broadcasts to (lanes, names); false if they are known
-        to be what they were."""
+        """Set numbers from what broadcasts to (lanes, names); false if known to be what they were."""
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         if len(lanes) <= FEW and (changed := self._written(tuple(names), table, lanes)) is not None:
@@ -208,8 +205,7 @@ class Memory:
         return True
 
     def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool | None:
-        """Set numbers of a few lanes at once; whether any changed. None if they are of several memories, or
-        may be shared no longer."""
+        """Set numbers of a few lanes; None if of several memories, or if they may no longer be shared."""
         if not (place := self._place_of(names)):
             return None
         (space, rows), bits = place, np.ascontiguousarray(table).view(np.int64)
@@ -252,15 +248,13 @@ class Memory:
             self.column(name)[:] = value
 
     def forget(self, index: NDArray[Any]) -> None:
-        """Release sliders that a stop holds, and choose the steps of their lanes again: a new motion
-        begins."""
+        """Begin a new motion: release sliders that a stop holds, and choose the steps again."""
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
         if names:
             self.write(names, 0.0, index)
 
     def begin(self, index: NDArray[Any]) -> None:
-        """Begin a new motion in some lanes: their fields beside positions and velocities are reset; states
-        whose values are computed then are 0."""
+        """Begin a new motion: reset fields but positions and velocities; computed states to 0."""
         self.forget(index)
         for name, initial in self.dynamics.effect_states.initial.items():
             self.write((name,), initial, index)

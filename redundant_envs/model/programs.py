@@ -135,8 +135,7 @@ _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
 def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package as it
-    was loaded: other parts may be defined again, and the name is ""."""
+    """A simulator: of parts of this package a cached one with a name, else a new one without."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
     code = loaded_code(__name__)
     if not code or not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
@@ -212,8 +211,7 @@ class Call:
             self._alive[name] = value
 
     def put(self, first: str, values: Sequence[int]) -> None:
-        """Arguments from the one named ``first`` on, in the order of the kernel: whole numbers, and addresses
-        of arrays that last until the call is over."""
+        """Arguments from ``first`` on, in order: whole numbers, addresses of arrays that live on."""
         place = self._places[first]
         self._frame[place : place + len(values)] = values
 

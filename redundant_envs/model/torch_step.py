@@ -147,8 +147,7 @@ def torch_step(scene: Scene) -> Step:
 
 
 def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tensor]:
-    """The steps in each piece of an interval, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed
-    ones in units of their own length."""
+    """The steps of each piece, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed ones are 1."""
     dynamics = interval.dynamics
     device = next(x.device for x in fields.values() if isinstance(x, torch.Tensor))
     if dynamics.scene.tolerance is None:

@@ -96,8 +96,7 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def read_lines(path: Path, what: str, most: int) -> Iterator[str]:
-    """The lines of a text without their ends, one at a time; ValueError as for :func:`read_text`, or if one
-    has more than ``LONGEST_LINE`` bytes."""
+    """The lines of a text; ValueError as for :func:`read_text`, or beyond ``LONGEST_LINE`` bytes."""
     with opened(path, what, most) as file:
         number = 0
         while raw := file.readline(LONGEST_LINE + 1):

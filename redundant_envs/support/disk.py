@@ -40,8 +40,7 @@ def disk_of(path: Path) -> tuple[Path, int]:
 
 @contextlib.contextmanager
 def told(path: Path) -> Iterator[None]:
-    """What is raised within because a disk is full, or takes no file so large, is a DiskFull that names the
-    file ``path``."""
+    """Errors within since a disk is full, or takes no file so large, become a DiskFull for ``path``."""
     try:
         yield
     except DiskFull:

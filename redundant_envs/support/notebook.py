@@ -22,8 +22,7 @@ STYLE = (
     "@media (prefers-reduced-motion:reduce),print{.redundant-envs .moving{display:none}"
     ".redundant-envs .still{display:inline}}</style>"
 )
-"""The same on every object, so that several on a page do not disturb each other. The colour of texts is that
-of the page, light or dark."""
+"""The same on every object of a page; texts have the colour of the page, light or dark."""
 
 
 def as_html(thing: Any, *parts: Callable[[], str]) -> str:

@@ -158,8 +158,7 @@ def plain(kind: str, thing: Any) -> dict[str, Any]:
 
 
 def with_fields(thing: Thing, **fields: Any) -> Thing:
-    """A copy of a frozen dataclass with other fields, also those that are no arguments, and without the
-    checks of its class."""
+    """A copy of a frozen dataclass with other fields, also those that are no arguments, unchecked."""
     made = copy.copy(thing)
     for name, value in fields.items():
         object.__setattr__(made, name, value)

@@ -17,8 +17,7 @@ from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise
 ENOUGH = 1e-3
 """Tip error of a control interval [m] that is good enough for the 99th percentile."""
 MISSED = 1e-3
-"""Share of the states that may miss the tolerance without a flag. Scenes of the package miss none of a
-million (``study intervals``), those with a strong damper that is not declared some of ten or a hundred."""
+"""Share of the states that may miss the tolerance without a flag; our scenes miss none of a million."""
 
 
 def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
@@ -56,8 +55,7 @@ def own_energy(trial: Sample) -> Finding:
 
 @check("intervals without a flag", at_most(0.05, "of the states"))
 def flagged(trial: Sample) -> Finding:
-    """The share of the states whose control interval ends with a flag, at the scene's own step: extreme ones
-    do, and none in scenes of the package."""
+    """The share of the states whose control interval ends with a flag at the scene's own step."""
     numerics = trial.shared(own_interval).numerics
     names = ", ".join(str(f.name) for f in Numerics(int(np.bitwise_or.reduce(numerics))))
     share = float(np.mean(numerics != 0))
@@ -94,8 +92,7 @@ FINE, SHARE = 1e-11, 0.75
 small that the next order of the method adds little; and the quantile of the states. In an arm with very
 unequal links some motions change faster than any step that rounding allows, and show a lower order."""
 CALM, GROWTH = 3.0, 1.25
-"""Longest step that is tried, in units of the time in which a state stays calm, since rounding grows beyond
-it; and the ratio of successive steps that are tried."""
+"""Longest step, in units of the time that a state stays calm (rounding grows later); ratio of steps."""
 SHORT_OF = 0.3
 """Tolerated difference from the method's order: at a finite step the next order contributes."""
 

@@ -156,8 +156,7 @@ def scene_of(entry: dict[str, Any], **numbers: Any) -> rde.Scene:
 AT = ("at rest", "slow, at stops")
 NEAR = ("slow, near stops", "near stops", "still", "spun")
 KINDS = ("anywhere", *AT, *NEAR[:3], "fast", "together", "one strikes", "broken")
-"""Kinds of starts: sliders at their stops, from 1e-18 to 0.1 m away, all striking at once; numbers that are
-not finite, or too large."""
+"""Of starts: sliders at stops, or up to 0.1 m away, all striking at once; numbers that are not finite."""
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,7 @@ def numbers(batch: Any) -> Array:
 
 
 def run(trial: Sample, batch: Any, lanes: Array, steps: Any = range(INTERVALS), without: Any = ()) -> Array:
-    """Every number of some intervals, each lane under the efforts of its state, (lanes, ...); those
-    ``without`` have efforts that are no numbers."""
+    """Numbers of some intervals, (lanes, ...), under efforts of the states, or NaN for those ``without``."""
     tables = []
     for step in steps:
         efforts = np.roll(trial.states[2], step, axis=0)[lanes % trial.count]

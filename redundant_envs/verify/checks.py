@@ -153,8 +153,7 @@ class Sample:
         return self._kept[make]
 
     def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
-        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint, or its name
-        among the ``names`` of the second axis."""
+        """The largest of (states,) or (states, joints or names, ...) numbers, and where it is."""
         told = np.where(np.isnan(gaps), np.inf, gaps)
         place = np.unravel_index(int(np.argmax(told)), told.shape)
         where = f"state {place[0]}"

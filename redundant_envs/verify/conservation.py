@@ -66,8 +66,7 @@ def exact_whole(trial: Sample) -> Crossing:
 
 
 def exact_in_parts(trial: Sample) -> Crossing:
-    """The same interval with other steps; equal ones if effects update their states at its end, or have an
-    instant, since it cannot be divided then."""
+    """The same with other steps: equal ones if updates at the end or an instant forbid a division."""
     updated = any(state.update is not None for state in trial.scene.states().values())
     if not updated and not trial.scene.attached.instants:
         return crossed(trial.scene, *trial.states, PARTS)

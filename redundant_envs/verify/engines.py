@@ -16,8 +16,7 @@ from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-9)
-"""Residual in units of its terms, and difference of mass matrices in units of their diagonals: MuJoCo rounds
-poses of bodies, some 1e-14 of the reach in each joint."""
+"""In units of terms, and of diagonals of M: MuJoCo rounds poses, some 1e-14 of the reach per joint."""
 SMALLEST = 1e-14
 """Moment of inertia of a body, which MuJoCo requires to be positive."""
 LARGEST = 1e6
@@ -122,8 +121,7 @@ def mass_matrix(trial: Sample) -> Finding:
 
 @check("MuJoCo: accelerations", AGREE, Mode.STANDARD)
 def accelerations(trial: Sample) -> Finding:
-    """The accelerations under random efforts fulfil MuJoCo's equations of motion, to a residual that does not
-    grow with the condition of the mass matrix."""
+    """Accelerations fulfil MuJoCo's equations, to a residual that does not grow with the condition of M."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
     count, B = len(theirs.M), arm.motor_map
     q, qd, _ = (x[:count] for x in trial.states)

@@ -67,8 +67,7 @@ def rules(trial: Sample) -> Finding:
 
 @check("environment: ranges", Promise(0.0, "steps", "at most"))
 def ranges(trial: Sample) -> Finding:
-    """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
-    finite."""
+    """Observations stay in their space, rewards and metrics finite, under the largest actions and none."""
     outside = without = 0
     named: set[str] = set()
     for largest in (1.0, 0.0):

@@ -17,14 +17,11 @@ from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
 STEP = 1e-5
-"""Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
-far above the limit of rounding (1e-11)."""
+"""rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)."""
 SHARE_OF_TRAVEL = 0.01
-"""Largest step of a difference as a fraction of the travel of a joint, or of the width between two changes of
-a law, so that few straddle these."""
+"""Largest step, in units of a travel or of the width between two switches, so that few straddle these."""
 AGREEMENT = 1e-5
-"""Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
-error of differences of a smooth potential."""
+"""In units of the force: a thousand times the error of differences of a smooth potential."""
 SMOOTH = 1e-6
 """If two differences agree to this, in units of the force, the potential is smooth there and the state
 judged: at a kink, such as the limit of a spring, no difference is a derivative."""
@@ -34,8 +31,7 @@ SMALL_FORCE = 1e-6
 
 @check("potentials against forces", at_most(AGREEMENT))
 def potentials(trial: Sample) -> Finding:
-    """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
-    several turns."""
+    """Every conservative force is minus the slope of its potential, beyond the travel and turns, too."""
     booked = {
         a.key for a in trial.scene.attached if isinstance(a.hook, Field) or "conservative" in a.functions
     }
@@ -107,8 +103,7 @@ CONTINUOUS = 1e-9
 
 @check("forces at their switches", at_most(CONTINUOUS))
 def forces_at_switches(trial: Sample) -> Finding:
-    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
-    values of its states."""
+    """Both laws of a force with a ``switch`` meet there, at random rates, with initial states."""
     found = [
         _jump(trial, a, limit, side)
         for a in trial.scene.attached.of(Force)

@@ -40,8 +40,7 @@ class Motion:
     def values(
         self, more: Mapping[str, Any] | None = None, moved: int | None = None, faster: int | None = None
     ) -> Quantities:
-        """All quantities, some of them given in ``more``, with derivatives by the position of the joint
-        ``moved``, or by the rate of the joint ``faster``."""
+        """All quantities, ``more`` given, with derivatives by a joint ``moved``, or ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
@@ -84,8 +83,7 @@ def point_names(dynamics: Dynamics, point: Point, of_rate: bool) -> list[list[st
 
 
 def cases(trial: Sample) -> Iterator[tuple[Attached[Force], Motion]]:
-    """Forces of a scene that declare stiffness or damping, each with motions in all its regimes: between its
-    switches and beyond both, at rates of all sizes."""
+    """Forces that declare stiffness or damping, with motions between and beyond their switches."""
     dynamics, (q, qd) = Dynamics(trial.scene), trial.poses
     rng = np.random.default_rng(trial.seed + 7)
     B = dynamics.arm.motor_map

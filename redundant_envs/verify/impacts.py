@@ -13,8 +13,7 @@ from redundant_envs.verify.equations import from_points
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
 SHORT = 1e-10
-"""Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces
-change velocities by 1e-7 in it, which is subtracted."""
+"""s after an impact, less for arms below a metre: forces change velocities by 1e-7, to be subtracted."""
 SMALL = 0.01
 """Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
 AGREE = at_most(1e-8)
@@ -127,8 +126,7 @@ INTERVALS = 20
 
 @check("impacts: no joint beyond its stop", EQUAL_BITS)
 def inside(trial: Sample) -> Finding:
-    """After each of some control intervals every slider is within its stops, to the last bit, and every angle
-    but for 4 ulp of the coordinates that it is a difference of."""
+    """After intervals sliders are within their stops to the bit, and angles to 4 ulp of coordinates."""
     ends, b = stops(trial), trial.arm.motor_map
     q, qd, efforts = trial.states
     batch = BatchSimulator(trial.scene, len(q), track_work=True)

@@ -141,8 +141,7 @@ def notes(outcomes: Iterable[Outcome]) -> list[str]:
 
 
 def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
-    """Lines of the table, and reasons for which checks are not applicable, with their names; of those of
-    one kind, "kind: name", with their number."""
+    """Lines of the table; reasons for checks that are not applicable, and the names or kinds of these."""
     shown: list[Outcome] = []
     left: dict[str, Counter[str]] = {}
     for o in outcomes:

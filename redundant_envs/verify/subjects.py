@@ -23,8 +23,7 @@ from redundant_envs.tasks import Task
 TOLERANCE = 1e-6
 """Tip error [m] per control interval of scenes made here: the standard accuracy of the environments."""
 MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)
-"""kg and m of an arm given by its class, used in turn: with equal numbers an equation that confuses two of
-them would be right by chance."""
+"""kg, m of an arm given by its class, in turn: equal ones would hide equations that confuse two."""
 NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 

@@ -15,8 +15,7 @@ from redundant_envs.verify.checks import Array, Sample, check, enough
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 
 BACK = at_most(1e-9, "rad or reaches")
-"""Largest distance from its start at which a calm motion may end, there and back by dop853: ten thousand
-times the error of that."""
+"""Distance after a calm motion there and back by dop853: ten thousand times the error of that."""
 
 
 @check("time reversal", BACK, Mode.STANDARD)
