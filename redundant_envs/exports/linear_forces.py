@@ -19,8 +19,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
 
-Affine = dict[str, float]
-"""A constant, and slopes by the names of unknowns."""
+Affine = dict[str, float]  # a constant, and slopes by the names of unknowns
 CONSTANT = ""
 
 

@@ -19,12 +19,9 @@ from redundant_envs.robots.mobility import joint_rates
 
 Array = NDArray[np.float64]
 POSES = 16
-EQUAL = 1e-12
-"""Largest difference of positions and of displacements, as a share of the reach."""
-ALIKE = 1e-10
-"""Largest difference of the arm's equations from those of its points, in units of their terms."""
-LENGTH = 14
-"""Characters from which on a number is not a short one."""
+EQUAL = 1e-12  # largest difference of positions and of displacements, as a share of the reach
+ALIKE = 1e-10  # largest difference of the arm's equations from those of its points, in units of their terms
+LENGTH = 14  # characters from which on a number is not a short one
 
 
 class Link(NamedTuple):

@@ -25,10 +25,8 @@ MAX_CHANGED = 1e-10
 """Largest share by which the least inertias of bodies may change accelerations, in most poses."""
 SHARE_OF_POSES = 0.9
 POSES = 256
-THICKNESS = 0.03
-"""Of drawn links, as a share of the reach."""
-FREE = 1e9
-"""Stands for no limit where a number is required: other end of a travel with one end, m or rad."""
+THICKNESS = 0.03  # of drawn links, as a share of the reach
+FREE = 1e9  # stands for no limit where a number is required: other end of a travel with one end, m or rad
 REASONS: dict[type, str] = {
     hooks.Impact: "stops are only soft there, without restitution and rest",
     hooks.Gap: "contacts are only soft there, without restitution",

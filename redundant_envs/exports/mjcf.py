@@ -18,10 +18,8 @@ MJCF = Format(
     soft_ends="written as soft ends of travel, as stiff as a step allows",
 )  # fmt: skip
 """MuJoCo requires masses and moments of inertia of more than 1e-15."""
-LONGEST_STEP = 0.002
-"""Of MuJoCo, s; also, a control interval has at least ten steps."""
-COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"
-"""Of links and of point masses."""
+LONGEST_STEP = 0.002  # of MuJoCo, s; also, a control interval has at least ten steps
+COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"  # of links and of point masses
 
 
 def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:

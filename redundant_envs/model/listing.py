@@ -41,8 +41,7 @@ COUNTED = {
 }  # fmt: skip
 """Kinds as which an operation counts; a minimum is a comparison and a selection."""
 BYTES = 8
-Counts = dict[str, Counter[str]]
-"""Operations by owner and kind."""
+Counts = dict[str, Counter[str]]  # operations by owner and kind
 
 
 class Operations(NamedTuple):

@@ -19,8 +19,7 @@ from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
-FEW = 16
-"""Lanes up to which all their numbers are read or written at once; of more, column by column."""
+FEW = 16  # lanes up to which all their numbers are read or written at once; of more, column by column
 P = ParamSpec("P")
 R = TypeVar("R")
 

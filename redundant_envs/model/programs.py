@@ -127,8 +127,7 @@ class Simulator:
             raise
 
 
-FEW = 4
-"""Lanes up to which a program computes only these: half a block, a whole vector of many processors."""
+FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
 KEPT_SIMULATORS = 64
 """Simulators that are traced once for all their users; the least recently used ones are dropped."""
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
@@ -231,8 +230,7 @@ class Part(Call):
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=min(last * LANES, memory.count) - first * LANES,
         )  # fmt: skip
-        self.version = -1
-        """That of the memory when the kernel got the addresses of its arrays."""
+        self.version = -1  # that of the memory when the kernel got the addresses of its arrays
         self.set_pointers()
 
     def stop(self) -> None:
@@ -308,8 +306,7 @@ WAITED = 0.2
 LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
 """ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
 takes some 20 us, and to copy the numbers 80 ns for each lane."""
-SUBSTEP = 800
-"""ns that a substep of a block takes at least."""
+SUBSTEP = 800  # ns that a substep of a block takes at least
 
 
 class Team:

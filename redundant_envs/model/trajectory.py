@@ -253,8 +253,7 @@ def _check(status: Status, time: float) -> None:
         )
 
 
-TOLD = "_error_told"
-"""Attribute of a scene whose user knows how inaccurate its steps are."""
+TOLD = "_error_told"  # attribute of a scene whose user knows how inaccurate its steps are
 
 
 def _tell_error(scene: Scene, largest: float) -> None:
@@ -277,8 +276,7 @@ STARTS = {
 }
 """Scenes of the report's experiment, figures 1 and 2, and the pose in which the arm starts: rad, and m for
 sliders. The report states neither parameters nor a start; these are ours."""
-SAMPLE_INTERVAL = 0.005
-"""Longest time between rows of a recorded motion, s."""
+SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 
 def default_start(name: str, scene: Scene) -> tuple[float, ...]:

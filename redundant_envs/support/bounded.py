@@ -20,20 +20,16 @@ from redundant_envs.support.values import shown
 
 # Nothing large is imported here: scenes are read by every program.
 
-MAX_UNPACKED = 1 << 26
-"""Bytes of what is read of a policy: 16 million numbers, far more than an arm needs."""
-MAX_PACKED = 1 << 28
-"""Bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read."""
+MAX_UNPACKED = 1 << 26  # bytes of what is read of a policy: 16 million numbers, far more than an arm needs
+MAX_PACKED = 1 << 28  # bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read
 MAX_JSON = 1 << 20
 """Bytes of JSON, which becomes twenty times as many in memory; evaluations have two thousand."""
-MAX_TABLE = 1 << 24
-"""Bytes of a table of runs: some thousand with their learning curves."""
+MAX_TABLE = 1 << 24  # bytes of a table of runs: some thousand with their learning curves
 LONGEST_LINE = 1 << 20
 MAX_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
 END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
 """Records at the end of a zip file, with length and place of its directory, the latter two for 64 bits."""
-ENTRY = b"PK\x01\x02"
-"""The beginning of a member's entry in the directory of a zip file."""
+ENTRY = b"PK\x01\x02"  # the beginning of a member's entry in the directory of a zip file
 
 
 def _at_once(path: str, flags: int) -> int:

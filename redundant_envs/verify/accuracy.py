@@ -14,8 +14,7 @@ from redundant_envs.verify.conservation import energy_changes, exact_in_parts, e
 from redundant_envs.verify.judging import judge
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
 
-ENOUGH = 1e-3
-"""Tip error of a control interval [m] that is good enough for the 99th percentile."""
+ENOUGH = 1e-3  # tip error of a control interval [m] that is good enough for the 99th percentile
 MISSED = 1e-3
 """Share of the states that may miss the tolerance without a flag; our scenes miss none of a million."""
 
@@ -93,8 +92,7 @@ small that the next order of the method adds little; and the quantile of the sta
 unequal links some motions change faster than any step that rounding allows, and show a lower order."""
 CALM, GROWTH = 3.0, 1.25
 """Longest step, in units of the time that a state stays calm (rounding grows later); ratio of steps."""
-SHORT_OF = 0.3
-"""Tolerated difference from the method's order: at a finite step the next order contributes."""
+SHORT_OF = 0.3  # tolerated difference from the method's order: at a finite step the next order contributes
 
 
 def declared(trial: Sample) -> Promise:

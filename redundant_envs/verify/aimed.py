@@ -107,8 +107,7 @@ ARMS = {
     "PPPP": rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3)),
     "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
 }
-FALL = 5.886
-"""Acceleration of a free slider along +x under this gravity, m/s^2."""
+FALL = 5.886  # acceleration of a free slider along +x under this gravity, m/s^2
 EFFECTS: dict[str, Effect] = {
     "gravity": e.Gravity(9.81, (0.6, -0.7)),
     "friction": e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),

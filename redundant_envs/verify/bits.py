@@ -14,8 +14,7 @@ from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import Array, Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
 
-LANES = 67
-"""Eight full blocks of lanes, and one that is not full."""
+LANES = 67  # eight full blocks of lanes, and one that is not full
 INTERVALS = 3
 
 

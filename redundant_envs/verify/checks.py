@@ -23,8 +23,7 @@ Array = NDArray[Any]
 
 ROUNDING = 32 * np.finfo(np.float64).eps
 """Rounding error of a quantity of which differences are taken, relative to the quantity."""
-ENOUGH_SMOOTH = 0.5
-"""Share of the states that must be smooth, and of the intervals that must be judged."""
+ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
 """Number of random states of each mode, unless the command gives one."""
 Promised = Promise | Callable[["Sample"], Promise]
@@ -180,16 +179,13 @@ def ratio(difference: Any, scale: Any) -> Array:
         return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))
 
 
-BEYOND = 0.5
-"""Distance of poses beyond the travel, in units of it: springs at its ends act only there."""
-WIDE = 5.0
-"""Factor on unlimited angles in every second pose, so that they turn more than once."""
+BEYOND = 0.5  # distance of poses beyond the travel, in units of it: springs at its ends act only there
+WIDE = 5.0  # factor on unlimited angles in every second pose, so that they turn more than once
 FREE = (0.0, 0.2)
 """Positions of unlimited sliders, m; of those with a stop on one side, the nearest inside it."""
 ANGLES = (-np.pi, np.pi)
 """Positions of joints that turn freely, rad; of those with a stop on one side, the nearest inside it."""
-FAR = 1.0
-"""Largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths."""
+FAR = 1.0  # largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths
 
 
 def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:

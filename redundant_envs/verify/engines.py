@@ -17,12 +17,10 @@ from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-9)
 """In units of terms, and of diagonals of M: MuJoCo rounds poses, some 1e-14 of the reach per joint."""
-SMALLEST = 1e-14
-"""Moment of inertia of a body, which MuJoCo requires to be positive."""
+SMALLEST = 1e-14  # moment of inertia of a body, which MuJoCo requires to be positive
 LARGEST = 1e6
 """Smallest diagonal entry of the mass matrix in MuJoCo's unit of mass: that inertia is below its rounding."""
-MOVED = 1e-9
-"""Fraction of the largest displacement: a mass that moves less with a joint is not carried by it."""
+MOVED = 1e-9  # fraction of the largest displacement: a mass that moves less with a joint is not carried by it
 STATES = 64
 
 

@@ -15,8 +15,7 @@ from redundant_envs.verify.checks import Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, Promise
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
-MANY, WHOLE = 64, 200
-"""Number of lanes and steps with extreme actions."""
+MANY, WHOLE = 64, 200  # number of lanes and steps with extreme actions
 RULES = Promise(0.0, "rules broken", "at most")
 
 

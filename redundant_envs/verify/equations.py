@@ -27,8 +27,7 @@ AGREE = at_most(1e-10)
 LEAST = 1e-4
 """Bias forces are compared with at least this share of the forces that the kinetic energy could cause: a
 single link has no bias forces, and sums over its point mass leave rounding."""
-TILTED = {"ax": 5.0, "ay": 9.81}
-"""A field that is not vertical, m/s^2."""
+TILTED = {"ax": 5.0, "ay": 9.81}  # a field that is not vertical, m/s^2
 
 
 class Equations(NamedTuple):

@@ -22,10 +22,8 @@ products, some 1e-15, which impacts amplify; another form of an equation differs
 NUDGE, STEADY = 1e-13, 1e-11
 """Relative change of the rates at the start; a lane whose end changes by the second is left out."""
 LANES, SINGLES = 16, 4
-MAX_STEPS = 4
-"""Number of equal steps that are compared: without a compiler each takes some milliseconds."""
-MAX_EVALUATIONS = 24 * 12
-"""Most evaluations of a compared lane that chooses its steps."""
+MAX_STEPS = 4  # number of equal steps that are compared: without a compiler each takes some milliseconds
+MAX_EVALUATIONS = 24 * 12  # most evaluations of a compared lane that chooses its steps
 
 
 class Ended(NamedTuple):

@@ -16,17 +16,14 @@ from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
-STEP = 1e-5
-"""rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)."""
+STEP = 1e-5  # rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)
 SHARE_OF_TRAVEL = 0.01
 """Largest step, in units of a travel or of the width between two switches, so that few straddle these."""
-AGREEMENT = 1e-5
-"""In units of the force: a thousand times the error of differences of a smooth potential."""
+AGREEMENT = 1e-5  # in units of the force: a thousand times the error of differences of a smooth potential
 SMOOTH = 1e-6
 """If two differences agree to this, in units of the force, the potential is smooth there and the state
 judged: at a kink, such as the limit of a spring, no difference is a derivative."""
-SMALL_FORCE = 1e-6
-"""A force below this, in units of the largest of all states, is compared with that."""
+SMALL_FORCE = 1e-6  # a force below this, in units of the largest of all states, is compared with that
 
 
 @check("potentials against forces", at_most(AGREEMENT))
@@ -97,8 +94,7 @@ def conservative_force(scene: Scene, q: Array) -> Array:
     return force
 
 
-CONTINUOUS = 1e-9
-"""Largest jump of a force where its law changes, in units of the largest force nearby."""
+CONTINUOUS = 1e-9  # largest jump of a force where its law changes, in units of the largest force nearby
 
 
 @check("forces at their switches", at_most(CONTINUOUS))

@@ -26,8 +26,7 @@ SHORT = at_most(1.5)
 region of stability of rk8, and a declared number may leave out states that hardly occur."""
 SLOWEST = 6.0
 """Number of decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
-DRIVES = at_most(1e-6)
-"""Largest positive power of a damper, in units of the largest power that it absorbs."""
+DRIVES = at_most(1e-6)  # largest positive power of a damper, in units of the largest power that it absorbs
 
 
 class Motion:

@@ -14,8 +14,7 @@ from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, a
 
 SHORT = 1e-10
 """s after an impact, less for arms below a metre: forces change velocities by 1e-7, to be subtracted."""
-SMALL = 0.01
-"""Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
+SMALL = 0.01  # below this restitution a slider may come to rest at its stop instead of an invisible bounce
 AGREE = at_most(1e-8)
 """Largest relative error of velocities and energies: the impulse follows from an elimination that loses
 digits by the condition of M, at most 1e6 for reasonable arms; the time after it matters below 1e-10."""

@@ -43,8 +43,7 @@ CHECKS: tuple[Check, ...] = checks_of(
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
-OF_THE_MACHINE = (bits.record,)
-"""Checks that do not depend on a subject: they are run once."""
+OF_THE_MACHINE = (bits.record,)  # checks that do not depend on a subject: they are run once
 MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
 
