@@ -29,9 +29,8 @@ SMALL_FORCE = 1e-6  # a force below this, in units of the largest of all states,
 @check("potentials against forces", at_most(AGREEMENT))
 def potentials(trial: Sample) -> Finding:
     """Every conservative force is minus the slope of its potential, beyond the travel and turns, too."""
-    booked = {
-        a.key for a in trial.scene.attached if isinstance(a.hook, Field) or "conservative" in a.functions
-    }
+    attached = trial.scene.attached
+    booked = {a.key for a in attached if isinstance(a.hook, Field) or "conservative" in a.functions}
     found = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
     return worst_of(found, "no effect has a potential")
 
@@ -40,15 +39,13 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     arm: Any = trial.scene.robot
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
-    step = np.full(len(arm.joints), STEP)
-    ends = [*alone.travel().items()]
-    for a in alone.attached.of(Force):
-        if a.hook.switch is not None:
-            ends.append(
-                (cast(int, a.hook.joint), (a.parameter(a.hook.switch[0]), a.parameter(a.hook.switch[1])))
-            )
+    step, values = np.full(len(arm.joints), STEP), alone.parameters()
+    ends: list[Any] = [*alone.travel().items()]
+    ends += [
+        (a.hook.joint, map(a.parameter, a.hook.switch)) for a in alone.attached.of(Force) if a.hook.switch
+    ]
     for k, (lower, upper) in ends:
-        width = alone.parameters()[upper] - alone.parameters()[lower]
+        width = values[upper] - values[lower]
         step[k] = min(step[k], SHARE_OF_TRAVEL * width)
 
     def difference(joint: int, steps: int) -> Array:
@@ -65,13 +62,9 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     smooth = np.all(np.abs(near - far) <= SMOOTH * scale + noise, axis=1)
     gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
     gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
-    share = float(np.mean(smooth))
-    if share < ENOUGH_SMOOTH:
-        words = (
-            f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only; "
-            "it must change smoothly"
-        )
-        return Finding(np.inf, effect.key, words)
+    if (share := np.mean(smooth)) < ENOUGH_SMOOTH:
+        words = f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only"
+        return Finding(np.inf, effect.key, f"{words}; it must change smoothly")
     most, where = trial.worst(gap)
     state, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
     words = (

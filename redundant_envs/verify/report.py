@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -142,10 +142,10 @@ def notes(outcomes: Iterable[Outcome]) -> list[str]:
 def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
     """Lines of the table; reasons for checks that are not applicable, and the names or kinds of these."""
     shown: list[Outcome] = []
-    left: dict[str, Counter[str]] = {}
+    left: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for o in outcomes:
         if o.verdict is Verdict.NOT_APPLICABLE:
-            left.setdefault(o.finding.words, Counter())[o.check.partition(": ")[0]] += 1
+            left[o.finding.words][o.check.partition(": ")[0]] += 1
         else:
             shown.append(o)
     names = (", ".join(k if n == 1 else f"{k} ({n} checks)" for k, n in c.items()) for c in left.values())
@@ -184,17 +184,18 @@ def run(
     words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
 ) -> int:
     """Verify subjects and write tables, on standard output and in files; returns 1 if a promise is broken."""
-    chosen, subjects = Mode[mode.upper()], subjects_of(words)
+    chosen = Mode[mode.upper()]
+    usual = checks_in(chosen)
+    tasks = [(subject, about(subject), usual) for subject in subjects_of(words)]
+    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
+    tasks.append((machine, MACHINE, [*OF_THE_MACHINE]))
     files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
     for file, _ in files:
         if file.is_dir():
             raise ValueError(f"{file} is a folder; give a file to be written")
     reports: list[tuple[str, Report]] = []
-    each = len(checks_in(chosen))
-    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
-    with counted("verify", len(subjects) * each + len(OF_THE_MACHINE), each) as done:
-        for subject in (*subjects, machine):
-            checks, title = (OF_THE_MACHINE, MACHINE) if subject is machine else (None, about(subject))
+    with counted("verify", sum(len(checks) for *_, checks in tasks), len(usual)) as done:
+        for subject, title, checks in tasks:
             found = verify(subject, states, chosen, done, checks)
             reports.append((title, found))
             say(f"{title}\n{text_table(found.outcomes)}")
