@@ -21,17 +21,10 @@ def document(
 ) -> Document:
     """A scene in a format, "mjcf", "urdf", "casadi" or "c".
 
-    Parameters
-    ----------
-    scene : Scene
-    form : str
-    approximate : bool
-        Leave out what has no exact counterpart, or write the nearest equivalent; the notes of the document
-        name it, and so do comments in text formats.
-    name : str
-        Of the scene, in the file.
-    function : str
-        What the name of the function of a C file begins with; that of the scene or of the arm if it is empty.
+    If ``approximate``, what has no exact counterpart is left out, or its nearest equivalent is written; the
+    notes of the document name it, and so do comments in text formats. ``name`` is that of the scene in the
+    file, and ``function`` what the name of the function of a C file begins with, by default that of the scene
+    or of the arm.
 
     Raises
     ------

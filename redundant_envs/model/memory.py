@@ -6,7 +6,7 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from threading import get_ident
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,25 +40,15 @@ def memory_of_machine() -> int:
         return 10**12
 
 
-class Used(Protocol):
-    """An object with a memory, or a memory."""
-
-    @property
-    def _memory(self) -> Memory: ...
-
-
-S = TypeVar("S", bound=Used)
-
-
-def alone(method: Callable[Concatenate[S, P], R], inner: bool = True) -> Callable[Concatenate[S, P], R]:
-    """A method that one thread at a time may be in, of all methods on a memory; :class:`InUse` in another.
+def alone(method: Callable[Concatenate[Any, P], R], inner: bool = True) -> Callable[Concatenate[Any, P], R]:
+    """A method that one thread at a time may be in, of all on a ``_memory``; :class:`InUse` in another.
 
     As an ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and
     its change: CPython switches threads at calls and loops only.
     """
 
     @functools.wraps(method)
-    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
+    def guarded(self: Any, *args: P.args, **kwargs: P.kwargs) -> R:
         memory, thread = self._memory, get_ident()
         if memory.free == IN_USE:
             if memory.user != thread or not inner:
@@ -73,7 +63,7 @@ def alone(method: Callable[Concatenate[S, P], R], inner: bool = True) -> Callabl
     return guarded
 
 
-def first(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+def first(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
     """The same for a method that no other one calls: :class:`InUse` in the same thread, too, where a handler
     of a signal would call it in the middle of another one."""
     return alone(method, inner=False)

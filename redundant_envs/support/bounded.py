@@ -32,11 +32,6 @@ END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
 ENTRY = b"PK\x01\x02"  # the beginning of a member's entry in the directory of a zip file
 
 
-def _at_once(path: str, flags: int) -> int:
-    """Open a file; a pipe without a writer does not wait for one."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-
-
 @contextlib.contextmanager
 def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
     """A file, open for reading; ``what`` names it in messages. ValueError if it cannot be read, is a folder,
@@ -44,7 +39,8 @@ def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
     try:
         if path.is_dir():
             raise ValueError(f"{what} is {shown(str(path))}, a folder; give a file in it")
-        with open(path, "rb", opener=_at_once) as file:
+        at_once = getattr(os, "O_NONBLOCK", 0)  # a pipe without a writer does not wait for one
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
                 raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
@@ -137,17 +133,17 @@ def read_members(
 
     methods = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     with _archive(file, where) as archive:
-        wanted = {name: _entry(archive, name, where) for name in names or archive.namelist()}
+        there = {entry.filename: entry for entry in archive.infolist()}
+        for name in names or ():
+            if name not in there:
+                raise ValueError(f"{where} has no {name!r}")
+        wanted = {name: there[name] for name in names or there}
         for name, entry in wanted.items():
             if entry.compress_type not in methods:
                 raise ValueError(f"{where} has a {shown(name)} that is neither stored nor deflated")
         _check_unpacked(wanted.values(), where, most)
-        found = {}
-        for name, entry in wanted.items():
-            # by its size: without one a member is unpacked whole, with what it has beyond its size
-            with archive.open(entry) as member:
-                found[name] = member.read(entry.file_size)
-        return found
+        # By their sizes: without one a member is unpacked whole, with what it has beyond its size.
+        return {name: archive.open(entry).read(entry.file_size) for name, entry in wanted.items()}
 
 
 def stored_members(file: BinaryIO, where: str, most: int) -> list[str]:
@@ -216,12 +212,6 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
 
 def _damaged(where: str, why: object) -> ValueError:
     return ValueError(f"{where} is damaged ({why}); it is not a complete zip file")
-
-
-def _entry(archive: Any, name: str, where: str) -> Any:
-    if name not in archive.namelist():
-        raise ValueError(f"{where} has no {name!r}")
-    return archive.getinfo(name)
 
 
 def _check_unpacked(entries: Iterable[Any], where: str, most: int) -> None:

@@ -31,12 +31,8 @@ def closed_forms(trial: Sample) -> Finding:
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
     B = dynamics.arm.motor_map
     x = Motion(dynamics, q @ B, qd @ B, efforts).values()
-    found = [
-        _closed_form(trial, x, a, field, own)
-        for a in dynamics.scene.attached
-        for field, own in a.states.items()
-        if "closed" in own
-    ]
+    states = ((a, field, own) for a in dynamics.scene.attached for field, own in a.states.items())
+    found = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
     return worst_of(found, "no state has a closed form")
 
 

@@ -43,11 +43,9 @@ def compiled(trial: Sample) -> Ended:
     scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
     q, qd, efforts = trial.states
     batch = BatchSimulator(scene, len(q), track_work=True)
-    ends = []
+    dynamics, ends = batch.simulator.dynamics, []
     for rates in (qd * (1.0 + NUDGE), qd):
         batch.set_state(q, rates)
-        dynamics = batch.simulator.dynamics
-        names = (*dynamics.effect_states, *dynamics.draw_fields)
         table = np.concatenate([batch.z, batch.draws], axis=1)
         status = batch.advance(efforts)
         ends.append(np.concatenate([batch.q, batch.qd], axis=1))
@@ -58,23 +56,22 @@ def compiled(trial: Sample) -> Ended:
     short = (status.evaluations <= MAX_EVALUATIONS) & (trial.calm >= scene.control_dt)
     lanes = np.flatnonzero(short & steady & (status.numerics == 0))[:LANES]
     if not len(lanes):
-        raise NotApplicable(
-            f"every interval takes more than {MAX_EVALUATIONS} evaluations, or magnifies rounding"
-        )
+        reason = f"every interval takes more than {MAX_EVALUATIONS} evaluations, or magnifies rounding"
+        raise NotApplicable(reason)
+    names = (*dynamics.effect_states, *dynamics.draw_fields)
     return Ended(scene, lanes, own_end[lanes], dict(zip(names, table.T, strict=True)))
 
 
 def direct(trial: Sample, lanes: Array, convert: Callable[[Array], Any]) -> Array:
     """The same by running the procedures, without compilation, on numbers of another kind."""
-    dynamics = Dynamics(trial.shared(compiled).scene)
+    ended = trial.shared(compiled)
+    dynamics = Dynamics(ended.scene)
     q, qd, efforts = (x[lanes] for x in trial.states)
-    names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)
-    columns = np.concatenate([q, qd, efforts], axis=1).T
-    started = {n: convert(x[lanes]) for n, x in trial.shared(compiled).started.items()}
-    fields = fields_of(dynamics) | started
-    fields |= {n: convert(x) for n, x in zip(names, columns, strict=True)}
-    lane = cross_interval(Interval(dynamics), fields)
     states = dynamics.states[: 2 * q.shape[1]]
+    columns = np.concatenate([q, qd, efforts], axis=1).T
+    fields = fields_of(dynamics) | {n: convert(x[lanes]) for n, x in ended.started.items()}
+    fields |= zip((*states, *dynamics.commands), map(convert, columns), strict=True)
+    lane = cross_interval(Interval(dynamics), fields)
     return np.stack([np.broadcast_to(np.asarray(lane[s]), len(lanes)) for s in states], axis=1)
 
 

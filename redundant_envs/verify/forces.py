@@ -54,8 +54,14 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
         moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
         return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
+    x, force = scene_quantities(alone, q), np.zeros_like(q)
+    for a in alone.attached.of(Force):
+        if "conservative" in a.functions:
+            force += at_joints(alone, a, "conservative", x)
+    if alone.attached.of(Field):
+        force -= columns(x.each(numbered("G{}", q.shape[1])), len(q)) @ inverse.T
     near, far = (np.stack([difference(k, n) for k in range(len(step))], axis=1) for n in (1, 2))
-    slope, force = -(4.0 * near - far) / 3.0, conservative_force(alone, q)
+    slope = -(4.0 * near - far) / 3.0
     largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
     scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
     noise = ROUNDING * np.abs(potential_energy(alone, q))[:, None] / step
@@ -73,18 +79,6 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
         "joint)"
     )
     return Finding(most, f"{where}, {effect.key}", words)
-
-
-def conservative_force(scene: Scene, q: Array) -> Array:
-    """The forces at the joints that effects book as potential energy, (n, joints), N m or N."""
-    x, force = scene_quantities(scene, q), np.zeros_like(q)
-    for a in scene.attached.of(Force):
-        if "conservative" in a.functions:
-            force += at_joints(scene, a, "conservative", x)
-    if scene.attached.of(Field):
-        weight = columns(x.each(numbered("G{}", q.shape[1])), len(q))
-        force -= weight @ np.linalg.inv(scene.robot.motor_map).T
-    return force
 
 
 CONTINUOUS = 1e-9  # largest jump of a force where its law changes, in units of the largest force nearby

@@ -30,15 +30,14 @@ def jacobian(trial: Sample) -> Finding:
         ratio(arm.forward_kinematics(q) - e.points[:, -1], reach),
         ratio(velocity - np.einsum("naj,nj->na", tip, qd), speed.max(axis=1, keepdims=True)),
     ]
-    names = (*arm.joints, *("tip x", "tip y", "velocity x", "velocity y"))
+    names = (*arm.joints, "tip x", "tip y", "velocity x", "velocity y")
     return found(trial, np.concatenate(gaps, axis=1), "J, tip or its velocity contradicts the points", names)
 
 
 @check("rate of the Jacobian", AGREE)
 def jacobian_rate(trial: Sample) -> Finding:
     """Jdqd is J' qd."""
-    arm, (q, qd) = trial.arm, trial.poses
-    joints = len(arm.joints)
+    arm, (q, qd), joints = trial.arm, trial.poses, len(trial.arm.joints)
     change = slopes(arm, entries("J", 2, joints), q).reshape(len(q), 2, joints, joints)
     expected = np.einsum("najk,nj,nk->na", change, qd, qd)
     size = np.einsum("najk,nj,nk->na", np.abs(change), np.abs(qd), np.abs(qd)).max(axis=1, keepdims=True)
@@ -49,8 +48,7 @@ def jacobian_rate(trial: Sample) -> Finding:
 @check("joints", AGREE)
 def joints(trial: Sample) -> Finding:
     """Rates of joints are those of their positions, motors act along them, and the inverse map is right."""
-    arm, (q, qd) = trial.arm, trial.poses
-    n = len(arm.joints)
+    arm, (q, qd), n = trial.arm, trial.poses, len(trial.arm.joints)
     phi = table(arm, numbered("phi{}", n), values_of(arm, q), len(q))
     rates = table(arm, numbered("phid{}", n), values_of(arm, q, qd), len(q))
     moved = np.einsum("nij,nj->ni", slopes(arm, numbered("phi{}", n), q), qd)

@@ -1,7 +1,6 @@
 """Scenes and environments of which every bit is recorded: it must be the same on every machine.
 
-``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that
-changes the record says why.
+``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that changes it says why.
 """
 
 from __future__ import annotations
@@ -48,11 +47,9 @@ def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Gene
     q = 0.8 * rng.random((LANES, 4)) - 0.4
     for k, prismatic in enumerate(scene.robot.prismatic):
         q[:, k] *= 0.4 if prismatic else 4.0
-    for effect in scene.effects:
-        if isinstance(effect, e.PrismaticStop):
-            for i, k in enumerate(scene.robot.sliders()):
-                low, high = effect.lower[i], effect.upper[i]
-                q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
+    for stop in (x for x in scene.effects if isinstance(x, e.PrismaticStop)):
+        for k, low, high in zip(scene.robot.sliders(), stop.lower, stop.upper, strict=True):
+            q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
     return q, 6.0 * rng.random((LANES, 4)) - 3.0, rng
 
 
@@ -73,11 +70,10 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
 def episodes(name: str) -> Iterator[NDArray[Any]]:
     """Tables of numbers, step by step, of 256 environments."""
     arguments = dict(ENVIRONMENTS[name])
-    if "integrator" in arguments:
+    if method := arguments.pop("integrator", None):
         scene = rde.load_scene(arguments["scene"])
         kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
         effects = (*kept, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
-        method = arguments.pop("integrator")
         own = dataclasses.replace(scene, integrator=method, tolerance=None, effects=effects)
         arguments["scene"] = own.to_dict()
     for mode in ("same_step", "next_step"):
@@ -90,9 +86,8 @@ def episodes(name: str) -> Iterator[NDArray[Any]]:
         yield from tables(observations)
         for _ in range(INTERVALS):
             actions = (2.4 * rng.random((LANES, 4)) - 1.2).astype(np.float32)
-            observations, reward, terminated, truncated, infos = env.step(actions)
-            yield from tables(observations)
-            yield from (reward, terminated, truncated)
+            observations, *ends, infos = env.step(actions)
+            yield from (*tables(observations), *ends)
             yield from (infos[k] for k in sorted(infos) if "final" not in k and not k.startswith("_"))
             for final in infos.get("final_obs", ()):
                 yield from () if final is None else tables(final)
@@ -122,8 +117,6 @@ RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{name: (aimed_motion, (name,)) for name in AIMED},
 }
 """Everything that is recorded: a function, and its arguments."""
-
-
 SHORT = (
     "4R all rk8", "4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic", "stops rk4, inelastic",
     "stops dop853", "4R all rk8, work", "FourRReach-v0", "RPRPReach-v0",
