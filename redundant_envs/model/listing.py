@@ -90,14 +90,12 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     motion, "action", "observation", "reward" and "reset" that of an environment.
 
     Operations are counted in the step that all lanes take together, stages as often as they are evaluated,
-    before products are joined with sums. To the effects that cause events, with stops, dry friction, contact
-    or laws that change, count in addition what the step of all has because of them, and the programs with
-    which a lane crosses an event, once each, as for one event in a control step; several effects share these
-    in proportion to their boundaries. An operation that two owners need counts for the first; operations
-    of the arm that only a uniform field or an inertia requires count for the effect that adds it, readings of
-    sensors for theirs. "action" turns actions into efforts, "reward" is all that follows a step: faults,
-    memory of the task, reward, ends of episodes. Bytes are those of the fields, and for "observation" those
-    of what it writes.
+    before products are joined with sums. Effects with events (stops, dry friction, contact, laws that change)
+    also have what the step of all has because of them, and, once each, the programs with which a lane crosses
+    an event; several share these in proportion to their boundaries. An operation that two owners need counts
+    for the first, one of the arm that only a uniform field or an inertia requires for the effect that adds
+    it. "action" turns actions into efforts, "reward" is all that follows a step: faults, memory of the task,
+    reward, ends of episodes. Bytes are those of the fields, and of what "observation" writes.
 
     Parameters
     ----------
@@ -105,9 +103,8 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     track_work : bool
         Also count the work of motors and of forces without a potential.
     task : Task, optional
-        Of the environment, by default that of the Reach environments. A scene that no environment of them can
-        have, because a slider has no limits, then has no entries of an environment; nor has one without
-        motors an "action".
+        Of the environment, by default that of the Reach environments; then a scene with a slider without
+        limits, which they cannot have, has no entries of an environment. One without motors has no "action".
 
     Raises
     ------
@@ -169,11 +166,8 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
     """Operations that boundaries cause, for the effects that own some of them, and as much less for the
     owners in the step of all lanes: the difference of that step with and without these effects, and the
     programs of events."""
-    caused: Counter[str] = Counter()
-    for name, function in blocks.functions.items():
-        if name not in COMMON:
-            for counts in _of_function(function).values():
-                caused.update(counts)
+    programs = (f for name, f in blocks.functions.items() if name not in COMMON)
+    caused = sum((kinds for f in programs for kinds in _of_function(f).values()), Counter[str]())
     found: Counts = {}
     for part in {*PARTS.values()}:
         found[part] = Counter(without[part])

@@ -53,8 +53,7 @@ class Simulator:
     ) -> None:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
         facts = cache.facts(name, self._facts)
-        self.program_digest: str = facts["program"]
-        """Of the program alone, which scenes share whose effects have other names."""
+        self.program_digest: str = facts["program"]  # scenes share it whose effects have other names
         self.identity: str = facts["identity"]
         """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
         self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
@@ -107,21 +106,14 @@ class Simulator:
     def kernels(self, count: int) -> dict[str, llvm.Entry]:
         """The kernels in machine code for a number of lanes, from this process, the folder of the user, or
         the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
-        scene = self.dynamics.scene
+        scene, few = self.dynamics.scene, FEW if count <= FEW else 0
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
-        what = f"{scene.robot.kind} {scene.integrator} with {effects}"
-        if self.episode:
-            what += ", as an environment"
-        elif self.dynamics.track_work:
-            what += ", and its work"
-        few = FEW if count <= FEW else 0
-        if few:
-            what += f", for at most {FEW}"
-        names = [*self.arguments]
+        form = ", as an environment" if self.episode else ", and its work" if self.dynamics.track_work else ""
+        what = f"{scene.robot.kind} {scene.integrator} with {effects}{form}"
+        what += f", for at most {FEW}" if few else ""
+        key, names = self.key(few or LANES), [*self.arguments]
         try:
-            return cache.kernels(
-                self.key(few or LANES), names, lambda: dataclasses.replace(self.program, few=few), what
-            )
+            return cache.kernels(key, names, lambda: dataclasses.replace(self.program, few=few), what)
         except BaseException:
             self.__dict__.pop("_traced", None)  # a compiler that was stopped has changed graphs in part
             raise
@@ -140,8 +132,7 @@ def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: 
     if not code or not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
         return make(scene.bound_anew(), "")
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
-    # A text shows the sign of a zero, which equality does not.
-    name = repr((scene, *more, llvm.processor()))
+    name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
     kept = code, method, name
     if kept not in _kept:
         _kept[kept] = make(scene.bound_anew(), f"{name} {method}")
@@ -323,13 +314,12 @@ class Team:
         self._memory, self._also = memory, also
         of_block = SUBSTEP * simulator.dynamics.scene.substeps
         of_part = of_block * -(-memory.blocks // len(self.parts))
-        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0
-        """ns that a step takes at least, if that is long."""
+        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0  # ns of a step, if that is long
         self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
         self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
         of_unknown_length = self._timed and simulator.dynamics.scene.tolerance is not None
+        # ns that the last call took; of the first one, what it may take
         self._took = self._long if of_unknown_length else self._least
-        """ns that the last call took; of the first one, what it may take."""
         self._start()
 
     @property
@@ -349,12 +339,10 @@ class Team:
             return
         (part,) = self.parts
         part.set_pointers()
-        if not self._timed:
-            part.entry(part.address)
-            return
-        start = time.perf_counter_ns()
+        start = time.perf_counter_ns() if self._timed else 0
         part.entry(part.address)
-        self._took = max(self._least, time.perf_counter_ns() - start)
+        if self._timed:
+            self._took = max(self._least, time.perf_counter_ns() - start)
 
     def _run(self) -> None:
         """Run several parts, or a long one."""

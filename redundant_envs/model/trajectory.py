@@ -147,7 +147,7 @@ def simulate(
         ) from None
     if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
         raise ValueError("q or qd has non-finite entries; give finite numbers")
-    shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
+    shape, count = q0.shape[:-1], q0.size // joints
     if not count:
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
     batch = BatchSimulator(scene, count, track_work=True, seed=seed)
@@ -195,13 +195,12 @@ def simulate(
                 "substeps, or a softer scene"
             )
     _tell_error(scene, largest)
-    q_all, qd_all, applied = (x.reshape(len(t), *shape, joints) for x in (q_all, qd_all, applied))
-    z_all = z_all.reshape(len(t), *shape, -1) if z_all.size else z_all.reshape(len(t), *shape, 0)
+    whole = (x.reshape(len(t), *shape, x.shape[-1]) for x in (q_all, qd_all, applied, z_all))
+    q_all, qd_all, applied, z_all = whole
+    work = work.reshape(len(t), *shape)
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
-    return Trajectory(
-        t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events, z_all
-    )
+    return Trajectory(t, q_all, qd_all, *energies, work, applied, scene, events, z_all)
 
 
 def motor_efforts(
@@ -216,11 +215,11 @@ def motor_efforts(
     if begun is not None:  # the interval has not ended, although the simulator has advanced to here
         at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
         states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
-    fields = fields_of(dynamics)
-    instants = batch.scene.attached.instants
-    states |= {a.passed: np.where(0.0 <= fields[a.instant] <= elapsed, 1.0, 0.0) for a in instants}
-    numbers = {**fields, **states, **dict(zip(dynamics.commands, command.T, strict=True))}
-    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], numbers), "derivative")
+    known = fields_of(dynamics)
+    for a in batch.scene.attached.instants:
+        states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
+    known |= states | dict(zip(dynamics.commands, command.T, strict=True))
+    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], known), "derivative")
     return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)
 
 

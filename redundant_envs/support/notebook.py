@@ -26,10 +26,8 @@ STYLE = (
 
 
 def as_html(thing: Any, *parts: Callable[[], str]) -> str:
-    """HTML of an object from its parts; the text of the object stands for parts that fail.
-
-    Any error is caught, since users' classes may do anything: a picture must not hide the object.
-    """
+    """HTML of an object from its parts; the text of the object stands for parts that fail: any error is
+    caught, since users' classes may do anything, and a picture must not hide the object."""
     made = []
     for part in parts:
         try:

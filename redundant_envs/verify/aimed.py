@@ -230,16 +230,15 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
             nearly = kinds == "nearly together"
             q[:, k] = np.where(nearly, stop + inward * way, q[:, k])
             qd[:, k] = np.where(nearly, -inward * np.abs(qd[:, k]), qd[:, k])
-    for k, slides in enumerate(arm.prismatic):
-        if not slides:
-            qd[kinds == "nearly together", k] = 0.0
-            qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
+    turns = ~np.array(arm.prismatic)
+    for k in np.flatnonzero(turns).tolist():
+        qd[kinds == "nearly together", k] = 0.0
+        qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
     alone = kinds == "one strikes"
     striking = rng.integers(0, len(arm.sliders()) or 1, n)
     for i, k in enumerate(arm.sliders()):
         qd[:, k] = np.where(alone, np.where(striking == i, np.sign(q[:, k]) * speed, 0.0), qd[:, k])
     qd[alone] *= arm.prismatic
-    turns = ~np.array(arm.prismatic)
     for kind, sides, speeds in (
         ("folded", powers(rng, -7.0, -3.0, shape), powers(rng, -1.0, 1.0, shape)),
         ("in step", 0.01 * rng.random((n, 1)), powers(rng, 0.0, 1.0, (n, 1))),
@@ -276,15 +275,6 @@ def _send_past(aimed: Aimed, rng: np.random.Generator, kinds: Array, q: Array, q
         qd[:, 0] = np.where(kinds == kind, -speed, qd[:, 0])
 
 
-def parameters(aimed: Aimed, rng: np.random.Generator) -> dict[str, Array]:
-    """Masses of each lane, light ones between heavy ones among them, and its restitution."""
-    n, arm = aimed.lanes, aimed.scene.robot
-    values = {"masses": np.abs(powers(rng, -1.5, 1.0, (n, len(arm.coordinates))))}
-    if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
-        values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), n)
-    return values
-
-
 def aimed_motion(name: str) -> Iterator[Array]:
     """Tables of numbers, interval by interval."""
     aimed = AIMED[name]
@@ -292,11 +282,14 @@ def aimed_motion(name: str) -> Iterator[Array]:
     q, qd = starts(aimed, rng)
     batch = rde.BatchSimulator(aimed.scene, aimed.lanes, track_work=aimed.work)
     batch.set_state(q, qd)
-    if aimed.varied:
-        batch.set_parameters(parameters(aimed, rng))
+    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
+    if aimed.varied:  # light masses between heavy ones among them
+        values = {"masses": np.abs(powers(rng, -1.5, 1.0, shape))}
+        if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
+            values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), aimed.lanes)
+        batch.set_parameters(values)
     if aimed.numbers:
         batch.set_parameters(aimed.numbers)
-    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
     steady = powers(rng, aimed.efforts - 4.5, aimed.efforts, shape)
     for _ in range(aimed.intervals):
         changing = rng.random(shape) < 0.5
