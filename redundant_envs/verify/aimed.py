@@ -21,6 +21,7 @@ from redundant_envs import effects as e
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
 from redundant_envs.language.algebra import clamp, maximum, physics, where
 from redundant_envs.scenes.files import read_yaml
+from redundant_envs.support.values import typed
 
 Array = NDArray[Any]
 
@@ -97,47 +98,22 @@ class DryFriction(Effect):
         return (Force(k - 1, dry, {"rate": f"phid{k}", "level": ".level"}),)
 
 
-ARMS = {
-    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
-    "RP": rde.Chain("RP", masses=(1.0, 0.5), lengths=(0.4,)),
-    "PP": rde.Chain("PP", masses=(1.0, 0.5)),
-    "PPR": rde.Chain("PPR", masses=(1.0, 2.0, 0.5), lengths=(0.4,)),
-    "RPPP": rde.Chain("RPPP", masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3,)),
-    "PRPRP": rde.Chain("PRPRP", masses=(2.0, 1.5, 1.0, 0.5, 0.7), lengths=(0.3, 0.5)),
-    "PPPP": rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3)),
-    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
-}
-FALL = 5.886  # acceleration of a free slider along +x under this gravity, m/s^2
-EFFECTS: dict[str, Effect] = {
-    "gravity": e.Gravity(9.81, (0.6, -0.7)),
-    "friction": e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),
-    "limits": e.EffortLimits((5.0, 4.0, 3.0, 2.0)),
-    "centring spring": e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3)),
-    "narrow stops": e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5),
-    "stop below": e.PrismaticStop((0.0,), (None,), 0.5),
-    "stops on one side": e.PrismaticStop((0.0, None), (None, 0.0), 0.5),
-    "crossed stops": e.PrismaticStop((0.0, None), (None, 0.3), 0.8),
-    "lag": Lag(0.01),
-    "play": Play(0.02, 3.0),
-    "dry friction": DryFriction(2.0),
-}
-SPRINGS = {
-    "spring": (-0.15, 0.1, 900.0, 20.0),
-    "switch": (-0.15, 0.1, 900.0, 300.0),
-    "wide spring": (-0.4, 0.4, 800.0, 100.0),
-}
-"""Limits, stiffness and damping of springs; the word after the name is a joint."""
+ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
+OWN: dict[str, type[Effect]] = {"Lag": Lag, "Play": Play, "DryFriction": DryFriction}
+ARMS = {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
+EFFECTS = {name: typed(name, entry, {**e.REGISTRY, **OWN}) for name, entry in ENTRIES["effects"].items()}
+FALL = 5.886  # acceleration of a free slider along +x under the gravity of "gravity", m/s^2
 
 
 def effect_of(words: str, arm: Any) -> Effect:
     """The effect that some words name; "stops" are farther out for each slider than for the one before."""
     name, _, last = words.rpartition(" ")
-    if name in SPRINGS:
-        return e.LimitSpring(last, *SPRINGS[name])
+    if name in ENTRIES["springs"]:
+        return e.LimitSpring(last, **ENTRIES["springs"][name])
     if name == "restitution":
         return e.PrismaticStop((-0.2, -0.1), (0.2, 0.15), float(last))
     if words != "stops":
-        return EFFECTS[words]
+        return EFFECTS[words]  # type: ignore[no-any-return]
     sliders = range(len(arm.sliders()))
     lower, upper = (-0.2 * (1.0 + 0.3 * k) for k in sliders), (0.2 + 0.1 * k for k in sliders)
     return e.PrismaticStop(tuple(lower), tuple(upper), 0.5)
@@ -180,7 +156,6 @@ def aimed(name: str, entry: dict[str, Any]) -> Aimed:
     return Aimed(scene_of(entry, **control), name.endswith("log"), **entry)
 
 
-ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
 SCENES = {name: scene_of(entry) for name, entry in ENTRIES["scenes"].items()}
 """Scenes, named by their special features."""
 AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed"].items()}

@@ -19,26 +19,13 @@ from numpy.typing import NDArray
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.support.values import say
-from redundant_envs.verify.aimed import AIMED, SCENES, aimed_motion, outcome
+from redundant_envs.verify.aimed import AIMED, ENTRIES, SCENES, aimed_motion, outcome
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
 
-WORKED = ("4R all rk8", "stops 1e-6, elastic", "RPRP gravity dop853")
-"""Scenes that are also recorded with the work and the log of events."""
-
-VARIED = ("4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic")
-"""Scenes that are also recorded with separate masses, lengths and friction for each lane."""
-
-ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "FourRReach-v0": {},
-    "RPRPReach-v0": {},
-    "FourRGoalReach-v0": {},
-    "RPRPGoalReach-v0": {"accuracy": 1e-9},
-    "FourRReach-v0 rk4": {"scene": "four_r_weak", "integrator": "rk4"},
-    "RPRPReach-v0 limit springs": {"scene": "rprp_limit_springs", "integrator": "rk8"},
-}
-"""Environments and their arguments beside the ids."""
+ENVIRONMENTS: dict[str, dict[str, Any]] = ENTRIES["environments"]
+SHORT = tuple(ENTRIES["short"])
 
 
 def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Generator]:
@@ -111,17 +98,12 @@ def digest(numbers: Iterable[Any]) -> str:
 
 RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{name: (motion, (scene,)) for name, scene in SCENES.items()},
-    **{f"{name}, work": (motion, (SCENES[name], True)) for name in WORKED},
-    **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in VARIED},
+    **{f"{name}, work": (motion, (SCENES[name], True)) for name in ENTRIES["work"]},
+    **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in ENTRIES["varied"]},
     **{name: (episodes, (name,)) for name in ENVIRONMENTS},
     **{name: (aimed_motion, (name,)) for name in AIMED},
 }
 """Everything that is recorded: a function, and its arguments."""
-SHORT = (
-    "4R all rk8", "4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic", "stops rk4, inelastic",
-    "stops dop853", "4R all rk8, work", "FourRReach-v0", "RPRPReach-v0",
-)  # fmt: skip
-"""A selection of all kinds, for checks in which all of them would take too long."""
 
 
 def recorded() -> dict[str, str]:
