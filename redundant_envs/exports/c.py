@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from redundant_envs.compiler.tracing.graph import COMPARISONS, CONDITIONS, Operation, Value, reached
-from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.files import Document, Heading
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
 from redundant_envs.scenes.scene import Scene
 

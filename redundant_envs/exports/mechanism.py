@@ -12,7 +12,7 @@ from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, field_of
 from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
-from redundant_envs.exports.document import Note, named, refuse_inexact
+from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
 from redundant_envs.exports.links import Link, coordinates_at, links_of, shares_of_joints
 from redundant_envs.language.quantities import Quantities

@@ -11,7 +11,7 @@ from redundant_envs.compiler.tracing.number import Number, value_of
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Actuation
-from redundant_envs.exports.document import Note, named, refuse_inexact
+from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.language.algebra import entries, numbered
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.lane.direct import fields_of

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.exports.document import PYBULLET, Document, Heading, numbers, xml
+from redundant_envs.exports.files import PYBULLET, Document, Heading, numbers, xml
 from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
 from redundant_envs.scenes.scene import Scene
 

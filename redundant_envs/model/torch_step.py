@@ -6,7 +6,7 @@ import contextlib
 import functools
 import itertools
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.compiler.backends.torch import number, on_plain_numbers, torch
@@ -62,12 +62,11 @@ def torch_step(scene: Scene) -> Step:
     for boundary in (*features.stops, *features.sticking):
         owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
         if boundary in features.stops:
-            said = "impacts have no meaningful derivative; use a LimitSpring for its joints"
+            said, other = "impacts have no meaningful derivative", "a LimitSpring for its joints"
         else:
-            said = (
-                "joints stick and slip at events without a meaningful derivative; use SmoothCoulombFriction"
-            )
-        raise ValueError(f"scene has a {owner}, whose {said}")
+            said = "joints stick and slip at events without a meaningful derivative"
+            other = "SmoothCoulombFriction"
+        raise ValueError(f"scene has a {owner}, whose {said}; use {other}")
     if features.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
@@ -90,7 +89,14 @@ def torch_step(scene: Scene) -> Step:
             ("draws", draws, of_draws, drawing, "random numbers", "draws"),
         ):
             if columns:
-                _check_given(name, value, owners, nouns, len(columns))
+                if value is None:
+                    keys = [*dict.fromkeys(owners)]
+                    have = "have" if len(keys) > 1 else "has"
+                    raise ValueError(
+                        f"{name} is missing, and {', '.join(keys)} {have} {nouns}; give step(q, qd, efforts, "
+                        f"{name}=...) a tensor (..., {len(columns)}), at the start torch.tensor("
+                        f"BatchSimulator(scene, num_envs).{name}), and then what the step returns"
+                    )
                 given[name] = _checked(name, value, len(columns))
                 own |= zip(columns, given[name].unbind(-1), strict=True)
             elif value is not None:
@@ -99,7 +105,11 @@ def torch_step(scene: Scene) -> Step:
         _check_batch({**given, **named})
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
         states += [own[n] for n in dynamics.states[2 * count :]]
-        fields = fields_of(dynamics, _as_fields(dynamics, named))
+        replaced: dict[str, Any] = {}
+        for name, tensor in named.items():
+            names = map(dynamics.parameters.field_of, names_of(scene, name))
+            replaced |= zip(names, tensor.unbind(-1), strict=True)
+        fields = fields_of(dynamics, replaced)
         fields |= zip(dynamics.commands, tensors[2].unbind(-1), strict=True)
         fields |= {n: own[n] for n in (*dynamics.effect_states.updated, *of_draws)}
 
@@ -172,18 +182,6 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
     return on_plain_numbers(found, *fields.values())
 
 
-def _check_given(name: str, value: Any, owners: Iterable[str], what: str, width: int) -> None:
-    """ValueError if the states or the draws of effects are missing, with how to have those of a start."""
-    if value is None:
-        keys = [*dict.fromkeys(owners)]
-        one = "has" if len(keys) == 1 else "have"
-        raise ValueError(
-            f"{name} is missing, and {', '.join(keys)} {one} {what}; give step(q, qd, efforts, {name}=...) a "
-            f"tensor (..., {width}), at the start torch.tensor(BatchSimulator(scene, num_envs).{name}), "
-            "and then what the step returns"
-        )
-
-
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
     if value is None:
         raise ValueError(f"{name} is missing; give a tensor whose last axis has {width} numbers")
@@ -228,12 +226,3 @@ def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torc
             tensor = tensor.unsqueeze(-1)
         tensors[name] = _checked(name, tensor, len(names))
     return tensors
-
-
-def _as_fields(dynamics: Dynamics, named: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Parameters by the names of their fields."""
-    values: dict[str, torch.Tensor] = {}
-    for name, tensor in named.items():
-        fields = map(dynamics.parameters.field_of, names_of(dynamics.scene, name))
-        values.update(zip(fields, tensor.unbind(-1), strict=True))
-    return values

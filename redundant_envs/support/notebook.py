@@ -35,7 +35,11 @@ def as_html(thing: Any, *parts: Callable[[], str]) -> str:
                 made.append(part())
         except Exception:
             made.append("")
-    text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"
+    try:
+        plain = repr(thing)
+    except Exception:
+        plain = f"<{type(thing).__name__}>"
+    text = f"<pre>{escaped(plain, LONGEST_TEXT)}</pre>"
     page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'
     return page if len(page.encode(errors="replace")) <= MAX_BYTES else text
 
@@ -60,10 +64,3 @@ def table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
 
 def _line(kind: str, cells: Sequence[Any]) -> str:
     return f"<tr>{''.join(f'<{kind}>{escaped(cell)}</{kind}>' for cell in cells)}</tr>"
-
-
-def _text(thing: Any) -> str:
-    try:
-        return repr(thing)
-    except Exception:  # a representation of a user's own may fail in any way
-        return f"<{type(thing).__name__}>"

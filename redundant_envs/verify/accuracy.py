@@ -21,11 +21,9 @@ MISSED = 1e-3
 
 def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
     """Tips at the scene's own step, those of the two references, m, and whether these are valid."""
-    whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
-    own, first, second = (
-        trial.arm.forward_kinematics(x.q) for x in (trial.shared(own_interval), whole, parts)
-    )
-    return own, [second, first], whole.good & parts.good & np.isfinite(first - second).all(axis=1)
+    ends = [trial.shared(end) for end in (own_interval, exact_whole, exact_in_parts)]
+    own, first, second = (trial.arm.forward_kinematics(end.q) for end in ends)
+    return own, [second, first], ends[1].good & ends[2].good & np.isfinite(first - second).all(axis=1)
 
 
 @check("tip error of the own step", nothing("m, 99 % of the states"))
