@@ -21,8 +21,7 @@ from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
-MAX_CHANGED = 1e-10
-"""Largest share by which the least inertias of bodies may change accelerations, in most poses."""
+MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations, in most poses
 SHARE_OF_POSES = 0.9
 POSES = 256
 THICKNESS = 0.03  # of drawn links, as a share of the reach

@@ -32,8 +32,7 @@ PARTS = {
     "simulator/lane": "interval", "simulator/batch": "interval", "language/limits.py": "integrator",
 }  # fmt: skip
 """Folders and files of the package, and the owner to which the operations written there are attributed."""
-OF_ENVIRONMENT = ("action", "observation", "reward", "reset")
-"""Entries of a bill for the parts of an environment beside its motion."""
+OF_ENVIRONMENT = ("action", "observation", "reward", "reset")  # entries of a bill beside the motion
 COUNTED = {
     "+": ("additions",), "-": ("additions",), "*": ("products",), "fma": ("additions", "products"),
     "/": ("divisions",), "sqrt": ("roots",), "select": ("selections",),

@@ -120,8 +120,7 @@ class Simulator:
 
 
 FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
-KEPT_SIMULATORS = 64
-"""Simulators that are traced once for all their users; the least recently used ones are dropped."""
+KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used ones are dropped
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
@@ -292,8 +291,7 @@ def _serve(asked: SimpleQueue[Any]) -> None:
             results.put(None)
 
 
-WAITED = 0.2
-"""s. Waits of this length follow each other where a wait without an end would take no interrupt (Windows)."""
+WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
 LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
 """ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
 takes some 20 us, and to copy the numbers 80 ns for each lane."""

@@ -22,8 +22,7 @@ from redundant_envs.support.values import shown
 
 MAX_UNPACKED = 1 << 26  # bytes of what is read of a policy: 16 million numbers, far more than an arm needs
 MAX_PACKED = 1 << 28  # bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read
-MAX_JSON = 1 << 20
-"""Bytes of JSON, which becomes twenty times as many in memory; evaluations have two thousand."""
+MAX_JSON = 1 << 20  # bytes of JSON, which becomes twenty times as many in memory; evaluations have 2000
 MAX_TABLE = 1 << 24  # bytes of a table of runs: some thousand with their learning curves
 LONGEST_LINE = 1 << 20
 MAX_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy

@@ -9,10 +9,8 @@ import numpy as np
 
 from redundant_envs.support.values import printable
 
-MAX_BYTES = 200_000
-"""Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
-LONGEST_CELL, LONGEST_TEXT = 100, 2000
-"""Most characters of a cell of a table, and of an object that is shown as text."""
+MAX_BYTES = 200_000  # of an object; one with longer HTML, of very long names of a user, is shown as text
+LONGEST_CELL, LONGEST_TEXT = 100, 2000  # characters of a cell, and of an object as text
 MAX_ROWS = 80
 STYLE = (
     "<style>.redundant-envs table{border-collapse:collapse;margin:.4em 0;font-size:.9em}"

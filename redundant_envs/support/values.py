@@ -16,15 +16,12 @@ from typing import Any, TextIO, TypeVar
 from numpy.typing import NDArray
 
 Thing = TypeVar("Thing")
-Numbers = Sequence[float] | NDArray[Any]
-"""Several numbers as users give them; those who take them keep a tuple."""
+Numbers = Sequence[float] | NDArray[Any]  # several numbers as users give them, kept as a tuple
 Ends = Sequence[float | None] | NDArray[Any]  # numbers of which some may be left out
 
-OWN = "redundant_envs", "dataclasses"
-"""Modules whose lines a warning does not show: nobody wrote them for a scene."""
+OWN = "redundant_envs", "dataclasses"  # lines that a warning does not show: nobody wrote them for a scene
 DEEPEST = 20  # largest depth of plain data: what it describes needs four; Python's own limit is not reached
-MAX_VALUES = 3000
-"""Most values in plain data: ten times what the longest description has, read in a tenth of a second."""
+MAX_VALUES = 3000  # in plain data: ten times the longest description, read in a tenth of a second
 LONGEST = 120  # most characters of a value in a message
 WIDEST_INTEGER = 256  # bits of the largest integer that is written out in a message
 

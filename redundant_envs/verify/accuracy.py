@@ -15,8 +15,7 @@ from redundant_envs.verify.judging import judge
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
 
 ENOUGH = 1e-3  # tip error of a control interval [m] that is good enough for the 99th percentile
-MISSED = 1e-3
-"""Share of the states that may miss the tolerance without a flag; our scenes miss none of a million."""
+MISSED = 1e-3  # share of the states that may miss the tolerance without a flag; our scenes miss none of 1e6
 
 
 def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
@@ -88,8 +87,7 @@ FINE, SHARE = 1e-11, 0.75
 """Error of the finer steps at which the order is measured, in radians and reaches: far above rounding, and so
 small that the next order of the method adds little; and the quantile of the states. In an arm with very
 unequal links some motions change faster than any step that rounding allows, and show a lower order."""
-CALM, GROWTH = 3.0, 1.25
-"""Longest step, in units of the time that a state stays calm (rounding grows later); ratio of steps."""
+CALM, GROWTH = 3.0, 1.25  # longest step in units of calm times (rounding grows later); ratio of steps
 SHORT_OF = 0.3  # tolerated difference from the method's order: at a finite step the next order contributes
 
 

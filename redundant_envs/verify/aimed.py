@@ -163,8 +163,7 @@ AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed
 
 
 LOG2_OF_10 = 3.3219280948873626
-BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20
-"""Rates of the first joint that are no numbers, or with which a motion soon is none."""
+BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20  # rates that are no numbers, or soon lead to one that is none
 
 
 def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:

@@ -21,11 +21,9 @@ from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
 
-ROUNDING = 32 * np.finfo(np.float64).eps
-"""Rounding error of a quantity of which differences are taken, relative to the quantity."""
+ROUNDING = 32 * np.finfo(np.float64).eps  # relative rounding error of what differences are taken of
 ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
-STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
-"""Number of random states of each mode, unless the command gives one."""
+STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode, unless the command says
 Promised = Promise | Callable[["Sample"], Promise]
 Measure = Callable[["Sample"], Finding]
 
@@ -181,10 +179,8 @@ def ratio(difference: Any, scale: Any) -> Array:
 
 BEYOND = 0.5  # distance of poses beyond the travel, in units of it: springs at its ends act only there
 WIDE = 5.0  # factor on unlimited angles in every second pose, so that they turn more than once
-FREE = (0.0, 0.2)
-"""Positions of unlimited sliders, m; of those with a stop on one side, the nearest inside it."""
-ANGLES = (-np.pi, np.pi)
-"""Positions of joints that turn freely, rad; of those with a stop on one side, the nearest inside it."""
+FREE = (0.0, 0.2)  # positions of unlimited sliders, m; of those with one stop, the nearest inside it
+ANGLES = (-np.pi, np.pi)  # positions of joints that turn freely, rad; of those with one stop, the nearest
 FAR = 1.0  # largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths
 
 

@@ -18,8 +18,7 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.hints import Motion, worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
-AGREE = at_most(1e-9)
-"""Both are exact to rounding, 1e-15 times the time in time constants; a wrong factor is 1e-3 and more."""
+AGREE = at_most(1e-9)  # rounding is 1e-15 times the time in time constants, a wrong factor 1e-3 and more
 DECADES = 4.0  # number of decades of times below the control interval: of states that decay within it as well
 SPREAD = 2.0  # largest values of a state at the start, in units of that which it has an interval later
 

@@ -15,11 +15,9 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
-AGREE = at_most(1e-9)
-"""In units of terms, and of diagonals of M: MuJoCo rounds poses, some 1e-14 of the reach per joint."""
+AGREE = at_most(1e-9)  # of terms, or of diagonals of M: MuJoCo rounds poses, 1e-14 of the reach per joint
 SMALLEST = 1e-14  # moment of inertia of a body, which MuJoCo requires to be positive
-LARGEST = 1e6
-"""Smallest diagonal entry of the mass matrix in MuJoCo's unit of mass: that inertia is below its rounding."""
+LARGEST = 1e6  # smallest diagonal entry of M in MuJoCo's unit of mass: that inertia is below its rounding
 MOVED = 1e-9  # fraction of the largest displacement: a mass that moves less with a joint is not carried by it
 STATES = 64
 

@@ -22,8 +22,7 @@ from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_least, at_most
 
-AGREE = at_most(1e-10)
-"""A thousand times the rounding, and a thousandth of the smallest mistake: a factor, a sign, an index."""
+AGREE = at_most(1e-10)  # a thousand times the rounding, a thousandth of the smallest mistake in a formula
 LEAST = 1e-4
 """Bias forces are compared with at least this share of the forces that the kinetic energy could cause: a
 single link has no bias forces, and sums over its point mass leave rounding."""

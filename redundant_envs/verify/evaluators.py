@@ -19,8 +19,7 @@ from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 AGREE = at_most(1e-10)
 """Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
 products, some 1e-15, which impacts amplify; another form of an equation differs by a thousandth and more."""
-NUDGE, STEADY = 1e-13, 1e-11
-"""Relative change of the rates at the start; a lane whose end changes by the second is left out."""
+NUDGE, STEADY = 1e-13, 1e-11  # relative change of rates at the start, of states at the end where judged
 LANES, SINGLES = 16, 4
 MAX_STEPS = 4  # number of equal steps that are compared: without a compiler each takes some milliseconds
 MAX_EVALUATIONS = 24 * 12  # most evaluations of a compared lane that chooses its steps

@@ -25,8 +25,7 @@ from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay; three are still in the
 region of stability of rk8, and a declared number may leave out states that hardly occur."""
-SLOWEST = 6.0
-"""Number of decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
+SLOWEST = 6.0  # decades of rates below the usual ones: friction that is smooth at 0 is steepest there
 DRIVES = at_most(1e-6)  # largest positive power of a damper, in units of the largest power that it absorbs
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})

@@ -12,8 +12,7 @@ from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Sample, check, ra
 from redundant_envs.verify.equations import from_points
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
-SHORT = 1e-10
-"""s after an impact, less for arms below a metre: forces change velocities by 1e-7, to be subtracted."""
+SHORT = 1e-10  # s after an impact, for an arm of a metre: forces change velocities by 1e-7, to be subtracted
 SMALL = 0.01  # below this restitution a slider may come to rest at its stop instead of an invisible bounce
 AGREE = at_most(1e-8)
 """Largest relative error of velocities and energies: the impulse follows from an elimination that loses

@@ -20,10 +20,8 @@ from redundant_envs.support.values import required, shown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
-TOLERANCE = 1e-6
-"""Tip error [m] per control interval of scenes made here: the standard accuracy of the environments."""
-MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)
-"""kg, m of an arm given by its class, in turn: equal ones would hide equations that confuse two."""
+TOLERANCE = 1e-6  # tip error [m] of scenes made here: the standard accuracy of the environments
+MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)  # kg, m: equal ones would hide mistakes
 NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 

@@ -14,8 +14,7 @@ from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Sce
 from redundant_envs.verify.checks import Array, Sample, check, enough
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 
-BACK = at_most(1e-9, "rad or reaches")
-"""Distance after a calm motion there and back by dop853: ten thousand times the error of that."""
+BACK = at_most(1e-9, "rad or reaches")  # ten thousand times the error of dop853, there and back
 
 
 @check("time reversal", BACK, Mode.STANDARD)
@@ -48,8 +47,7 @@ def time_reversal(trial: Sample) -> Finding:
     return trial.finding(gaps, words)
 
 
-INTERVALS = 2
-"""With more steps a motion that is too fast for its step could become infinite, which does not scale."""
+INTERVALS = 2  # with more a motion too fast for its step could become infinite, which does not scale
 
 
 class Scales(NamedTuple):
