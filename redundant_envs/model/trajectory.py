@@ -43,9 +43,8 @@ class Trajectory:
     asked for a new interval, and its last command counts."""
     scene: Scene = field(repr=False)
     events: list[Event] = field(default_factory=list)  # at the stops of the sliders, in the order of time
-    z: Array | None = field(
-        default=None, repr=False
-    )  # states of effects, (T, ..., states), as Scene.states()
+    z: Array | None = field(default=None, repr=False)
+    """States of effects, (T, ..., states), in the order of ``Scene.states()``."""
 
     @property
     def tip(self) -> Array:

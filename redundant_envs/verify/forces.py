@@ -17,9 +17,7 @@ from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
 STEP = 1e-5  # rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)
-SHARE_OF_TRAVEL = (
-    0.01  # largest step, in units of a travel or of a width between switches: few straddle these
-)
+SHARE_OF_TRAVEL = 0.01  # largest step, in units of a travel or of a width between switches: few straddle it
 AGREEMENT = 1e-5  # in units of the force: a thousand times the error of differences of a smooth potential
 SMOOTH = 1e-6
 """If two differences agree to this, in units of the force, the potential is smooth there and the state

@@ -81,19 +81,9 @@ def verify(
     done: Callable[[str], None] = lambda name: None,
     checks: Iterable[Check] | None = None,
 ) -> Report:
-    """Check an arm, a scene, an effect, a task, or a :class:`Subject`.
-
-    Parameters
-    ----------
-    thing : Arm, Scene, Effect, Task, a class of these, or Subject
-    states : int, optional
-        Number of random states; by default that of the mode.
-    mode : Mode
-    done : callable
-        Receives the name of each check when it is done.
-    checks : iterable of Check, optional
-        By default those of the mode.
-    """
+    """Check an arm, a scene, an effect, a task, a class of these, or a :class:`Subject` in a number of random
+    states, and by checks, that follow from the mode unless given; ``done`` receives the name of each check
+    when it is done."""
     subject = subject_from(kind_of(thing).__name__, thing)
     trial = Sample(subject, STATES[mode] if states is None else states, mode)
     outcomes = []
