@@ -112,8 +112,19 @@ class Sample:
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Coordinates and velocities in all regions that the arm reaches, (up to count, joints) each."""
-        return random_poses(self.scene, self.count, self.seed)
+        """Coordinates and velocities, (up to count, joints) each: also beyond the travel, after turns, and
+        with unlimited sliders on either side of 0, but not where points of masses are undefined."""
+        arm: Any = self.scene.robot
+        q, qd, _ = random_states(self.scene, self.count, self.seed, BEYOND)
+        joints, rng = q @ arm.motor_map, np.random.default_rng(self.seed + 3)
+        for k in range(len(arm.joints)):
+            if k not in self.scene.travel() and arm.prismatic[k]:
+                joints[:, k] = FAR * (sum(arm.lengths) or 1.0) * rng.uniform(-1.0, 1.0, self.count)
+            elif k not in self.scene.travel():
+                joints[::2, k] *= WIDE
+        q = joints @ np.linalg.inv(arm.motor_map)
+        there = np.isfinite(arm.points(q)).all(axis=(1, 2))
+        return (q[there], qd[there]) if there.any() else (q, qd)
 
     @cached_property
     def square(self) -> Array:
@@ -213,21 +224,3 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
     if not limits.size:
         limits = np.abs(scene.loaded_robot.gravity_forces(joints @ inverse) @ inverse.T).max(axis=0)
     return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
-
-
-def random_poses(scene: Scene, count: int, seed: int) -> tuple[Array, Array]:
-    """Coordinates and velocities, (count, joints) each: also beyond the travel, after several turns, and with
-    unlimited sliders on either side of 0, but not where positions of point masses are undefined."""
-    arm: Any = scene.robot
-    q, qd, _ = random_states(scene, count, seed, BEYOND)
-    joints, rng = q @ arm.motor_map, np.random.default_rng(seed + 3)
-    for k in range(len(arm.joints)):
-        if k in scene.travel():
-            continue
-        if arm.prismatic[k]:
-            joints[:, k] = FAR * (sum(arm.lengths) or 1.0) * rng.uniform(-1.0, 1.0, count)
-        else:
-            joints[::2, k] *= WIDE
-    q = joints @ np.linalg.inv(arm.motor_map)
-    there = np.isfinite(arm.points(q)).all(axis=(1, 2))
-    return (q[there], qd[there]) if there.any() else (q, qd)

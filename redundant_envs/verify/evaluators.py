@@ -17,8 +17,7 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-10)
-"""Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
-products, some 1e-15, which impacts amplify; another form of an equation differs by a thousandth and more."""
+"""Relative to the largest number of a kind: joined products round by 1e-15, which impacts amplify."""
 NUDGE, STEADY = 1e-13, 1e-11  # relative change of rates at the start, of states at the end where judged
 LANES, SINGLES = 16, 4
 MAX_STEPS = 4  # number of equal steps that are compared: without a compiler each takes some milliseconds
