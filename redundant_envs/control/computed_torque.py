@@ -24,10 +24,8 @@ ITERATIONS, DAMPING = 60, 1e-4  # of the search for a pose
 
 
 def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
-    """A pose (n, joints) with the tip at the goal (n, 2) m, near the start (n, joints).
-
-    Damped Gauss-Newton in joint coordinates; if it does not converge, the nearest pose that it found.
-    """
+    """A pose (n, joints) with the tip at the goal (n, 2) m, near the start (n, joints), by damped
+    Gauss-Newton in joint coordinates; if that does not converge, the nearest pose that it found."""
     robot, b = scene.robot, scene.robot.motor_map
     inverse = np.linalg.inv(b)  # q = B^-T phi
     phi = start @ b
@@ -55,10 +53,8 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
 
 
 def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
-    """The pose with the tip at the goal that loads the motors least, reached by the shortest turns.
-
-    Arguments and result are those of :func:`pose_at`, whose pose it returns if the goal is out of reach.
-    """
+    """The pose with the tip at the goal that loads the motors least, reached by the shortest turns; that of
+    :func:`pose_at`, with its arguments, if the goal is out of reach."""
     robot, b = scene.robot, scene.robot.motor_map
     found, _ = holding_poses(scene, goal)
     out = np.isnan(found).any(axis=1)

@@ -34,8 +34,6 @@ Load = Callable[[Array, Sheet, Array], Array]
 """Largest effort / limit (...), of x = (psi1, psi2, and with a tolerance the point near the goal), sheets and
 goals (..., 2)."""
 
-# ---- efforts at rest: the loads of gravity and springs on the motors, and the share of the stops ---------
-
 
 def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     """Joint efforts t at rest [N m, N], (..., joints), without the help of stops: B (t + f) = G(q) with the
@@ -111,23 +109,15 @@ def effort_limits(scene: Scene) -> Array:
     return given
 
 
-# ---- the pose of least load ------------------------------------------------------------------------------
-
-PARAMETERS = 2  # number of parameters of the poses at a goal
+PARAMETERS = 2  # of the poses at a goal
 GRID = 25
 """Points of the grid along either parameter. With 49 the loads of 2000 goals of the reach scenes change by
 at most 1.4e-3, and one alone by more than 1e-3."""
-CANDIDATES = 12
-"""Number of local minima of the grid, best first, from which the search descends: a valley that is narrower
-than the grid looks like several."""
-ROUNDS, DIRECTIONS = 120, 12
-"""Rounds of the pattern search, and directions it tries in each: a step shrinks from a cell of the grid to
-1e-5 of it."""
-WIDER, NARROWER = 2.0, 0.8
-"""Factors of the step after a round that found a better point, and after a round that did not."""
-RING = 8
-"""Number of points on the circle around a goal with a tolerance that get a grid, beside the goal itself."""
-CHUNK = 100_000  # number of poses of a batch: its arrays stay below 100 MB
+CANDIDATES = 12  # best local minima of the grid to descend from: a narrow valley looks like several
+ROUNDS, DIRECTIONS = 120, 12  # of the pattern search: a step shrinks from a cell of the grid to 1e-5 of it
+WIDER, NARROWER = 2.0, 0.8  # factors of the step after a round that found a better point, and after another
+RING = 8  # points on the circle around a goal with a tolerance that get a grid, beside the goal itself
+CHUNK = 100_000  # poses of a batch: its arrays stay below 100 MB
 
 
 def holding_load(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> Array:
@@ -237,24 +227,14 @@ def _descended(
     return x, best
 
 
-# ---- all poses of an arm with its tip at a goal, as a function of parameters and a sheet -----------------
-#
-# A pose is built from the base outwards. Each step chooses the distance of the arm's next point from the
-# goal, between the least and the largest distance that the rest of the arm can still close; the law of
-# cosines gives the angle, to either side. So every choice yields a pose, and every pose has a choice.
-
 SLACK = 1e-9  # a goal that is out of reach by at most this distance counts as reached, m: that is rounding
 
 
 def num_sheets(arm: Arm) -> int:
-    """Number of sheets: each turn except that of the last link may go to either side."""
-    return 2 ** (_links(arm) - 1)
-
-
-def _links(arm: Arm) -> int:
-    """Links of an arm whose links all have fixed lengths, or which has two links that both extend."""
+    """Number of sheets: each turn except that of the last link may go to either side. ValueError unless all
+    links have fixed lengths, or there are two that both extend."""
     if not any(arm.prismatic):
-        return len(arm.joints)
+        return 2 ** (len(arm.joints) - 1)
     if arm.prismatic == (False, True) * 2 and arm.num_lengths == 2:
         return 2
     raise ValueError(
@@ -269,9 +249,13 @@ def goal_poses(arm: Arm, travel: Travel, goals: Array, psi: Array, sheet: Sheet)
     psi (..., joints - 2) is from 0 to pi: at 0 a slider is at the lower end of the range the goal allows, and
     at pi at the upper end; if that is an end of its travel, m, exactly. In fixed links it chooses distances.
     Bits of the sheet (...), below :func:`num_sheets`, say to which side each turn goes; all shapes broadcast.
+
+    A pose is built from the base outwards. Each step chooses the distance of the arm's next point from the
+    goal that the rest of the arm can still close; the law of cosines gives the angle, to either side. So
+    every choice yields a pose, and every pose has a choice.
     """
     shape = np.broadcast_shapes(goals.shape[:-1], psi.shape[:-1], sheet.shape)
-    sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(_links(arm) - 1)]
+    sides = [1.0 - 2.0 * ((sheet >> k) & 1) for k in range(num_sheets(arm).bit_length() - 1)]
     build = _two_extending_links if any(arm.prismatic) else _fixed_links
     columns, reached = build(arm.lengths, travel, goals, psi, sides)
     q = np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1)
@@ -327,8 +311,7 @@ def _between(low: Any, high: Any, psi: Any) -> Any:
 
 
 def _turn(distance: Any, length: Any, rest: Any, psi: Any) -> Any:
-    """Angle between a link and the line to the goal, 0 to pi, such that the rest closes the triangle; with
-    its base at the goal a link may point anywhere: then it is psi."""
+    """Angle from a link to the line to the goal, 0 to pi, that closes the triangle; psi at the goal."""
     product = 2.0 * distance * length
     squares = distance**2 + length**2 - rest**2
     cosine = np.divide(squares, product, out=np.zeros_like(squares * product), where=product > 0.0)

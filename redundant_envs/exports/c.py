@@ -8,27 +8,22 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from redundant_envs.compiler.tracing.graph import COMPARISONS, CONDITIONS, Operation, Value, reached
-from redundant_envs.exports.document import Document, Heading
+from redundant_envs.exports.files import Document, Heading
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
 from redundant_envs.scenes.scene import Scene
 
-INFIX = {**{name: name for name in ("+", "-", "*", "/", *COMPARISONS)}, "and": "&&", "or": "||", "xor": "!="}
-"""Operations between two values."""
-CALLS = {
-    **{name: name for name in ("sqrt", "floor", "exp", "expm1", "log", "sin", "cos")},
-    "abs": "fabs", "neg": "-", "not": "!",
+FORMS = {
+    **{name: f"{{}} {name} {{}}" for name in ("+", "-", "*", "/", *COMPARISONS)},
+    **{name: f"{name}({{}})" for name in ("sqrt", "floor", "exp", "expm1", "log", "sin", "cos")},
+    "and": "{} && {}", "or": "{} || {}", "xor": "{} != {}", "select": "{} ? {} : {}",
+    "abs": "fabs({})", "neg": "-({})", "not": "!({})",
 }  # fmt: skip
-"""Operations on one value."""
+"""Operations in C, of one, two or three values."""
 
 
 def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
-    """A C file with one function, such as ``four_r_reach_accelerations``; it needs math.h alone.
-
-    Raises
-    ------
-    ValueError
-        If effects have states or jumps, and the result is not to be ``approximate``.
-    """
+    """A C file with one function, such as ``four_r_reach_accelerations``; it needs math.h alone. ValueError
+    if effects have states or jumps, and the result is not to be ``approximate``."""
     smooth, notes = smooth_scene(scene, "C", approximate)
     n, results = len(scene.robot.joints), equations(smooth, "qdd")["qdd"]
     about = [
@@ -55,8 +50,7 @@ def identifier(name: str) -> str:
 
 
 def _statements(results: list[Value], named: set[str]) -> Iterator[str]:
-    """Operations in their order, under the functions of the equations that they come from, if these are among
-    the ``named`` ones."""
+    """Operations in their order, under the functions of equations they come from, if these are ``named``."""
     names: dict[Operation, str] = {}
     source = ""
     for operation in reached(results):
@@ -70,17 +64,10 @@ def _statements(results: list[Value], named: set[str]) -> Iterator[str]:
             yield from [f"/* {source} */"] if source != before else []
         kind, letter = ("int", "c") if operation.name in CONDITIONS else ("double", "x")
         name = f"{letter}{len(names)}"
-        yield f"const {kind} {name} = {_expression(operation, [*_shown(operation.arguments, names)])};"
+        form = FORMS[operation.name].format(*_shown(operation.arguments, names))
+        yield f"const {kind} {name} = {form};"
         names[operation] = name
     yield from (f"qdd[{k}] = {text};" for k, text in enumerate(_shown(results, names)))
-
-
-def _expression(operation: Operation, given: list[str]) -> str:
-    if operation.name == "select":
-        return "{} ? {} : {}".format(*given)
-    if operation.name in INFIX:
-        return f"{given[0]} {INFIX[operation.name]} {given[1]}"
-    return f"{CALLS[operation.name]}({given[0]})"
 
 
 def _shown(values: Iterable[Value], names: dict[Operation, str]) -> Iterator[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.compiler.backends.casadi import ca
-from redundant_envs.exports.document import Document, Heading, Note
+from redundant_envs.exports.files import Document, Heading, Note
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.lane.direct import OPERATIONS, evaluate

@@ -1,13 +1,15 @@
-"""Formats by their names, and files of them."""
+"""Files of other programs' formats: their text, their heads, and what they cannot express."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
 
 from redundant_envs import __version__
-from redundant_envs.exports.document import Document, Heading, Note
+from redundant_envs.effects.hooks import Effect
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.support.disk import write_bytes
 from redundant_envs.support.values import shown
@@ -16,22 +18,93 @@ FORMATS = {"mjcf": "mjcf:mjcf", "urdf": "urdf:urdf", "casadi": "casadi:serialise
 """Formats, and where the functions are that write them: CasADi may be missing."""
 
 
+class Note(NamedTuple):
+    """An effect without an exact counterpart, why, and what the file has of it."""
+
+    name: str
+    reason: str
+    written: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.written} ({self.reason})"
+
+
+class Document(NamedTuple):
+    """The content of a file, and what it leaves out or approximates."""
+
+    content: str | bytes
+    notes: Sequence[Note]
+
+
+class Heading(NamedTuple):
+    """What a file is made of."""
+
+    scene: str
+    version: str
+    drawn: bool  # whether episodes draw some of its numbers
+    function: str  # what the name of a function begins with
+
+    def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
+        """The head of a file, line by line."""
+        made = [f"Made by redundant-envs {self.version} from {plain(self.scene)}.", *about]
+        made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
+        return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
+
+
+PYBULLET = "PyBullet takes moments of inertia from it only with flags=URDF_USE_INERTIA_FROM_FILE."
+
+
+def refuse_inexact(notes: Sequence[Note], form: str, approximate: bool) -> None:
+    """ValueError with all notes, unless the document may be approximate."""
+    if notes and not approximate:
+        by_reason: dict[str, list[str]] = {}
+        for note in notes:
+            by_reason.setdefault(note.reason, []).append(note.name)
+        listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
+        raise ValueError(
+            f"{form} cannot express parts of this scene exactly: {listed}; change the scene, or add "
+            "--approximate (in Python approximate=True)"
+        )
+
+
+def named(effect: Effect, scene: Scene) -> str:
+    """An effect in messages: its class, and what tells it from others of this class."""
+    kind = type(effect).__name__
+    alike = [other for other in scene.effects if type(other) is type(effect)]
+    return kind if len(alike) == 1 else f"{kind} {effect.key.partition('.')[2] or effect.key}"
+
+
+def plain(text: str) -> str:
+    """A text of a user without what is not printable: XML has no such characters."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def numbers(*values: float) -> str:
+    """Numbers of XML that are read back to the last bit."""
+    return " ".join(repr(float(x) + 0.0) for x in values)
+
+
+def xml(root: ET.Element, head: Iterable[str], notes: Sequence[Note]) -> Document:
+    """An XML document, with the lines of its head as a comment."""
+    text = "\n    ".join(head)
+    while "--" in text:  # not allowed in a comment
+        text = text.replace("--", "- -")
+    root.insert(0, ET.Comment(f" {text} "))
+    for element in root.iter():
+        element.attrib.update({name: plain(value) for name, value in element.attrib.items()})
+    ET.indent(root)
+    return Document(f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n', notes)
+
+
 def document(
     scene: Scene, form: str, approximate: bool = False, name: str = "", function: str = ""
 ) -> Document:
     """A scene in a format, "mjcf", "urdf", "casadi" or "c".
 
-    Parameters
-    ----------
-    scene : Scene
-    form : str
-    approximate : bool
-        Leave out what has no exact counterpart, or write the nearest equivalent; the notes of the document
-        name it, and so do comments in text formats.
-    name : str
-        Of the scene, in the file.
-    function : str
-        What the name of the function of a C file begins with; that of the scene or of the arm if it is empty.
+    If ``approximate``, what has no exact counterpart is left out, or its nearest equivalent is written; the
+    notes of the document name it, and so do comments in text formats. ``name`` is that of the scene in the
+    file, and ``function`` what the name of the function of a C file begins with, by default that of the scene
+    or of the arm.
 
     Raises
     ------
@@ -51,10 +124,8 @@ def document(
 
 
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
-    """Write the same to a file, whose folder is made; what it leaves out. OSError if that cannot be done.
-
-    The function of a C file is called by the file.
-    """
+    """Write the same to a file, whose folder is made, and return what it leaves out. OSError if that cannot
+    be done. The function of a C file is called by the file."""
     made = document(scene, form, approximate, name, path.stem)
     write_bytes(path, made.content if isinstance(made.content, bytes) else made.content.encode())
     return made.notes

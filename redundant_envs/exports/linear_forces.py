@@ -19,8 +19,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
 
-Affine = dict[str, float]
-"""A constant, and slopes by the names of unknowns."""
+Affine = dict[str, float]  # a constant, and slopes by the names of unknowns
 CONSTANT = ""
 
 
@@ -38,13 +37,16 @@ def linear_forces(scene: Scene, numbers: Mapping[str, float]) -> dict[Attached[F
     known = {**numbers, **dict(_motion(scene.robot))}
     found = {}
     for a in scene.attached.of(Force):
-        force = None if a.has_laws or states_of(a.hook) else _evaluated(a, known)
-        if force is None or not isinstance(a.hook.joint, int):
+        if a.has_laws or states_of(a.hook) or not isinstance(a.hook.joint, int):
             continue
-        constant, slopes = (
-            force.pop(CONSTANT, 0.0),
-            {name: slope for name, slope in force.items() if slope != 0.0},
-        )
+        try:  # a force that takes another quantity, or is no function of traced numbers, is not linear
+            force = _affine(value_of(a.functions["function"](Quantities(known, (), {}))))
+        except (ValueError, TypeError, ZeroDivisionError):
+            continue
+        if force is None:
+            continue
+        constant = force.pop(CONSTANT, 0.0)
+        slopes = {name: slope for name, slope in force.items() if slope != 0.0}
         position, rate = (slopes.pop(name, 0.0) for name in a.hook.motion)
         if not slopes and np.isfinite((constant, position, rate)).all():
             found[a] = Linear(a.hook.joint, constant, -position, -rate)
@@ -55,20 +57,12 @@ def _motion(arm: Arm) -> Iterator[tuple[str, Number]]:
     """Positions and rates of the joints as unknowns, and coordinates and their rates as what follows."""
     joints, graph = range(1, len(arm.joints) + 1), Graph(whole=True)
     phi, phid = ([Number(graph, graph.load(f"{name}{k}", 0)) for k in joints] for name in ("phi", "phid"))
-    yield from ((f"phi{k}", x) for k, x in zip(joints, phi, strict=True))
-    yield from ((f"phid{k}", x) for k, x in zip(joints, phid, strict=True))
+    yield from zip((f"phi{k}" for k in joints), phi, strict=True)
+    yield from zip((f"phid{k}" for k in joints), phid, strict=True)
     found: Any = arm.coordinates_of_joints(*phi)
     yield from zip(arm.coordinates, found if isinstance(found, tuple) else (found,), strict=True)
     for name, row in zip(arm.rates, shares_of_joints(arm).tolist(), strict=True):
         yield name, sum(share * x for share, x in zip(row, phid, strict=True))
-
-
-def _evaluated(a: Attached[Force], known: Mapping[str, Any]) -> Affine | None:
-    """The force on these numbers; None if it is not affine, or takes another quantity."""
-    try:
-        return _affine(value_of(a.functions["function"](Quantities(known, (), {}))))
-    except (ValueError, TypeError, ZeroDivisionError):
-        return None
 
 
 def _affine(force: Value) -> Affine | None:

@@ -19,15 +19,9 @@ from redundant_envs.robots.mobility import joint_rates
 
 Array = NDArray[np.float64]
 POSES = 16
-EQUAL = 1e-12
-"""Largest difference of positions and of displacements, as a share of the reach."""
-ALIKE = 1e-10
-"""Largest difference of the arm's own equations from those of its points, as a share of the largest
-sum of the sizes of their terms."""
-
-
-LENGTH = 14
-"""Characters from which on a number is not a short one."""
+EQUAL = 1e-12  # largest difference of positions and of displacements, as a share of the reach
+ALIKE = 1e-10  # largest difference of the arm's equations from those of its points, in units of their terms
+LENGTH = 14  # characters from which on a number is not a short one
 
 
 class Link(NamedTuple):
@@ -42,22 +36,18 @@ class Link(NamedTuple):
 
 
 def links_of(arm: Arm) -> tuple[Link, ...]:
-    """The links of an arm, from base to tip. Point masses that no joint moves belong to none.
-
-    Raises
-    ------
-    ValueError
-        If the arm is not a chain of rigid links, one for each joint.
-    """
+    """The links of an arm, from base to tip; point masses that no joint moves belong to none. ValueError
+    if it is not a chain of rigid links, one for each joint."""
     n = len(arm.joints)
     phi = np.vstack([np.zeros(n), np.random.default_rng(0).uniform(-1.5, 1.5, (POSES, n))])
+    unknown = "its point masses are not known in all poses"
     try:
         with np.errstate(all="ignore"):
             points, moved = _points(arm, coordinates_at(arm, phi))
     except (ValueError, ArithmeticError) as error:
-        raise _refusal(arm, f"its point masses are not known in all poses: {error}") from None
+        raise _refusal(arm, f"{unknown}: {error}") from None
     if not (np.isfinite(points).all() and np.isfinite(moved).all()):
-        raise _refusal(arm, "its point masses are not known in all poses")
+        raise _refusal(arm, unknown)
     _check_equations(arm, phi, moved[:, :-1])
     reach = max(float(np.abs(points).max()), 1e-300)
     by_joint = np.abs(moved).max(axis=(0, 2)) > EQUAL * reach  # whether a joint moves a point
@@ -108,19 +98,13 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
     qd = np.random.default_rng(1).uniform(-1.0, 1.0, q.shape)
     names = [f"{axis}dqd{p + 1}" for p in range(len(masses)) for axis in "XY"]
     turning = arm._vector(names, q=q, qd=qd).reshape(len(q), -1, 2)
-    weight = np.array([0.0, 9.81])
-    sums = {
-        "masses and inertias": ("p, npaj, npak -> njk", moved),
-        "bias forces": ("p, npaj, npa -> nj", turning),
-        "gravity forces": ("p, npaj, a -> nj", weight),
-    }
-    own = {
-        "masses and inertias": shares.T @ arm.mass_matrix(q) @ shares,
-        "bias forces": arm.bias_forces(q, qd) @ shares,
-        "gravity forces": arm.gravity_forces(q, 9.81) @ shares,
-    }
-    for what, (indices, factor) in sums.items():
-        gap = np.abs(own[what] - np.einsum(indices, masses, moved, factor)).max()
+    M, h, G = arm.mass_matrix(q), arm.bias_forces(q, qd), arm.gravity_forces(q, 9.81)
+    for what, own, indices, factor in (
+        ("masses and inertias", shares.T @ M @ shares, "p, npaj, npak -> njk", moved),
+        ("bias forces", h @ shares, "p, npaj, npa -> nj", turning),
+        ("gravity forces", G @ shares, "p, npaj, a -> nj", np.array([0.0, 9.81])),
+    ):
+        gap = np.abs(own - np.einsum(indices, masses, moved, factor)).max()
         terms = np.einsum(indices, masses, np.abs(moved), np.abs(factor))  # they may cancel
         if not gap <= ALIKE * terms.max():
             raise _refusal(arm, f"its {what} are not those of its point masses")
@@ -140,8 +124,7 @@ def _placed(links: Sequence[Link], phi: Array, tip: int) -> Iterator[tuple[int, 
 
 
 def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Positions of point masses and tip, (poses, points, 2), and their displacements by the joints, (poses,
-    points, 2, joints)."""
+    """Positions of point masses and tip, (poses, points, 2), and their slopes, (poses, points, 2, joints)."""
     n, count = len(arm.joints), arm.num_masses
     names = [f"{axis}{p + 1}{j + 1}" for p in range(count) for axis in "XY" for j in range(n)]
     slopes = arm._vector(names, q=q).reshape(len(q), count, 2, n)

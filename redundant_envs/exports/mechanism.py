@@ -8,59 +8,33 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, field_of
 from redundant_envs.effects.effort_limits import EffortLimits
-from redundant_envs.effects.hooks import (
-    CONTROL_DT,
-    SPEED,
-    Actuation,
-    Effect,
-    Field,
-    Force,
-    Friction,
-    Gap,
-    Impact,
-    Impulse,
-    Inertia,
-    Instant,
-    PointMass,
-    Sensing,
-    states_of,
-)
-from redundant_envs.exports.document import Note, named, refuse_inexact
+from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
+from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import (
-    Link,
-    coordinates_at,
-    links_of,
-    shares_of_joints,
-)
+from redundant_envs.exports.links import Link, coordinates_at, links_of, shares_of_joints
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.mobility import joint_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
-MAX_CHANGED = 1e-10
-"""Largest share by which the least inertias of bodies may change accelerations, in most poses."""
+MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations, in most poses
 SHARE_OF_POSES = 0.9
 POSES = 256
-THICKNESS = 0.03
-"""Of drawn links, as a share of the reach."""
-FREE = 1e9
-"""Stands for no limit where a number is required: other end of a travel with one end, m or rad."""
+THICKNESS = 0.03  # of drawn links, as a share of the reach
+FREE = 1e9  # stands for no limit where a number is required: other end of a travel with one end, m or rad
 REASONS: dict[type, str] = {
-    Impact: "stops are only soft there, without restitution and rest",
-    Gap: "contacts are only soft there, without restitution",
+    hooks.Impact: "stops are only soft there, without restitution and rest",
+    hooks.Gap: "contacts are only soft there, without restitution",
     Friction: "a joint that sticks creeps there",
-    Impulse: "it makes velocities jump",
-    Instant: "it acts within a control interval",
-    Sensing: "sensors are no part of a model of the arm",
+    hooks.Impulse: "it makes velocities jump",
+    hooks.Instant: "it acts within a control interval",
+    hooks.Sensing: "sensors are no part of a model of the arm",
 }
 """Why hooks have no exact counterpart."""
-
-
-Forces = Mapping[Attached[Force], Linear]
 
 
 class Format(NamedTuple):
@@ -117,19 +91,21 @@ class Mechanism(NamedTuple):
 
 
 def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
-    """The mechanism of a scene.
-
-    Raises
-    ------
-    ValueError
-        If the arm is no chain of rigid links, or something has no exact counterpart in the format and the
-        result is not to be ``approximate``.
-    """
-    arm = scene.robot
-    links, known = links_of(arm), _numbers(scene)
-    forces = linear_forces(scene, known)
-    unfit = _unfit(scene, form, forces)
+    """The mechanism of a scene; ValueError if the arm is no chain of rigid links, or if something has no
+    exact counterpart in the format and the result is not to be ``approximate``."""
+    links = links_of(scene.robot)
+    # Masses are those with the loads, as laws of effects take them.
+    known = scene.parameters() | scene.loaded_robot.parameter_values() | {CONTROL_DT: scene.control_dt}
+    forces: dict[Any, Linear] = linear_forces(scene, known)
+    _, stiffness, constant = _sums(scene, forces)
+    pushed = (stiffness == 0.0) & (constant != 0.0)  # a constant force in all, which no spring has
+    unfit: dict[str, str] = {}
+    for a in scene.attached:
+        if reason := _reason(scene, a, form, forces.get(a), pushed):
+            unfit.setdefault(a.key, reason)
     bodies, armature = _bodies(scene, links, known, unfit)
+    damping, stiffness, constant = _sums(scene, {a: f for a, f in forces.items() if a.key not in unfit})
+    rest = constant / np.where(stiffness == 0.0, 1.0, stiffness)
     notes = _notes(scene, form, unfit)
     refuse_inexact(notes, form.name, approximate)
     fields = [a for a in scene.attached.constant_fields if a.key not in unfit]
@@ -139,73 +115,37 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
     tip = next((k, link.tip) for k, link in enumerate(links) if link.tip is not None)
     return Mechanism(
         tuple(b._replace(mass=max(b.mass, form.least), inertia=max(b.inertia, form.least)) for b in bodies),
-        tip, np.array(gravity), *_springs(scene, forces, unfit), armature,
+        tip, np.array(gravity), damping, stiffness, rest, armature,
         limits if at_joints or form.generalized else None,
-        None if at_joints else shares_of_joints(arm), _soft_ends(scene, known, unfit),
+        None if at_joints else shares_of_joints(scene.robot), _soft_ends(scene, known, unfit),
         _dry_friction(scene, known), tuple(notes),
     )  # fmt: skip
 
 
-# ---- what has a counterpart ------------------------------------------------------------------------------
-
-
-def _numbers(scene: Scene) -> dict[str, float]:
-    """Numbers of the scene; masses are those with the loads, as laws of effects take them."""
-    own = {**scene.parameters(), **scene.loaded_robot.parameter_values()}
-    return {**own, CONTROL_DT: scene.control_dt}
-
-
-def _unfit(scene: Scene, form: Format, forces: Forces) -> dict[str, str]:
-    """Effects without an exact counterpart by their keys, and why."""
-    pushed = _pushed_joints(scene, forces)
-    unfit: dict[str, str] = {}
-    for a in scene.attached:
-        reason = _reason(scene, a) or _reason_of_format(scene, a, form, forces, pushed)
-        if reason:
-            unfit.setdefault(a.key, reason)
-    return unfit
-
-
-def _reason(scene: Scene, a: Attached[Any]) -> str:
-    """Why a hook has no counterpart on rigid links; "" if it has one."""
+def _reason(scene: Scene, a: Attached[Any], form: Format, force: Linear | None, pushed: Array) -> str:
+    """Why a hook has no exact counterpart; "" if it has one. Its ``force`` is None if it is not linear."""
     hook = a.hook
     if type(hook) in REASONS:
         return REASONS[type(hook)]
-    if states_of(hook):
+    if hooks.states_of(hook):
         return "it has states of its own"
-    if isinstance(hook, Field) and a not in scene.attached.constant_fields:
+    if isinstance(hook, hooks.Field) and a not in scene.attached.constant_fields:
         return "its field changes with time"
     if isinstance(hook, PointMass) and hook.mass[1:] not in a.effect.parameters():
         return "its mass changes"
-    if isinstance(hook, Actuation) and not isinstance(a.effect, EffortLimits):
+    if isinstance(hook, hooks.Actuation) and not isinstance(a.effect, EffortLimits):
         return "only the limits of a motor's effort can be expressed"
-    return ""
-
-
-def _reason_of_format(scene: Scene, a: Attached[Any], form: Format, forces: Forces, pushed: set[int]) -> str:
-    """The same for hooks whose counterparts some formats have."""
-    hook = a.hook
     if isinstance(hook, Inertia) and not _of_link(hook, scene.robot):
         if len(hook.joints) > 1:
             return "it is neither the inertia of a link nor that of a rotor"
         return "" if form.rotors else f"{form.name} has no inertias of rotors"
-    if isinstance(hook, Force):
-        if a not in forces:
-            return "its force is not linear in the position and the rate of a joint"
-        if hook.joint in pushed and forces[a].constant != 0.0:
-            return "it is a constant force"
-        if not form.springs and forces[a].stiffness != 0.0:
-            return f"{form.name} has no springs"
-    return ""
-
-
-def _pushed_joints(scene: Scene, forces: Forces) -> set[int]:
-    """Joints whose forces add up to a constant one, which no spring has."""
-    stiffness, constant = np.zeros((2, len(scene.robot.joints)))
-    for force in forces.values():
-        stiffness[force.joint] += force.stiffness
-        constant[force.joint] += force.constant
-    return {*np.flatnonzero((stiffness == 0.0) & (constant != 0.0)).tolist()}
+    if not isinstance(hook, Force):
+        return ""
+    if force is None:
+        return "its force is not linear in the position and the rate of a joint"
+    if pushed[force.joint] and force.constant != 0.0:
+        return "it is a constant force"
+    return f"{form.name} has no springs" if force.stiffness != 0.0 and not form.springs else ""
 
 
 def _of_link(hook: Inertia, arm: Arm) -> bool:
@@ -213,9 +153,6 @@ def _of_link(hook: Inertia, arm: Arm) -> bool:
     last = max(hook.joints)
     turning = [k for k in range(last + 1) if not arm.prismatic[k]]
     return sorted(hook.joints) == turning and not arm.prismatic[last]
-
-
-# ---- numbers -----------------------------------------------------------------------------------------------
 
 
 def _bodies(
@@ -241,14 +178,12 @@ def _bodies(
     return made, armature
 
 
-def _springs(scene: Scene, forces: Forces, unfit: Mapping[str, str]) -> tuple[Array, Array, Array]:
-    """Damping, stiffness and position at rest of all joints."""
-    damping, stiffness, constant = np.zeros((3, len(scene.robot.joints)))
-    for force in (force for a, force in forces.items() if a.key not in unfit):
-        constant[force.joint] += force.constant
-        stiffness[force.joint] += force.stiffness
-        damping[force.joint] += force.damping
-    return damping, stiffness, constant / np.where(stiffness == 0.0, 1.0, stiffness)
+def _sums(scene: Scene, forces: Mapping[Attached[Force], Linear]) -> Array:
+    """Damping, stiffness and constant force of all joints, (3, joints)."""
+    sums = np.zeros((3, len(scene.robot.joints)))
+    for force in forces.values():
+        sums[:, force.joint] += force.damping, force.stiffness, force.constant
+    return sums
 
 
 def _changed(scene: Scene, least: float) -> float:
@@ -264,13 +199,17 @@ def _changed(scene: Scene, least: float) -> float:
     return least * float(np.quantile(np.einsum("nkk -> nk", mobility).max(axis=1), SHARE_OF_POSES))
 
 
-# ---- what is not exact -------------------------------------------------------------------------------------
-
-
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     """What is not exact."""
-    unlike = [effect for effect in scene.effects if effect.key in unfit]
-    notes = [Note(named(e, scene), unfit[e.key], _counterpart(scene, form, e)) for e in unlike]
+    notes = []
+    for effect in scene.effects:
+        if effect.key in unfit:
+            written = "left out"
+            if [*_ends_of(scene, effect)]:
+                written = form.soft_ends
+            elif any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
+                written = "written with its level at rest"
+            notes.append(Note(named(effect, scene), unfit[effect.key], written))
     if scene.actuation != "joint" and not form.generalized:
         notes.append(Note("actuation 'generalized'", f"{form.name} has motors at joints alone", "left out"))
     changed = _changed(scene, form.least)
@@ -280,18 +219,9 @@ def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     return notes
 
 
-def _counterpart(scene: Scene, form: Format, effect: Effect) -> str:
-    """What an approximate model has of an effect."""
-    if [*_ends_of(scene, effect)]:
-        return form.soft_ends
-    if any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
-        return "written with its level at rest"
-    return "left out"
-
-
 def _ends_of(scene: Scene, effect: Effect) -> Iterator[tuple[int, str, str]]:
     """Joints whose travel an effect limits, and its numbers with the ends."""
-    stops = [h for h in effect.hooks(scene.robot) if isinstance(h, Impact)]
+    stops = [h for h in effect.hooks(scene.robot) if isinstance(h, hooks.Impact)]
     yield from ((h.joint, h.lower[1:], h.upper[1:]) for h in stops)
     if not stops:
         yield from ((joint, *ends) for joint, ends in effect.travel(scene.robot).items())

@@ -9,24 +9,17 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.exports.document import PYBULLET, Document, Heading
+from redundant_envs.exports.files import PYBULLET, Document, Heading, numbers, xml
 from redundant_envs.exports.mechanism import Format, Mechanism, mechanism
-from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scenes.scene import Scene
 
 MJCF = Format(
-    "MJCF",
-    least=2e-15,
-    springs=True,
-    rotors=True,
-    generalized=True,
+    "MJCF", least=2e-15, springs=True, rotors=True, generalized=True,
     soft_ends="written as soft ends of travel, as stiff as a step allows",
-)
+)  # fmt: skip
 """MuJoCo requires masses and moments of inertia of more than 1e-15."""
-LONGEST_STEP = 0.002
-"""Of MuJoCo, s; also, a control interval has at least ten steps."""
-COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"
-"""Of links and of point masses."""
+LONGEST_STEP = 0.002  # of MuJoCo, s; also, a control interval has at least ten steps
+COLOURS = "0.17 0.37 0.62 1", "0.85 0.55 0.10 1"  # of links and of point masses
 
 
 def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
@@ -47,7 +40,6 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
         f"Bodies of point masses have {MJCF.least:g} kg m^2, because MuJoCo requires them to have some.",
         PYBULLET,
     ]
-    root.append(comment(heading.lines(about, made.notes)))
     exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")
     exact |= dict.fromkeys(("inertiafromgeom", "balanceinertia"), "false")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", **exact)
@@ -61,7 +53,7 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     ET.SubElement(world, "camera", name="above", pos=above, xyaxes="1 0 0 0 1 0")
     _chain(world, made, step)
     _motors(root, made)
-    return Document(text_of(root), made.notes)
+    return xml(root, heading.lines(about, made.notes), made.notes)
 
 
 def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
@@ -69,10 +61,8 @@ def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
     for k, (body, end) in enumerate(zip(made.bodies, made.ends, strict=True)):
         link = body.link
         parent = ET.SubElement(parent, "body", name=f"link{k + 1}", pos=numbers(*link.place, 0.0))
-        axis = numbers(*link.axis, 0.0) if link.slides else "0 0 1"
-        joint = ET.SubElement(
-            parent, "joint", name=link.joint, type="slide" if link.slides else "hinge", axis=axis
-        )
+        kind, axis = ("slide", numbers(*link.axis, 0.0)) if link.slides else ("hinge", "0 0 1")
+        joint = ET.SubElement(parent, "joint", name=link.joint, type=kind, axis=axis)
         for name, value in (("damping", made.damping), ("armature", made.armature)):
             if value[k] != 0.0:
                 joint.set(name, numbers(value[k]))
@@ -84,19 +74,16 @@ def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
             joint.set("solreflimit", numbers(2.0 * step, 1.0))  # as stiff as MuJoCo allows
         if k in made.friction:
             joint.set("frictionloss", numbers(made.friction[k]))
-        inertia = numbers(*[body.inertia] * 3)
-        mass = numbers(body.mass)
+        mass, inertia = numbers(body.mass), numbers(*[body.inertia] * 3)
         ET.SubElement(parent, "inertial", pos=numbers(*body.centre, 0.0), mass=mass, diaginertia=inertia)
         drawn: dict[str, Any] = {"contype": "0", "conaffinity": "0"}
+        size, ball = numbers(radius), numbers(1.5 * radius)
         if np.hypot(*end) > radius:
             along = numbers(0.0, 0.0, 0.0, *end, 0.0)
-            ET.SubElement(
-                parent, "geom", type="capsule", fromto=along, size=numbers(radius), rgba=COLOURS[0], **drawn
-            )
+            ET.SubElement(parent, "geom", type="capsule", fromto=along, size=size, rgba=COLOURS[0], **drawn)
         if k == made.tip[0]:
-            ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip[1], 0.0), size=numbers(radius))
+            ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip[1], 0.0), size=size)
         for offset in link.points.values():
-            ball = numbers(1.5 * radius)
             at = numbers(*offset, 0.0)
             ET.SubElement(parent, "geom", type="sphere", pos=at, size=ball, rgba=COLOURS[1], **drawn)
 

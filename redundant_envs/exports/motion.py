@@ -8,21 +8,10 @@ from typing import Any
 
 from redundant_envs.compiler.tracing.graph import Graph, Value, located
 from redundant_envs.compiler.tracing.number import Number, value_of
+from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached
-from redundant_envs.effects.hooks import (
-    Actuation,
-    Effect,
-    Field,
-    Friction,
-    Gap,
-    Impact,
-    Impulse,
-    Instant,
-    Sensing,
-    effort_unit,
-    states_of,
-)
-from redundant_envs.exports.document import Note, named, refuse_inexact
+from redundant_envs.effects.hooks import Actuation
+from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.language.algebra import entries, numbered
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.lane.direct import fields_of
@@ -30,10 +19,10 @@ from redundant_envs.simulator.lane.dynamics import Dynamics
 
 INPUTS = ("q", "qd", "commands")
 REASONS: dict[type, str] = {
-    **dict.fromkeys((Impact, Gap, Impulse), "it makes velocities jump"),
-    Friction: "the force in a joint that sticks does not follow from the motion",
-    Instant: "it acts within a control interval",
-    Sensing: "sensors do not affect accelerations",
+    **dict.fromkeys((hooks.Impact, hooks.Gap, hooks.Impulse), "it makes velocities jump"),
+    hooks.Friction: "the force in a joint that sticks does not follow from the motion",
+    hooks.Instant: "it acts within a control interval",
+    hooks.Sensing: "sensors do not affect accelerations",
 }
 """Why hooks are no part of such functions."""
 
@@ -49,7 +38,7 @@ def smooth_scene(scene: Scene, form: str, approximate: bool) -> tuple[Scene, lis
         unfit = {**dict.fromkeys(others, "the motor behind it is left out"), **unfit}
     notes = [Note(named(e, scene), unfit[e.key], "left out") for e in scene.effects if e.key in unfit]
     refuse_inexact(notes, form, approximate)
-    rest: tuple[Effect, ...] = tuple(e for e in scene.effects if e.key not in unfit)
+    rest = tuple(e for e in scene.effects if e.key not in unfit)
     return dataclasses.replace(scene, effects=rest, randomize=None), notes
 
 
@@ -57,13 +46,14 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
     """Why a hook is no part of the function; "" if it is."""
     if type(a.hook) in REASONS:
         return REASONS[type(a.hook)]
-    moves = isinstance(a.hook, Field) and a not in scene.attached.constant_fields
-    return "it has states of its own, or a field that changes with time" if moves or states_of(a.hook) else ""
+    moves = isinstance(a.hook, hooks.Field) and a not in scene.attached.constant_fields
+    changes = moves or hooks.states_of(a.hook)
+    return "it has states of its own, or a field that changes with time" if changes else ""
 
 
 def _changes_units(scene: Scene, a: Attached[Actuation]) -> bool:
     """Whether a link takes or gives something else than an effort."""
-    return not {a.hook.takes, a.hook.gives} <= {"", effort_unit(scene.robot, a.hook.joint)}
+    return not {a.hook.takes, a.hook.gives} <= {"", hooks.effort_unit(scene.robot, a.hook.joint)}
 
 
 def equations(scene: Scene, *wanted: str) -> dict[str, list[Value]]:

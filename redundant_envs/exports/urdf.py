@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from redundant_envs.exports.document import PYBULLET, Document, Heading
+from redundant_envs.exports.files import PYBULLET, Document, Heading, numbers, xml
 from redundant_envs.exports.mechanism import FREE, Format, Mechanism, mechanism
-from redundant_envs.exports.xml import comment, numbers, text_of
 from redundant_envs.scenes.scene import Scene
 
 URDF = Format(
-    "URDF",
-    least=1e-14,
-    springs=False,
-    rotors=False,
-    generalized=False,
+    "URDF", least=1e-14, springs=False, rotors=False, generalized=False,
     soft_ends="written as ends of travel, which a reader makes as stiff as it likes",
-)
+)  # fmt: skip
 """MuJoCo requires as large a moment of inertia of a URDF model."""
 
 
@@ -34,7 +28,6 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
         f"Bodies of point masses have {URDF.least:g} kg m^2, because programs require them to have some.",
         PYBULLET,
     ]
-    root.append(comment(heading.lines(about, made.notes)))
     ET.SubElement(root, "link", name="base")
     for k, body in enumerate(made.bodies):
         link = ET.SubElement(root, "link", name=f"link{k + 1}")
@@ -46,7 +39,7 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     ET.SubElement(fixed, "parent", link=f"link{made.tip[0] + 1}")
     ET.SubElement(fixed, "child", link="tip")
     ET.SubElement(fixed, "origin", xyz=numbers(*made.tip[1], 0.0))
-    return Document(text_of(root), made.notes)
+    return xml(root, heading.lines(about, made.notes), made.notes)
 
 
 def _inertial(
@@ -83,11 +76,10 @@ def _joint(root: ET.Element, made: Mechanism, k: int) -> None:
     ET.SubElement(joint, "child", link=f"link{k + 1}")
     ET.SubElement(joint, "origin", xyz=numbers(*own.place, 0.0))
     ET.SubElement(joint, "axis", xyz=numbers(*own.axis, 0.0) if own.slides else "0 0 1")
-    lower, upper = made.travel.get(k, (-FREE, FREE))
     effort = FREE if made.limits is None else min(made.limits[k], FREE)
-    ends: dict[str, Any] = {"lower": numbers(lower), "upper": numbers(upper)}
-    if joint.get("type") == "continuous":
-        ends = {}
-    ET.SubElement(joint, "limit", effort=numbers(effort), velocity=numbers(FREE), **ends)
+    limit = ET.SubElement(joint, "limit", effort=numbers(effort), velocity=numbers(FREE))
+    if own.slides or k in made.travel:
+        lower, upper = made.travel.get(k, (-FREE, FREE))
+        limit.attrib |= {"lower": numbers(lower), "upper": numbers(upper)}
     friction = made.friction.get(k, 0.0)
     ET.SubElement(joint, "dynamics", damping=numbers(made.damping[k]), friction=numbers(friction))

@@ -48,8 +48,7 @@ class Status(NamedTuple):
     """Results of one control interval, per lane: (num_envs,) each.
 
     ``error_estimate`` is the tip error of the interval [m]; of dop853 that of its last step in units of its
-    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval of a scene
-    (evaluations of equal steps) are read-only.
+    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval are read-only.
     """
 
     finite: NDArray[np.bool_]  # whether all states are finite
@@ -57,16 +56,6 @@ class Status(NamedTuple):
     error_estimate: NDArray[np.float64]
     events: NDArray[np.int64]  # located ones
     numerics: NDArray[np.int8]  # flags of Numerics
-
-
-LARGEST_SEED = 2**64 - 1
-
-
-def check_seed(seed: Any) -> None:
-    """ValueError unless it is a seed of draws."""
-    whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-    if not whole or not 0 <= seed <= LARGEST_SEED:
-        raise ValueError(f"seed is {shown(seed)}; give a whole number from 0 to 2^64 - 1")
 
 
 def draws_of(seed: int, lanes: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -104,7 +93,9 @@ class BatchSimulator(Copied):
         self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False, seed: int = 0
     ) -> None:
         check_scene(scene)
-        check_seed(seed)
+        whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+        if not whole or not 0 <= seed < 2**64:
+            raise ValueError(f"seed is {shown(seed)}; give a whole number from 0 to 2^64 - 1")
         self.scene = scene
         self.num_envs = whole_number("num_envs", num_envs)
         self.threads = whole_number("threads", threads)
@@ -117,9 +108,8 @@ class BatchSimulator(Copied):
         self._begin(self._memory.index)
 
     def _connect(self) -> None:
-        simulator, memory = self.simulator, self._memory
+        simulator, memory, dynamics = self.simulator, self._memory, self.simulator.dynamics
         self._team = Team(simulator, "advance", memory, self.threads)
-        dynamics = simulator.dynamics
         computed = dynamics.effect_states.computed
         self._beginning = Team(simulator, "begin", memory, 1) if computed else None
         same = {} if dynamics.method.error5 else {"error": np.nan}
@@ -127,15 +117,12 @@ class BatchSimulator(Copied):
             same["evaluations"] = self.scene.substeps * dynamics.method.stages
         if not simulator.features.stops:
             same["events"] = 0
-        self._filled: dict[str, NDArray[Any]] = {}
-        self._unchanging: dict[str, NDArray[Any]] = {}
-        for name, kind in OUTPUTS.items():
-            self._filled[name] = column = np.zeros(memory.blocks * LANES, kind)
-            for part in self._team.parts:
-                part.set(**{name: column[part.first * LANES :]})
-            if name in same:  # one read-only array for all calls
-                self._unchanging[name] = shown = np.full(self.num_envs, same[name], kind)
-                shown.flags.writeable = False
+        self._filled = {name: np.zeros(memory.blocks * LANES, kind) for name, kind in OUTPUTS.items()}
+        for part in self._team.parts:
+            part.set(**{name: column[part.first * LANES :] for name, column in self._filled.items()})
+        self._unchanging = {name: np.full(self.num_envs, x, OUTPUTS[name]) for name, x in same.items()}
+        for column in self._unchanging.values():  # one array for all calls
+            column.flags.writeable = False
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -196,8 +183,7 @@ class BatchSimulator(Copied):
 
         States of effects get their initial values, and no slider is held at a stop.
         """
-        lanes = self._lanes(index)
-        arm = self.scene.robot
+        lanes, arm = parameters.lanes_of(index, self.num_envs), self.scene.robot
         positions, rates = (self._table(name, x, len(lanes)) for name, x in (("q", q), ("qd", qd)))
         parameters.check_stops(self.scene, positions, parameters.stops_of(self._memory, lanes))
         self._memory.write(arm.coordinates, positions, lanes)
@@ -226,7 +212,7 @@ class BatchSimulator(Copied):
 
         States keep their values; :meth:`set_state` begins with the new draws.
         """
-        lanes, names = self._lanes(index), self.simulator.dynamics.draw_fields
+        lanes, names = parameters.lanes_of(index, self.num_envs), self.simulator.dynamics.draw_fields
         if not names:
             raise ValueError("no effect of the scene draws; leave set_draws out")
         given = parameters.table("draws", draws, len(lanes), len(names))
@@ -244,14 +230,13 @@ class BatchSimulator(Copied):
             "masses", "lengths", or an effect's number such as "gravity.g" or
             "limit_spring.r1.upper" -> array that broadcasts to (lanes,) or (lanes, entries).
         """
-        lanes = self._lanes(index)
-        parameters.check_given(self.scene, values)
-        given = parameters.lane_values(self.scene, self._memory, lanes, values, fresh=False)
-        parameters.check_stops(self.scene, self._memory.read(self.scene.robot.coordinates, lanes), given)
-        parameters.write(self.scene, self._memory, lanes, given)
-        stops = self.scene.attached.keys_of(Impact)
-        if any(name.startswith(f"{key}.") for key in stops for name in values):
-            self._memory.forget(lanes)  # a stop that holds a slider may be gone
+        lanes, scene, memory = parameters.lanes_of(index, self.num_envs), self.scene, self._memory
+        parameters.check_given(scene, values)
+        given = parameters.lane_values(scene, memory, lanes, values, fresh=False)
+        parameters.check_stops(scene, memory.read(scene.robot.coordinates, lanes), given)
+        parameters.write(scene, memory, lanes, given)
+        if any(name.startswith(f"{key}.") for key in scene.attached.keys_of(Impact) for name in values):
+            memory.forget(lanes)  # a stop that holds a slider may be gone
 
     @first
     def __getstate__(self) -> dict[str, Any]:
@@ -301,9 +286,8 @@ class BatchSimulator(Copied):
 
     def _advanced(self, efforts: ArrayLike | None) -> Status:
         n = self.num_envs
-        if efforts is None:
-            efforts = np.zeros(self.simulator.dynamics.count)
-        table = self._table("efforts", efforts, n)
+        given = np.zeros(self.simulator.dynamics.count) if efforts is None else efforts
+        table = self._table("efforts", given, n)
         if not table.flags.carray:
             table = table.copy(order="C")
         start, size = address(table), table.strides[0]
@@ -334,9 +318,6 @@ class BatchSimulator(Copied):
         finally:
             for name, value in zip(names, usual, strict=True):
                 memory.column(name)[:] = value
-
-    def _lanes(self, index: ArrayLike | None) -> NDArray[np.int64]:
-        return parameters.lanes_of(index, self.num_envs)
 
     def _table(self, name: str, values: ArrayLike, lanes: int) -> NDArray[np.float64]:
         """Numbers of the joints of some lanes, (lanes, joints)."""

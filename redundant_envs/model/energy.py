@@ -18,8 +18,7 @@ Array = NDArray[np.float64]
 
 
 def kinetic_energy(scene: Scene, q: Array, qd: Array, z: Array | None = None) -> Array:
-    """Kinetic energy, (...), J; ``z`` are states of effects, (..., states), with which masses may change, by
-    default those at the start of a motion."""
+    """Kinetic energy, (...), J; masses may follow from the states of effects ``z``, (..., states)."""
     if z is None or not scene.attached.changing:
         return scene.loaded_robot.kinetic_energy(q, qd)
     x = scene_quantities(scene, q, qd, _masses(scene, z))
@@ -54,11 +53,10 @@ def scene_quantities(
     if given, in the fields that have a potential. States of effects have their initial values, and no instant
     has passed; positions choose between the laws of a force."""
     arm = scene.loaded_robot
+    still = dict.fromkeys((*arm.rates, "ax", "ay", *(a.passed for a in scene.attached.instants)), 0.0)
     own = {name: value for name, value in scene.parameters().items() if "." in name}
-    known: dict[str, Any] = {**arm.parameter_values(), "ax": 0.0, "ay": 0.0, **dict.fromkeys(arm.rates, 0.0)}
-    known |= {**own, **parameters}
-    known |= scene.attached.states.initial
-    known |= {CONTROL_DT: scene.control_dt, **dict.fromkeys((a.passed for a in scene.attached.instants), 0.0)}
+    known: dict[str, Any] = arm.parameter_values() | still | own | {**parameters}
+    known |= scene.attached.states.initial | {CONTROL_DT: scene.control_dt}
     for names, numbers in ((arm.coordinates, q), (arm.rates, qd)):
         known |= {} if numbers is None else {name: numbers[..., k] for k, name in enumerate(names)}
     x = Quantities(known, arm.functions, arm.sincos)

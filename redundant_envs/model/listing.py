@@ -32,8 +32,7 @@ PARTS = {
     "simulator/lane": "interval", "simulator/batch": "interval", "language/limits.py": "integrator",
 }  # fmt: skip
 """Folders and files of the package, and the owner to which the operations written there are attributed."""
-OF_ENVIRONMENT = ("action", "observation", "reward", "reset")
-"""Entries of a bill for the parts of an environment beside its motion."""
+OF_ENVIRONMENT = ("action", "observation", "reward", "reset")  # entries of a bill beside the motion
 COUNTED = {
     "+": ("additions",), "-": ("additions",), "*": ("products",), "fma": ("additions", "products"),
     "/": ("divisions",), "sqrt": ("roots",), "select": ("selections",),
@@ -41,8 +40,7 @@ COUNTED = {
 }  # fmt: skip
 """Kinds as which an operation counts; a minimum is a comparison and a selection."""
 BYTES = 8
-Counts = dict[str, Counter[str]]
-"""Operations by owner and kind."""
+Counts = dict[str, Counter[str]]  # operations by owner and kind
 
 
 class Operations(NamedTuple):
@@ -91,14 +89,12 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     motion, "action", "observation", "reward" and "reset" that of an environment.
 
     Operations are counted in the step that all lanes take together, stages as often as they are evaluated,
-    before products are joined with sums. To the effects that cause events, with stops, dry friction, contact
-    or laws that change, count in addition what the step of all has because of them, and the programs with
-    which a lane crosses an event, once each, as for one event in a control step; several effects share these
-    in proportion to their boundaries. An operation that two owners need counts for the first; operations
-    of the arm that only a uniform field or an inertia requires count for the effect that adds it, readings of
-    sensors for theirs. "action" turns actions into efforts, "reward" is all that follows a step: faults,
-    memory of the task, reward, ends of episodes. Bytes are those of the fields, and for "observation" those
-    of what it writes.
+    before products are joined with sums. Effects with events (stops, dry friction, contact, laws that change)
+    also have what the step of all has because of them, and, once each, the programs with which a lane crosses
+    an event; several share these in proportion to their boundaries. An operation that two owners need counts
+    for the first, one of the arm that only a uniform field or an inertia requires for the effect that adds
+    it. "action" turns actions into efforts, "reward" is all that follows a step: faults, memory of the task,
+    reward, ends of episodes. Bytes are those of the fields, and of what "observation" writes.
 
     Parameters
     ----------
@@ -106,9 +102,8 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     track_work : bool
         Also count the work of motors and of forces without a potential.
     task : Task, optional
-        Of the environment, by default that of the Reach environments. A scene that no environment of them can
-        have, because a slider has no limits, then has no entries of an environment; nor has one without
-        motors an "action".
+        Of the environment, by default that of the Reach environments; then a scene with a slider without
+        limits, which they cannot have, has no entries of an environment. One without motors has no "action".
 
     Raises
     ------
@@ -170,11 +165,8 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
     """Operations that boundaries cause, for the effects that own some of them, and as much less for the
     owners in the step of all lanes: the difference of that step with and without these effects, and the
     programs of events."""
-    caused: Counter[str] = Counter()
-    for name, function in blocks.functions.items():
-        if name not in COMMON:
-            for counts in _of_function(function).values():
-                caused.update(counts)
+    programs = (f for name, f in blocks.functions.items() if name not in COMMON)
+    caused = sum((kinds for f in programs for kinds in _of_function(f).values()), Counter[str]())
     found: Counts = {}
     for part in {*PARTS.values()}:
         found[part] = Counter(without[part])
@@ -189,8 +181,7 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
 
 
 COMMON = ("interval", "step", "common", "common_held", "end")
-"""Functions of the step that all lanes take together, which is counted by its parts, and the form of it for
-lanes that rest at a stop."""
+"""Functions of the step that all lanes take together, counted by its parts, and of lanes at rest."""
 
 
 def _of_function(function: LaneFunction) -> Counts:
@@ -209,15 +200,12 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
         interval = Interval(Dynamics(scene))
         episode = Episode(interval, task)
         layout = episode.layout()
-        made = {
-            "reward": traced("reward", layout, episode.finish_control_step),
-            "observation": traced("observation", layout, episode.observe),
-            "reset": traced("reset", layout, episode.reset),
-        }
+        step, observe, reset = episode.finish_control_step, episode.observe, episode.reset
+        parts = (("reward", step), ("observation", observe), ("reset", reset))
+        made = {name: traced(name, layout, part) for name, part in parts}
         if scene.action_units():
-            made["action"] = traced(
-                "action", layout, episode.command, inputs={"actions": ("f32", episode.actions)}
-            )
+            given = {"actions": ("f32", episode.actions)}
+            made["action"] = traced("action", layout, episode.command, inputs=given)
         for part, function in made.items():
             _add(counts, {part: Counter(), **_counted(reached(function.results), part)})
         # The end of a control step updates the states of effects, too, as the motion does.

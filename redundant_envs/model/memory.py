@@ -6,7 +6,7 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from threading import get_ident
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,7 @@ from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
-FEW = 16
-"""Lanes up to which all their numbers are read or written at once; of more, column by column."""
+FEW = 16  # lanes up to which all their numbers are read or written at once; of more, column by column
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -41,28 +40,18 @@ def memory_of_machine() -> int:
         return 10**12
 
 
-class Used(Protocol):
-    """An object with a memory, or a memory."""
+def alone(method: Callable[Concatenate[Any, P], R], inner: bool = True) -> Callable[Concatenate[Any, P], R]:
+    """A method that one thread at a time may be in, of all on a ``_memory``; :class:`InUse` in another.
 
-    @property
-    def _memory(self) -> Memory: ...
-
-
-S = TypeVar("S", bound=Used)
-
-
-def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """A method that one thread at a time may be in, of all methods on a memory; :class:`InUse` in another.
-
-    One method may call another one. A thread is not stopped between the look at ``free`` and its change:
-    CPython switches threads at calls and loops only.
+    As an ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and
+    its change: CPython switches threads at calls and loops only.
     """
 
     @functools.wraps(method)
-    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
+    def guarded(self: Any, *args: P.args, **kwargs: P.kwargs) -> R:
         memory, thread = self._memory, get_ident()
         if memory.free == IN_USE:
-            if memory.user != thread:
+            if memory.user != thread or not inner:
                 raise InUse
             return method(self, *args, **kwargs)
         memory.free, memory.user = IN_USE, thread
@@ -74,30 +63,17 @@ def alone(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P],
     return guarded
 
 
-def first(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+def first(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
     """The same for a method that no other one calls: :class:`InUse` in the same thread, too, where a handler
     of a signal would call it in the middle of another one."""
-
-    @functools.wraps(method)
-    def guarded(self: S, *args: P.args, **kwargs: P.kwargs) -> R:
-        memory, thread = self._memory, get_ident()
-        if memory.free == IN_USE:
-            raise InUse
-        memory.free, memory.user = IN_USE, thread
-        try:
-            return method(self, *args, **kwargs)
-        finally:
-            memory.free, memory.user = memory.version, NOBODY
-
-    return guarded
+    return alone(method, inner=False)
 
 
 IN_USE, NOBODY = -1, 0
 
 
 class InUse(RuntimeError):
-    """A simulator or an environment is used by two threads at the same time, or by a thread and its signal
-    handler."""
+    """A simulator or an environment is used by two threads at once, or by a thread and its signal handler."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -117,30 +93,24 @@ class Memory:
     def __init__(
         self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
     ) -> None:
-        """``more`` are parameters beside those of the scene; ``drawn`` if each episode of a lane draws some,
-        so that lanes never share theirs."""
+        """``more`` are parameters beside the scene's; ``drawn`` if episodes draw some, never shared."""
         _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self._places: dict[tuple[str, ...], tuple[str, NDArray[np.int64]] | None] = {}
-        self.user = get_ident()
-        """The thread that uses these numbers, if it is in a method of :func:`alone`."""
-        self.free = IN_USE
-        """IN_USE, or the version if no thread uses these numbers."""
+        self.user = get_ident()  # the thread that uses these numbers, in a method of :func:`alone`
+        self.free = IN_USE  # or the version, if no thread uses these numbers
         self.blocks = -(-count // LANES)
         self.index, self.drawn = np.arange(count), drawn
-        self.shared = True
-        """Whether all lanes have the same parameters, in one block."""
-        self.version = 0
-        """Grows when an array is replaced by another one."""
+        self.shared = True  # whether all lanes have the same parameters, in one block
+        self.version = 0  # grows when an array is replaced by another one
         self.arrays: dict[str, Array] = {
             str(life): aligned(1 if life is PARAMETER else self.blocks, layout.size(life), LANES)
             for life in KEPT
         }
-        scene = dynamics.scene
-        steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
-        if layout.fields["h"].lifetime is not PARAMETER:  # each piece of an interval has its own steps
-            del steps["h"]
-        initial = dict(dynamics.effect_states.initial)
+        scene, initial = dynamics.scene, dict(dynamics.effect_states.initial)
+        steps = {"interval": scene.control_dt}
+        if layout.fields["h"].lifetime is PARAMETER:  # else each piece of an interval has its own steps
+            steps["h"] = scene.control_dt / scene.substeps
         stops = scene.attached.of(Impact)
         nearest = [0.0] * dynamics.count
         for a in stops:  # at 0, or at the stop that is nearest
@@ -203,8 +173,7 @@ class Memory:
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers of some lanes from an array that broadcasts to (lanes, names); false if they are known
-        to be what they were."""
+        """Set numbers from what broadcasts to (lanes, names); false if known to be what they were."""
         lanes = self.index if index is None else np.asarray(index)
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         if len(lanes) <= FEW and (changed := self._written(tuple(names), table, lanes)) is not None:
@@ -225,8 +194,7 @@ class Memory:
         return True
 
     def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool | None:
-        """Set numbers of a few lanes at once; whether any changed. None if they are of several memories, or
-        may be shared no longer."""
+        """Set numbers of a few lanes; None if of several memories, or if they may no longer be shared."""
         if not (place := self._place_of(names)):
             return None
         (space, rows), bits = place, np.ascontiguousarray(table).view(np.int64)
@@ -269,15 +237,13 @@ class Memory:
             self.column(name)[:] = value
 
     def forget(self, index: NDArray[Any]) -> None:
-        """Release sliders that a stop holds, and choose the steps of their lanes again: a new motion
-        begins."""
+        """Begin a new motion: release sliders that a stop holds, and choose the steps again."""
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
         if names:
             self.write(names, 0.0, index)
 
     def begin(self, index: NDArray[Any]) -> None:
-        """Begin a new motion in some lanes: their fields beside positions and velocities are reset; states
-        whose values are computed then are 0."""
+        """Begin a new motion: reset fields but positions and velocities; computed states to 0."""
         self.forget(index)
         for name, initial in self.dynamics.effect_states.initial.items():
             self.write((name,), initial, index)

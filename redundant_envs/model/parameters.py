@@ -16,7 +16,7 @@ from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.scenes.numbers import Table, check_named_once, check_values, names_of
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.simulator.lane.fields import PARAMETER, STATE
+from redundant_envs.simulator.lane.fields import PARAMETER
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, hard_stops
 
@@ -145,8 +145,6 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
         memory.prepare()
 
 
-# ---- snapshots -----------------------------------------------------------------------------------------
-
 KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 OF_THE_FIRST_CORE = "numbers"
@@ -266,23 +264,21 @@ def check_numbers(
         raise ValueError(
             f"{name}['parameters'] is {found}; give an array of {sizes[0]} or {sizes[1]} float64"
         )
-    blocks = given.reshape(-1, layout.size(PARAMETER), LANES)
-    states = state["states"][: memory.arrays[str(STATE)].size].reshape(memory.arrays[str(STATE)].shape)
+    taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
     for row in (*memory.dynamics.parameters.values, *of_task):
-        numbers, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
-        if not (np.isfinite(numbers) | (numbers == here[:1, :1])).all():  # a side without a stop is infinite
+        there, here = taken.column(row), memory.column(row)
+        if not (np.isfinite(there) | (there == here[:1, :1])).all():  # a side without a stop is infinite
             raise ValueError(f"{name}['parameters'] has a {row} that is not finite; give finite ones")
     for row in finite:
-        if not np.isfinite(states[:, layout.row_of(row)[1]]).all():
+        if not np.isfinite(taken.column(row)).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
     for row in (n for n in (*KEPT_FIELDS, *kept) if n in memory):
-        there, here = blocks[:, layout.row_of(row)[1]], memory.column(row)
+        there, here = taken.column(row), memory.column(row)
         if not (there == here[0, 0]).all():
             raise ValueError(
                 f"{name}['parameters'] has the {row} {there.flat[0]:.6g}, this one {here.flat[0]:.6g}: "
                 "it belongs to the scene and not to a state"
             )
-    taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
     try:
         if not np.array_equal(given, own["parameters"]):
             values = present(taken, taken.index, nominal)

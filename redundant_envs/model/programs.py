@@ -53,8 +53,7 @@ class Simulator:
     ) -> None:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
         facts = cache.facts(name, self._facts)
-        self.program_digest: str = facts["program"]
-        """Of the program alone, which scenes share whose effects have other names."""
+        self.program_digest: str = facts["program"]  # scenes share it whose effects have other names
         self.identity: str = facts["identity"]
         """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
         self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
@@ -107,43 +106,32 @@ class Simulator:
     def kernels(self, count: int) -> dict[str, llvm.Entry]:
         """The kernels in machine code for a number of lanes, from this process, the folder of the user, or
         the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
-        scene = self.dynamics.scene
+        scene, few = self.dynamics.scene, FEW if count <= FEW else 0
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
-        what = f"{scene.robot.kind} {scene.integrator} with {effects}"
-        if self.episode:
-            what += ", as an environment"
-        elif self.dynamics.track_work:
-            what += ", and its work"
-        few = FEW if count <= FEW else 0
-        if few:
-            what += f", for at most {FEW}"
-        names = [*self.arguments]
+        form = ", as an environment" if self.episode else ", and its work" if self.dynamics.track_work else ""
+        what = f"{scene.robot.kind} {scene.integrator} with {effects}{form}"
+        what += f", for at most {FEW}" if few else ""
+        key, names = self.key(few or LANES), [*self.arguments]
         try:
-            return cache.kernels(
-                self.key(few or LANES), names, lambda: dataclasses.replace(self.program, few=few), what
-            )
+            return cache.kernels(key, names, lambda: dataclasses.replace(self.program, few=few), what)
         except BaseException:
             self.__dict__.pop("_traced", None)  # a compiler that was stopped has changed graphs in part
             raise
 
 
-FEW = 4
-"""Lanes up to which a program computes only these: half a block, a whole vector of many processors."""
-KEPT_SIMULATORS = 64
-"""Simulators that are traced once for all their users; the least recently used ones are dropped."""
+FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
+KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used ones are dropped
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
 def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A cached simulator, by a name that ``make`` takes, if all parts of the scene are of this package as it
-    was loaded: other parts may be defined again, and the name is ""."""
+    """A simulator: of parts of this package a cached one with a name, else a new one without."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
     code = loaded_code(__name__)
     if not code or not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
         return make(scene.bound_anew(), "")
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
-    # A text shows the sign of a zero, which equality does not.
-    name = repr((scene, *more, llvm.processor()))
+    name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
     kept = code, method, name
     if kept not in _kept:
         _kept[kept] = make(scene.bound_anew(), f"{name} {method}")
@@ -212,8 +200,7 @@ class Call:
             self._alive[name] = value
 
     def put(self, first: str, values: Sequence[int]) -> None:
-        """Arguments from the one named ``first`` on, in the order of the kernel: whole numbers, and addresses
-        of arrays that last until the call is over."""
+        """Arguments from ``first`` on, in order: whole numbers, addresses of arrays that live on."""
         place = self._places[first]
         self._frame[place : place + len(values)] = values
 
@@ -233,8 +220,7 @@ class Part(Call):
             scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
             count=min(last * LANES, memory.count) - first * LANES,
         )  # fmt: skip
-        self.version = -1
-        """That of the memory when the kernel got the addresses of its arrays."""
+        self.version = -1  # that of the memory when the kernel got the addresses of its arrays
         self.set_pointers()
 
     def stop(self) -> None:
@@ -305,13 +291,11 @@ def _serve(asked: SimpleQueue[Any]) -> None:
             results.put(None)
 
 
-WAITED = 0.2
-"""s. Waits of this length follow each other where a wait without an end would take no interrupt (Windows)."""
+WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
 LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
 """ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
 takes some 20 us, and to copy the numbers 80 ns for each lane."""
-SUBSTEP = 800
-"""ns that a substep of a block takes at least."""
+SUBSTEP = 800  # ns that a substep of a block takes at least
 
 
 class Team:
@@ -328,13 +312,12 @@ class Team:
         self._memory, self._also = memory, also
         of_block = SUBSTEP * simulator.dynamics.scene.substeps
         of_part = of_block * -(-memory.blocks // len(self.parts))
-        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0
-        """ns that a step takes at least, if that is long."""
+        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0  # ns of a step, if that is long
         self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
         self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
         of_unknown_length = self._timed and simulator.dynamics.scene.tolerance is not None
+        # ns that the last call took; of the first one, what it may take
         self._took = self._long if of_unknown_length else self._least
-        """ns that the last call took; of the first one, what it may take."""
         self._start()
 
     @property
@@ -354,12 +337,10 @@ class Team:
             return
         (part,) = self.parts
         part.set_pointers()
-        if not self._timed:
-            part.entry(part.address)
-            return
-        start = time.perf_counter_ns()
+        start = time.perf_counter_ns() if self._timed else 0
         part.entry(part.address)
-        self._took = max(self._least, time.perf_counter_ns() - start)
+        if self._timed:
+            self._took = max(self._least, time.perf_counter_ns() - start)
 
     def _run(self) -> None:
         """Run several parts, or a long one."""

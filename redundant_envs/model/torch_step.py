@@ -6,7 +6,7 @@ import contextlib
 import functools
 import itertools
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.compiler.backends.torch import number, on_plain_numbers, torch
@@ -62,11 +62,11 @@ def torch_step(scene: Scene) -> Step:
     for boundary in (*features.stops, *features.sticking):
         owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
         if boundary in features.stops:
-            said = "whose impacts have no meaningful derivative; use a LimitSpring for its joints"
+            said, other = "impacts have no meaningful derivative", "a LimitSpring for its joints"
         else:
-            said = "whose joints stick and slip at events without a meaningful derivative; use "
-            said += "SmoothCoulombFriction"
-        raise ValueError(f"scene has a {owner}, {said}")
+            said = "joints stick and slip at events without a meaningful derivative"
+            other = "SmoothCoulombFriction"
+        raise ValueError(f"scene has a {owner}, whose {said}; use {other}")
     if features.control is Control.ADAPTIVE:
         raise ValueError(
             "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
@@ -74,45 +74,44 @@ def torch_step(scene: Scene) -> Step:
         )
     count, layout, of_effects = dynamics.count, interval.layout(), tuple(dynamics.effect_states)
     of_draws = dynamics.draw_fields
-    owners = {
-        "z": dict.fromkeys(a.key for a in scene.attached if a.states),
-        "draws": dict.fromkeys(name.partition(DRAWN)[0].rpartition(".")[0] for name in dynamics.draws),
-    }
+    with_states = [a.key for a in scene.attached if a.states]
+    drawing = [name.partition(DRAWN)[0].rpartition(".")[0] for name in dynamics.draws]
 
     def step(
-        q: Any,
-        qd: Any,
-        efforts: Any,
-        parameters: Mapping[str, Any] | None = None,
-        z: Any = None,
+        q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None,
         draws: Any = None,
-    ) -> tuple[Any, ...]:
+    ) -> tuple[Any, ...]:  # fmt: skip
         given = {name: _checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))}
         tensors = [*given.values()]
-        effects: dict[str, Any] = {}
-        if of_effects:
-            _given("z", z, owners["z"], "states", len(of_effects))
-            given["z"] = _checked("z", z, len(of_effects))
-            effects = dict(zip(of_effects, given["z"].unbind(-1), strict=True))
-        elif z is not None:
-            raise ValueError("z is given, and no effect of the scene has a state; leave it out")
-        keys: dict[str, Any] = {}
-        if of_draws:
-            _given("draws", draws, owners["draws"], "random numbers", len(of_draws))
-            given["draws"] = _checked("draws", draws, len(of_draws))
-            keys = dict(zip(of_draws, given["draws"].unbind(-1), strict=True))
-        elif draws is not None:
-            raise ValueError("draws is given, and no effect of the scene draws; leave it out")
+        own: dict[str, Any] = {}  # states of effects, and what their draws follow from
+        for name, value, columns, owners, nouns, verb in (
+            ("z", z, of_effects, with_states, "states", "has a state"),
+            ("draws", draws, of_draws, drawing, "random numbers", "draws"),
+        ):
+            if columns:
+                if value is None:
+                    keys = [*dict.fromkeys(owners)]
+                    have = "have" if len(keys) > 1 else "has"
+                    raise ValueError(
+                        f"{name} is missing, and {', '.join(keys)} {have} {nouns}; give step(q, qd, efforts, "
+                        f"{name}=...) a tensor (..., {len(columns)}), at the start torch.tensor("
+                        f"BatchSimulator(scene, num_envs).{name}), and then what the step returns"
+                    )
+                given[name] = _checked(name, value, len(columns))
+                own |= zip(columns, given[name].unbind(-1), strict=True)
+            elif value is not None:
+                raise ValueError(f"{name} is given, and no effect of the scene {verb}; leave it out")
         named = _named(scene, parameters)
         _check_batch({**given, **named})
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
-        states += [effects[n] for n in dynamics.states[2 * count :]]
-        fields = {
-            **fields_of(dynamics, _as_fields(dynamics, named)),
-            **dict(zip(dynamics.commands, tensors[2].unbind(-1), strict=True)),
-            **{n: effects[n] for n in dynamics.effect_states.updated},
-            **keys,
-        }
+        states += [own[n] for n in dynamics.states[2 * count :]]
+        replaced: dict[str, Any] = {}
+        for name, tensor in named.items():
+            names = map(dynamics.parameters.field_of, names_of(scene, name))
+            replaced |= zip(names, tensor.unbind(-1), strict=True)
+        fields = fields_of(dynamics, replaced)
+        fields |= zip(dynamics.commands, tensors[2].unbind(-1), strict=True)
+        fields |= {n: own[n] for n in (*dynamics.effect_states.updated, *of_draws)}
 
         def lane_now() -> Lane:
             return Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
@@ -140,11 +139,9 @@ def torch_step(scene: Scene) -> Step:
                 states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
         lane = lane_now()
         interval.update_effect_states(lane)
-        ends = 2 * count, 2 * count + len(of_effects)
-        states = [number(lane[n]) for n in (*dynamics.states[: ends[0]], *of_effects, *of_draws)]
-        wide = torch.broadcast_tensors(*states)
-        parts = [wide[:count], wide[count : ends[0]], wide[ends[0] : ends[1]], wide[ends[1] :]]
-        return tuple(torch.stack(part, -1) for part in parts if part)
+        parts = dynamics.states[:count], dynamics.states[count : 2 * count], of_effects, of_draws
+        wide = iter(torch.broadcast_tensors(*(number(lane[n]) for part in parts for n in part)))
+        return tuple(torch.stack([next(wide) for _ in part], -1) for part in parts if part)
 
     plain = torch._disable_dynamo(step)
 
@@ -160,8 +157,7 @@ def torch_step(scene: Scene) -> Step:
 
 
 def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tensor]:
-    """The steps in each piece of an interval, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed
-    ones in units of their own length."""
+    """The steps of each piece, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed ones are 1."""
     dynamics = interval.dynamics
     device = next(x.device for x in fields.values() if isinstance(x, torch.Tensor))
     if dynamics.scene.tolerance is None:
@@ -184,17 +180,6 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
         return tuple(torch.tensor(x, device=device).reshape(*x.shape[:2], *shape) for x in pieces)
 
     return on_plain_numbers(found, *fields.values())
-
-
-def _given(name: str, value: Any, owners: Iterable[str], what: str, width: int) -> None:
-    """ValueError if the states or the draws of effects are missing, with how to have those of a start."""
-    if value is None:
-        one = "has" if len(keys := [*owners]) == 1 else "have"
-        raise ValueError(
-            f"{name} is missing, and {', '.join(keys)} {one} {what}; give step(q, qd, efforts, {name}=...) a "
-            f"tensor (..., {width}), at the start torch.tensor(BatchSimulator(scene, num_envs).{name}), "
-            "and then what the step returns"
-        )
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
@@ -241,12 +226,3 @@ def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torc
             tensor = tensor.unsqueeze(-1)
         tensors[name] = _checked(name, tensor, len(names))
     return tensors
-
-
-def _as_fields(dynamics: Dynamics, named: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Parameters by the names of their fields."""
-    values: dict[str, torch.Tensor] = {}
-    for name, tensor in named.items():
-        fields = map(dynamics.parameters.field_of, names_of(dynamics.scene, name))
-        values.update(zip(fields, tensor.unbind(-1), strict=True))
-    return values

@@ -85,21 +85,16 @@ class Trajectory:
     def _repr_html_(self) -> str:
         """A moving picture of the first motions, and their energies, for a notebook."""
 
+        arm = self.scene.robot
+
         def picture() -> str:
-            arm = self.scene.robot
             return drawn.moving(arm, self.t, self.q.reshape(len(self.t), -1, len(arm.joints)))
 
         def facts() -> str:
-            motions = int(np.prod(self.q.shape[1:-1], dtype=int))
-            rows: list[tuple[str, object]] = [
-                ("arm", self.scene.robot.kind),
-                ("times", len(self.t)),
-                ("motions", motions),
-            ]
-            rows.append(("events", len(self.events)))
-            if self.t.size:
-                rows.append(("energy error / energy exchanged", self.drift))
-            return table(("trajectory", ""), rows)
+            rows: dict[str, object] = {"arm": arm.kind, "times": len(self.t)}
+            rows |= {"motions": int(np.prod(self.q.shape[1:-1], dtype=int)), "events": len(self.events)}
+            rows |= {"energy error / energy exchanged": self.drift} if self.t.size else {}
+            return table(("trajectory", ""), rows.items())
 
         return as_html(self, picture, facts)
 
@@ -152,7 +147,7 @@ def simulate(
         ) from None
     if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
         raise ValueError("q or qd has non-finite entries; give finite numbers")
-    shape, count = q0.shape[:-1], int(np.prod(q0.shape[:-1], dtype=int))
+    shape, count = q0.shape[:-1], q0.size // joints
     if not count:
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
     batch = BatchSimulator(scene, count, track_work=True, seed=seed)
@@ -200,13 +195,12 @@ def simulate(
                 "substeps, or a softer scene"
             )
     _tell_error(scene, largest)
-    q_all, qd_all, applied = (x.reshape(len(t), *shape, joints) for x in (q_all, qd_all, applied))
-    z_all = z_all.reshape(len(t), *shape, -1) if z_all.size else z_all.reshape(len(t), *shape, 0)
+    whole = (x.reshape(len(t), *shape, x.shape[-1]) for x in (q_all, qd_all, applied, z_all))
+    q_all, qd_all, applied, z_all = whole
+    work = work.reshape(len(t), *shape)
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
-    return Trajectory(
-        t, q_all, qd_all, *energies, work.reshape(len(t), *shape), applied, scene, events, z_all
-    )
+    return Trajectory(t, q_all, qd_all, *energies, work, applied, scene, events, z_all)
 
 
 def motor_efforts(
@@ -221,11 +215,11 @@ def motor_efforts(
     if begun is not None:  # the interval has not ended, although the simulator has advanced to here
         at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
         states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
-    fields = fields_of(dynamics)
-    instants = batch.scene.attached.instants
-    states |= {a.passed: np.where(0.0 <= fields[a.instant] <= elapsed, 1.0, 0.0) for a in instants}
-    numbers = {**fields, **states, **dict(zip(dynamics.commands, command.T, strict=True))}
-    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], numbers), "derivative")
+    known = fields_of(dynamics)
+    for a in batch.scene.attached.instants:
+        states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
+    known |= states | dict(zip(dynamics.commands, command.T, strict=True))
+    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], known), "derivative")
     return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)
 
 
@@ -258,6 +252,9 @@ def _check(status: Status, time: float) -> None:
         )
 
 
+TOLD = "_error_told"  # attribute of a scene whose user knows how inaccurate its steps are
+
+
 def _tell_error(scene: Scene, largest: float) -> None:
     """Tell once for each scene without error control by how much its steps missed the usual tolerance."""
     if scene.controlled or largest <= ACCURACIES["standard"] or vars(scene).get(TOLD):
@@ -272,23 +269,13 @@ def _tell_error(scene: Scene, largest: float) -> None:
     )
 
 
-TOLD = "_error_told"
-"""Attribute of a scene whose user knows how inaccurate its steps are."""
-
-
-# ---- the experiment of the report, figures 1 and 2 ------------------------------------------------
-
-STARTS: dict[str, tuple[float, float, float, float]] = {
-    "rprp_report_spring": (1.2, 0.25, 0.4, 0.2),
-    "rprp_stops": (1.2, 0.25, 0.4, 0.2),
-    "rprp_limit_springs": (1.2, 0.25, 0.4, 0.2),
+STARTS = {
+    **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }
-"""Scenes of the report's experiment and the pose in which the arm starts: rad, and m for sliders. The
-report states neither parameters nor a start; these are ours."""
-
-SAMPLE_INTERVAL = 0.005
-"""Longest time between rows of a recorded motion, s."""
+"""Scenes of the report's experiment, figures 1 and 2, and the pose in which the arm starts: rad, and m for
+sliders. The report states neither parameters nor a start; these are ours."""
+SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 
 def default_start(name: str, scene: Scene) -> tuple[float, ...]:

@@ -20,25 +20,15 @@ from redundant_envs.support.values import shown
 
 # Nothing large is imported here: scenes are read by every program.
 
-MAX_UNPACKED = 1 << 26
-"""Bytes of what is read of a policy: 16 million numbers, far more than an arm needs."""
-MAX_PACKED = 1 << 28
-"""Bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read."""
-MAX_JSON = 1 << 20
-"""Bytes of JSON, which becomes twenty times as many in memory; evaluations have two thousand."""
-MAX_TABLE = 1 << 24
-"""Bytes of a table of runs: some thousand with their learning curves."""
+MAX_UNPACKED = 1 << 26  # bytes of what is read of a policy: 16 million numbers, far more than an arm needs
+MAX_PACKED = 1 << 28  # bytes of a policy.zip, in which stable-baselines3 keeps optimisers beside what is read
+MAX_JSON = 1 << 20  # bytes of JSON, which becomes twenty times as many in memory; evaluations have 2000
+MAX_TABLE = 1 << 24  # bytes of a table of runs: some thousand with their learning curves
 LONGEST_LINE = 1 << 20
 MAX_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
 END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
 """Records at the end of a zip file, with length and place of its directory, the latter two for 64 bits."""
-ENTRY = b"PK\x01\x02"
-"""The beginning of a member's entry in the directory of a zip file."""
-
-
-def _at_once(path: str, flags: int) -> int:
-    """Open a file; a pipe without a writer does not wait for one."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+ENTRY = b"PK\x01\x02"  # the beginning of a member's entry in the directory of a zip file
 
 
 @contextlib.contextmanager
@@ -48,7 +38,8 @@ def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
     try:
         if path.is_dir():
             raise ValueError(f"{what} is {shown(str(path))}, a folder; give a file in it")
-        with open(path, "rb", opener=_at_once) as file:
+        at_once = getattr(os, "O_NONBLOCK", 0)  # a pipe without a writer does not wait for one
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
                 raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
@@ -96,8 +87,7 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def read_lines(path: Path, what: str, most: int) -> Iterator[str]:
-    """The lines of a text without their ends, one at a time; ValueError as for :func:`read_text`, or if one
-    has more than ``LONGEST_LINE`` bytes."""
+    """The lines of a text; ValueError as for :func:`read_text`, or beyond ``LONGEST_LINE`` bytes."""
     with opened(path, what, most) as file:
         number = 0
         while raw := file.readline(LONGEST_LINE + 1):
@@ -142,17 +132,17 @@ def read_members(
 
     methods = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     with _archive(file, where) as archive:
-        wanted = {name: _entry(archive, name, where) for name in names or archive.namelist()}
+        there = {entry.filename: entry for entry in archive.infolist()}
+        for name in names or ():
+            if name not in there:
+                raise ValueError(f"{where} has no {name!r}")
+        wanted = {name: there[name] for name in names or there}
         for name, entry in wanted.items():
             if entry.compress_type not in methods:
                 raise ValueError(f"{where} has a {shown(name)} that is neither stored nor deflated")
         _check_unpacked(wanted.values(), where, most)
-        found = {}
-        for name, entry in wanted.items():
-            # by its size: without one a member is unpacked whole, with what it has beyond its size
-            with archive.open(entry) as member:
-                found[name] = member.read(entry.file_size)
-        return found
+        # By their sizes: without one a member is unpacked whole, with what it has beyond its size.
+        return {name: archive.open(entry).read(entry.file_size) for name, entry in wanted.items()}
 
 
 def stored_members(file: BinaryIO, where: str, most: int) -> list[str]:
@@ -221,12 +211,6 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
 
 def _damaged(where: str, why: object) -> ValueError:
     return ValueError(f"{where} is damaged ({why}); it is not a complete zip file")
-
-
-def _entry(archive: Any, name: str, where: str) -> Any:
-    if name not in archive.namelist():
-        raise ValueError(f"{where} has no {name!r}")
-    return archive.getinfo(name)
 
 
 def _check_unpacked(entries: Iterable[Any], where: str, most: int) -> None:

@@ -40,8 +40,7 @@ def disk_of(path: Path) -> tuple[Path, int]:
 
 @contextlib.contextmanager
 def told(path: Path) -> Iterator[None]:
-    """What is raised within because a disk is full, or takes no file so large, is a DiskFull that names the
-    file ``path``."""
+    """Errors within since a disk is full, or takes no file so large, become a DiskFull for ``path``."""
     try:
         yield
     except DiskFull:
@@ -122,11 +121,7 @@ def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) 
     for path in written:
         if sum(path.resolve() == other.resolve() for other in written) > 1:
             raise ValueError(f"{path} would be written twice; give different places")
-    there = [
-        path
-        for path in written
-        if path.is_file() or path.is_dir() or (path.is_symlink() and not path.exists())
-    ]
+    there = [p for p in written if p.is_file() or p.is_dir() or (p.is_symlink() and not p.exists())]
     for path in there:
         if path.is_dir():
             raise ValueError(f"{path} is a folder; give a file to be written")

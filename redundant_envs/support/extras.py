@@ -16,8 +16,7 @@ INSTALL = "install it in a clone of redundant-envs with: pip install '.[{}]'"
 
 @contextlib.contextmanager
 def needs(extra: str) -> Iterator[None]:
-    """Context for imports of packages that an extra of this one has, such as "plot"; if one is missing, a
-    :class:`MissingPackage` says what to install."""
+    """Context for imports of an extra, such as "plot": a :class:`MissingPackage` says what to install."""
     try:
         yield
     except ImportError as error:

@@ -37,8 +37,7 @@ def bare(panel: Any) -> None:
 
 
 def save_figure(figure: Any, path: Path, **options: Any) -> Path:
-    """Write a figure as PNG or SVG, by the ending of its name, with options of ``Figure.savefig``; the same
-    figure gives the same bytes."""
+    """Write a PNG or SVG, with options of ``Figure.savefig``; the same figure gives the same bytes."""
     if path.suffix not in (".svg", ".png"):
         raise ValueError(f"path is {path}; give a file that ends in .svg or .png")
     with needs("plot"):
@@ -59,8 +58,7 @@ def save_figure(figure: Any, path: Path, **options: Any) -> Path:
 
 
 def check_clip(path: Path) -> None:
-    """Refuse a clip that cannot be written, before the simulation begins: by its ending, or for lack of
-    imageio, or of imageio-ffmpeg for an MP4."""
+    """Refuse, before a simulation, a clip of another ending, or without the packages that it needs."""
     if path.suffix.lower() not in CLIPS:
         raise ValueError(f"clip is {str(path)!r}; end its name in {' or '.join(CLIPS)}")
     with needs("plot"):

@@ -22,8 +22,7 @@ def machine_name() -> str:
 
 
 def commit() -> str:
-    """Short commit of the running checkout, with "-dirty" if it is changed; empty for an installed
-    package."""
+    """Short commit of the running checkout, with "-dirty" if it is changed; "" for an installed package."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return ""

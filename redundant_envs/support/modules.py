@@ -14,12 +14,10 @@ from redundant_envs.support.extras import MissingPackage
 from redundant_envs.support.values import say, shown
 
 OPTION = "--import"
-IMPORTED: list[str] = []
-"""Modules that the command named: its other processes import them, too."""
+IMPORTED: list[str] = []  # modules that the command named: its other processes import them, too
 NOTEBOOK = "module://matplotlib_inline"
 """How MPLBACKEND begins in the commands of a notebook, whose process they are not: figures become files."""
-CLOSED_PIPE = 141
-"""Exit status where nobody reads on, as of a program that SIGPIPE ends: 128 + 13."""
+CLOSED_PIPE = 141  # exit status where nobody reads on, as of a program that SIGPIPE ends: 128 + 13
 
 
 def status_of(run: Callable[[], int | None], name: str) -> int:

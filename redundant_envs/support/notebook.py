@@ -9,10 +9,8 @@ import numpy as np
 
 from redundant_envs.support.values import printable
 
-MAX_BYTES = 200_000
-"""Of an object; one with longer HTML, which only very long names of a user can cause, is shown as text."""
-LONGEST_CELL, LONGEST_TEXT = 100, 2000
-"""Most characters of a cell of a table, and of an object that is shown as text."""
+MAX_BYTES = 200_000  # of an object; one with longer HTML, of very long names of a user, is shown as text
+LONGEST_CELL, LONGEST_TEXT = 100, 2000  # characters of a cell, and of an object as text
 MAX_ROWS = 80
 STYLE = (
     "<style>.redundant-envs table{border-collapse:collapse;margin:.4em 0;font-size:.9em}"
@@ -22,15 +20,12 @@ STYLE = (
     "@media (prefers-reduced-motion:reduce),print{.redundant-envs .moving{display:none}"
     ".redundant-envs .still{display:inline}}</style>"
 )
-"""The same on every object, so that several on a page do not disturb each other. The colour of texts is that
-of the page, light or dark."""
+"""The same on every object of a page; texts have the colour of the page, light or dark."""
 
 
 def as_html(thing: Any, *parts: Callable[[], str]) -> str:
-    """HTML of an object from its parts; the text of the object stands for parts that fail.
-
-    Any error is caught, since users' classes may do anything: a picture must not hide the object.
-    """
+    """HTML of an object from its parts; the text of the object stands for parts that fail: any error is
+    caught, since users' classes may do anything, and a picture must not hide the object."""
     made = []
     for part in parts:
         try:
@@ -38,7 +33,11 @@ def as_html(thing: Any, *parts: Callable[[], str]) -> str:
                 made.append(part())
         except Exception:
             made.append("")
-    text = f"<pre>{escaped(_text(thing), LONGEST_TEXT)}</pre>"
+    try:
+        plain = repr(thing)
+    except Exception:
+        plain = f"<{type(thing).__name__}>"
+    text = f"<pre>{escaped(plain, LONGEST_TEXT)}</pre>"
     page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'
     return page if len(page.encode(errors="replace")) <= MAX_BYTES else text
 
@@ -63,10 +62,3 @@ def table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
 
 def _line(kind: str, cells: Sequence[Any]) -> str:
     return f"<tr>{''.join(f'<{kind}>{escaped(cell)}</{kind}>' for cell in cells)}</tr>"
-
-
-def _text(thing: Any) -> str:
-    try:
-        return repr(thing)
-    except Exception:  # a representation of a user's own may fail in any way
-        return f"<{type(thing).__name__}>"

@@ -36,32 +36,25 @@ def progress_bars() -> Progress:
         def render(self, task: Any) -> Text:
             return Text(printable(self.text_format.format(task=task)))
 
+    class Lines(Progress):  # all tasks that are under way in each
+        last = time.monotonic()
+
+        def update(self, task_id: Any, **changes: Any) -> None:
+            super().update(task_id, **changes)
+            under_way = [task for task in self.tasks if task.started and not task.finished]
+            if time.monotonic() - self.last >= EVERY:
+                self.last = time.monotonic()
+                if under_way:
+                    say("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
+
     console = Console(stderr=True)
     if not (console.is_terminal or console.is_jupyter):
-        return _lines(Progress)
+        return Lines(disable=True)
     return Progress(
         Plain("{task.description}"), BarColumn(), Plain("{task.percentage:3.0f} %"),
         Plain("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
         console=console, redirect_stdout=is_terminal(sys.stdout),
     )  # fmt: skip
-
-
-def _lines(base: type[Progress]) -> Progress:
-    """Progress as lines, each with all tasks that are under way; ``base`` is rich's class."""
-
-    class Lines(base):  # type: ignore[valid-type,misc]
-        last = time.monotonic()
-
-        def update(self, task_id: Any, **changes: Any) -> None:
-            super().update(task_id, **changes)
-            if time.monotonic() - self.last < EVERY:
-                return
-            self.last = time.monotonic()
-            under_way = [task for task in self.tasks if task.started and not task.finished]
-            if under_way:
-                say("; ".join(map(_line, under_way)), file=sys.stderr, flush=True)
-
-    return Lines(disable=True)
 
 
 def _line(task: Any) -> str:

@@ -38,8 +38,7 @@ MEANING = r"""(?xi)
 """What has a meaning anywhere in a line of Markdown; compiled when a line is written, not at a start."""
 BEGINNING = re.compile(r"^([#>=]|[-+](?=[-+\s]|$)|\d+[.)](?=\s|$))")
 """What has one at its beginning: headings, quotations and lists, none of which a cell can be."""
-AT = "@&#8203;"
-"""What an @ becomes: with an invisible space after it, it is in no address of mail."""
+AT = "@&#8203;"  # what an @ becomes: with an invisible space after it, it is in no address of mail
 
 
 def escaped(text: Any) -> Markdown:

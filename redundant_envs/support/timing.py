@@ -16,15 +16,9 @@ K = TypeVar("K")
 
 @dataclass(frozen=True)
 class Times:
-    """Samples of a thing.
+    """Samples of a thing."""
 
-    Attributes
-    ----------
-    samples : (turns, ...)
-        s; of a thing in several parts, those of each part.
-    """
-
-    samples: Array
+    samples: Array  # (turns, ...) s; of a thing in several parts, those of each part
 
     @property
     def best(self) -> Array:
@@ -62,16 +56,9 @@ def by_turns(
 ) -> dict[K, Times]:  # fmt: skip
     """Time things in turn, again and again, so that slow phases of a machine affect all alike.
 
-    Parameters
-    ----------
-    samplers : mapping
-        Each prepares a thing and returns its time, s, or those of its parts.
-    turns : int
-    fewer : mapping, optional
-        Turns of things that have fewer, at equal distances.
-    most : float
-        A thing whose samples took that long in all has no more turns, s.
-    done : function of the number of turns that are over
+    Each of the ``samplers`` prepares a thing and returns its time, s, or those of its parts; some have
+    ``fewer`` turns, at equal distances, and none is left once samples took ``most`` seconds in all. ``done``
+    receives the number of turns that are over.
     """
     samples: dict[K, list[Any]] = {name: [] for name in samplers}
     own = dict.fromkeys(samplers, turns) | dict(fewer or {})

@@ -16,21 +16,14 @@ from typing import Any, TextIO, TypeVar
 from numpy.typing import NDArray
 
 Thing = TypeVar("Thing")
-Numbers = Sequence[float] | NDArray[Any]
-"""Several numbers as users give them; those who take them keep a tuple."""
-Ends = Sequence[float | None] | NDArray[Any]
-"""Numbers of which some may be left out."""
+Numbers = Sequence[float] | NDArray[Any]  # several numbers as users give them, kept as a tuple
+Ends = Sequence[float | None] | NDArray[Any]  # numbers of which some may be left out
 
-OWN = "redundant_envs", "dataclasses"
-"""Modules whose lines a warning does not show: nobody wrote them for a scene."""
-DEEPEST = 20
-"""Largest depth of plain data: what it describes needs four; Python's own limit is not reached."""
-MAX_VALUES = 3000
-"""Most values in plain data: ten times what the longest description has, read in a tenth of a second."""
-LONGEST = 120
-"""Most characters of a value in a message."""
-WIDEST_INTEGER = 256
-"""Bits of the largest integer that is written out in a message."""
+OWN = "redundant_envs", "dataclasses"  # lines that a warning does not show: nobody wrote them for a scene
+DEEPEST = 20  # largest depth of plain data: what it describes needs four; Python's own limit is not reached
+MAX_VALUES = 3000  # in plain data: ten times the longest description, read in a tenth of a second
+LONGEST = 120  # most characters of a value in a message
+WIDEST_INTEGER = 256  # bits of the largest integer that is written out in a message
 
 
 class _Short(reprlib.Repr):
@@ -158,8 +151,7 @@ def plain(kind: str, thing: Any) -> dict[str, Any]:
 
 
 def with_fields(thing: Thing, **fields: Any) -> Thing:
-    """A copy of a frozen dataclass with other fields, also those that are no arguments, and without the
-    checks of its class."""
+    """A copy of a frozen dataclass with other fields, also those that are no arguments, unchecked."""
     made = copy.copy(thing)
     for name, value in fields.items():
         object.__setattr__(made, name, value)

@@ -9,8 +9,7 @@ import yaml
 
 from redundant_envs.support.values import DEEPEST, LONGEST, MAX_VALUES, shown
 
-MAX_DIGITS = 100
-"""Characters of the longest number: more digits do not change a float."""
+MAX_DIGITS = 100  # characters of the longest number: more digits do not change a float
 
 
 class _Mistake(Exception):

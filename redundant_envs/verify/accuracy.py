@@ -14,20 +14,15 @@ from redundant_envs.verify.conservation import energy_changes, exact_in_parts, e
 from redundant_envs.verify.judging import judge
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
 
-ENOUGH = 1e-3
-"""Tip error of a control interval [m] that is good enough for the 99th percentile."""
-MISSED = 1e-3
-"""Share of the states that may miss the tolerance without a flag. Scenes of the package miss none of a
-million (``study intervals``), those with a strong damper that is not declared some of ten or a hundred."""
+ENOUGH = 1e-3  # tip error of a control interval [m] that is good enough for the 99th percentile
+MISSED = 1e-3  # share of the states that may miss the tolerance without a flag; our scenes miss none of 1e6
 
 
 def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
     """Tips at the scene's own step, those of the two references, m, and whether these are valid."""
-    whole, parts = trial.shared(exact_whole), trial.shared(exact_in_parts)
-    own, first, second = (
-        trial.arm.forward_kinematics(x.q) for x in (trial.shared(own_interval), whole, parts)
-    )
-    return own, [second, first], whole.good & parts.good & np.isfinite(first - second).all(axis=1)
+    ends = [trial.shared(end) for end in (own_interval, exact_whole, exact_in_parts)]
+    own, first, second = (trial.arm.forward_kinematics(end.q) for end in ends)
+    return own, [second, first], ends[1].good & ends[2].good & np.isfinite(first - second).all(axis=1)
 
 
 @check("tip error of the own step", nothing("m, 99 % of the states"))
@@ -56,8 +51,7 @@ def own_energy(trial: Sample) -> Finding:
 
 @check("intervals without a flag", at_most(0.05, "of the states"))
 def flagged(trial: Sample) -> Finding:
-    """The share of the states whose control interval ends with a flag, at the scene's own step: extreme ones
-    do, and none in scenes of the package."""
+    """The share of the states whose control interval ends with a flag at the scene's own step."""
     numerics = trial.shared(own_interval).numerics
     names = ", ".join(str(f.name) for f in Numerics(int(np.bitwise_or.reduce(numerics))))
     share = float(np.mean(numerics != 0))
@@ -88,18 +82,13 @@ def tolerance_kept(trial: Sample) -> Finding:
     return Finding(share, where if share else "", words)
 
 
-# ---- order of convergence --------------------------------------------------------------------------
-
 LANES = 64
 FINE, SHARE = 1e-11, 0.75
 """Error of the finer steps at which the order is measured, in radians and reaches: far above rounding, and so
 small that the next order of the method adds little; and the quantile of the states. In an arm with very
 unequal links some motions change faster than any step that rounding allows, and show a lower order."""
-CALM, GROWTH = 3.0, 1.25
-"""Longest step that is tried, in units of the time in which a state stays calm, since rounding grows beyond
-it; and the ratio of successive steps that are tried."""
-SHORT_OF = 0.3
-"""Tolerated difference from the method's order: at a finite step the next order contributes."""
+CALM, GROWTH = 3.0, 1.25  # longest step in units of calm times (rounding grows later); ratio of steps
+SHORT_OF = 0.3  # tolerated difference from the method's order: at a finite step the next order contributes
 
 
 def declared(trial: Sample) -> Promise:

@@ -21,10 +21,9 @@ from redundant_envs import effects as e
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
 from redundant_envs.language.algebra import clamp, maximum, physics, where
 from redundant_envs.scenes.files import read_yaml
+from redundant_envs.support.values import typed
 
 Array = NDArray[Any]
-
-# ---- effects with states and kinks -----------------------------------------------------------------
 
 
 @physics
@@ -99,50 +98,22 @@ class DryFriction(Effect):
         return (Force(k - 1, dry, {"rate": f"phid{k}", "level": ".level"}),)
 
 
-# ---- scenes ------------------------------------------------------------------------------------------
-
-ARMS = {
-    "RPRP": rde.RPRP(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5)),
-    "RP": rde.Chain("RP", masses=(1.0, 0.5), lengths=(0.4,)),
-    "PP": rde.Chain("PP", masses=(1.0, 0.5)),
-    "PPR": rde.Chain("PPR", masses=(1.0, 2.0, 0.5), lengths=(0.4,)),
-    "RPPP": rde.Chain("RPPP", masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3,)),
-    "PRPRP": rde.Chain("PRPRP", masses=(2.0, 1.5, 1.0, 0.5, 0.7), lengths=(0.3, 0.5)),
-    "PPPP": rde.Chain("PPPP", masses=(2.0, 0.5, 1.0, 0.3)),
-    "4R": rde.FourR(masses=(2.0, 1.5, 1.0, 0.5), lengths=(0.3, 0.5, 0.4, 0.6)),
-}
-FALL = 5.886
-"""Acceleration of a free slider along +x under this gravity, m/s^2."""
-EFFECTS: dict[str, Effect] = {
-    "gravity": e.Gravity(9.81, (0.6, -0.7)),
-    "friction": e.ViscousFriction((0.1, 0.2, 0.3, 0.05)),
-    "limits": e.EffortLimits((5.0, 4.0, 3.0, 2.0)),
-    "centring spring": e.CentringSpring((80.0, 40.0), (-0.2, -0.1), (0.2, 0.3)),
-    "narrow stops": e.PrismaticStop((-0.003, -0.002), (0.002, 0.004), 0.5),
-    "stop below": e.PrismaticStop((0.0,), (None,), 0.5),
-    "stops on one side": e.PrismaticStop((0.0, None), (None, 0.0), 0.5),
-    "crossed stops": e.PrismaticStop((0.0, None), (None, 0.3), 0.8),
-    "lag": Lag(0.01),
-    "play": Play(0.02, 3.0),
-    "dry friction": DryFriction(2.0),
-}
-SPRINGS = {
-    "spring": (-0.15, 0.1, 900.0, 20.0),
-    "switch": (-0.15, 0.1, 900.0, 300.0),
-    "wide spring": (-0.4, 0.4, 800.0, 100.0),
-}
-"""Limits, stiffness and damping of springs; the word after the name is a joint."""
+ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
+OWN: dict[str, type[Effect]] = {"Lag": Lag, "Play": Play, "DryFriction": DryFriction}
+ARMS = {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
+EFFECTS = {name: typed(name, entry, {**e.REGISTRY, **OWN}) for name, entry in ENTRIES["effects"].items()}
+FALL = 5.886  # acceleration of a free slider along +x under the gravity of "gravity", m/s^2
 
 
 def effect_of(words: str, arm: Any) -> Effect:
     """The effect that some words name; "stops" are farther out for each slider than for the one before."""
     name, _, last = words.rpartition(" ")
-    if name in SPRINGS:
-        return e.LimitSpring(last, *SPRINGS[name])
+    if name in ENTRIES["springs"]:
+        return e.LimitSpring(last, **ENTRIES["springs"][name])
     if name == "restitution":
         return e.PrismaticStop((-0.2, -0.1), (0.2, 0.15), float(last))
     if words != "stops":
-        return EFFECTS[words]
+        return EFFECTS[words]  # type: ignore[no-any-return]
     sliders = range(len(arm.sliders()))
     lower, upper = (-0.2 * (1.0 + 0.3 * k) for k in sliders), (0.2 + 0.1 * k for k in sliders)
     return e.PrismaticStop(tuple(lower), tuple(upper), 0.5)
@@ -160,8 +131,7 @@ def scene_of(entry: dict[str, Any], **numbers: Any) -> rde.Scene:
 AT = ("at rest", "slow, at stops")
 NEAR = ("slow, near stops", "near stops", "still", "spun")
 KINDS = ("anywhere", *AT, *NEAR[:3], "fast", "together", "one strikes", "broken")
-"""Kinds of starts: sliders at their stops, from 1e-18 to 0.1 m away, all striking at once; numbers that are
-not finite, or too large."""
+"""Of starts: sliders at stops, or up to 0.1 m away, all striking at once; numbers that are not finite."""
 
 
 @dataclass(frozen=True)
@@ -186,17 +156,14 @@ def aimed(name: str, entry: dict[str, Any]) -> Aimed:
     return Aimed(scene_of(entry, **control), name.endswith("log"), **entry)
 
 
-ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
 SCENES = {name: scene_of(entry) for name, entry in ENTRIES["scenes"].items()}
 """Scenes, named by their special features."""
 AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed"].items()}
 """Aimed motions by their names."""
 
-# ---- motions -----------------------------------------------------------------------------------------
 
 LOG2_OF_10 = 3.3219280948873626
-BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20
-"""Rates of the first joint that are no numbers, or with which a motion soon is none."""
+BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20  # rates that are no numbers, or soon lead to one that is none
 
 
 def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
@@ -237,16 +204,15 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
             nearly = kinds == "nearly together"
             q[:, k] = np.where(nearly, stop + inward * way, q[:, k])
             qd[:, k] = np.where(nearly, -inward * np.abs(qd[:, k]), qd[:, k])
-    for k, slides in enumerate(arm.prismatic):
-        if not slides:
-            qd[kinds == "nearly together", k] = 0.0
-            qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
+    turns = ~np.array(arm.prismatic)
+    for k in np.flatnonzero(turns).tolist():
+        qd[kinds == "nearly together", k] = 0.0
+        qd[:, k] = np.where(kinds == "spun", powers(rng, 1.0, 2.3, n), qd[:, k])
     alone = kinds == "one strikes"
     striking = rng.integers(0, len(arm.sliders()) or 1, n)
     for i, k in enumerate(arm.sliders()):
         qd[:, k] = np.where(alone, np.where(striking == i, np.sign(q[:, k]) * speed, 0.0), qd[:, k])
     qd[alone] *= arm.prismatic
-    turns = ~np.array(arm.prismatic)
     for kind, sides, speeds in (
         ("folded", powers(rng, -7.0, -3.0, shape), powers(rng, -1.0, 1.0, shape)),
         ("in step", 0.01 * rng.random((n, 1)), powers(rng, 0.0, 1.0, (n, 1))),
@@ -283,15 +249,6 @@ def _send_past(aimed: Aimed, rng: np.random.Generator, kinds: Array, q: Array, q
         qd[:, 0] = np.where(kinds == kind, -speed, qd[:, 0])
 
 
-def parameters(aimed: Aimed, rng: np.random.Generator) -> dict[str, Array]:
-    """Masses of each lane, light ones between heavy ones among them, and its restitution."""
-    n, arm = aimed.lanes, aimed.scene.robot
-    values = {"masses": np.abs(powers(rng, -1.5, 1.0, (n, len(arm.coordinates))))}
-    if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
-        values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), n)
-    return values
-
-
 def aimed_motion(name: str) -> Iterator[Array]:
     """Tables of numbers, interval by interval."""
     aimed = AIMED[name]
@@ -299,11 +256,14 @@ def aimed_motion(name: str) -> Iterator[Array]:
     q, qd = starts(aimed, rng)
     batch = rde.BatchSimulator(aimed.scene, aimed.lanes, track_work=aimed.work)
     batch.set_state(q, qd)
-    if aimed.varied:
-        batch.set_parameters(parameters(aimed, rng))
+    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
+    if aimed.varied:  # light masses between heavy ones among them
+        values = {"masses": np.abs(powers(rng, -1.5, 1.0, shape))}
+        if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
+            values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), aimed.lanes)
+        batch.set_parameters(values)
     if aimed.numbers:
         batch.set_parameters(aimed.numbers)
-    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
     steady = powers(rng, aimed.efforts - 4.5, aimed.efforts, shape)
     for _ in range(aimed.intervals):
         changing = rng.random(shape) < 0.5

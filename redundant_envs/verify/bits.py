@@ -14,12 +14,11 @@ from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import Array, Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
 
-LANES = 67
-"""Eight full blocks of lanes, and one that is not full."""
+LANES = np.arange(67)  # eight full blocks of lanes, and one that is not full
 INTERVALS = 3
 
 
-def batch_of(trial: Sample, lanes: Array, threads: int = 1) -> BatchSimulator:
+def batch_of(trial: Sample, lanes: Array = LANES, threads: int = 1) -> BatchSimulator:
     """A batch whose lanes have the states with these indices, in this order."""
     q, qd, _ = trial.states
     batch = BatchSimulator(trial.scene, len(lanes), threads, track_work=True)
@@ -29,32 +28,28 @@ def batch_of(trial: Sample, lanes: Array, threads: int = 1) -> BatchSimulator:
     return batch
 
 
-def numbers(batch: Any) -> Array:
-    """All outputs of a batch for its lanes, as whole numbers that show every bit, (lanes, ...)."""
-    table = np.concatenate([batch.q, batch.qd, batch.z, batch.work[:, None]], axis=1)
-    table[np.isnan(table)] = np.nan  # one of many
-    return np.ascontiguousarray(table).view(np.int64)
-
-
-def run(trial: Sample, batch: Any, lanes: Array, steps: Any = range(INTERVALS), without: Any = ()) -> Array:
-    """Every number of some intervals, each lane under the efforts of its state, (lanes, ...); those
-    ``without`` have efforts that are no numbers."""
+def run(
+    trial: Sample, batch: Any, lanes: Array = LANES, steps: Any = range(INTERVALS), without: Any = ()
+) -> Array:
+    """Numbers of some intervals as whole ones, which show every bit, (lanes, ...), under efforts of the
+    states, or NaN for those ``without``."""
     tables = []
     for step in steps:
         efforts = np.roll(trial.states[2], step, axis=0)[lanes % trial.count]
         efforts[np.asarray(without, int)] = np.nan
         batch.advance(efforts)
-        tables.append(numbers(batch))
-    return np.concatenate(tables, axis=1)
+        tables += [batch.q, batch.qd, batch.z, batch.work[:, None]]
+    table = np.concatenate(tables, axis=1)
+    table[np.isnan(table)] = np.nan  # one of many
+    return table.view(np.int64)
 
 
 def alone(trial: Sample) -> Array:
     """The bits that all others are compared with."""
-    lanes = np.arange(LANES)
-    return run(trial, batch_of(trial, lanes), lanes)
+    return run(trial, batch_of(trial))
 
 
-def differing(trial: Sample, found: Array, lanes: Array, what: str) -> Finding:
+def differing(trial: Sample, found: Array, what: str, lanes: Array = LANES) -> Finding:
     """Number of lanes whose bits differ from those of the same states in :func:`alone`."""
     other = (found != trial.shared(alone)[lanes]).any(axis=1)
     count = int(other.sum())
@@ -68,45 +63,38 @@ def place(trial: Sample) -> Finding:
     order = np.random.default_rng(trial.seed).permutation(LANES)
     orders = order, order[:1], order[1:9], order[9:18]
     found = [run(trial, batch_of(trial, some), some) for some in orders]
-    return differing(trial, np.concatenate(found), np.concatenate(orders), "at another index or batch size")
+    return differing(trial, np.concatenate(found), "at another index or batch size", np.concatenate(orders))
 
 
 @check("bits: neighbours", EQUAL_BITS)
 def neighbours(trial: Sample) -> Finding:
     """A lane has the same bits beside others, some of which are not finite."""
-    lanes = np.arange(LANES)
-    batch, own = batch_of(trial, lanes), lanes % 2 == 0
-    others = np.flatnonzero(~own)
+    batch, own, others = batch_of(trial), LANES[::2], LANES[1::2]
     batch.set_state(batch.q[others[::-1]], 1e200 * batch.qd[others], others)
-    found = run(trial, batch, lanes, without=others)
-    return differing(trial, found[own], lanes[own], "beside other neighbours")
+    return differing(trial, run(trial, batch, without=others)[own], "beside other neighbours", own)
 
 
 @check("bits: threads", EQUAL_BITS)
 def threads(trial: Sample) -> Finding:
     """Two and three threads give the bits of one."""
-    lanes = np.arange(LANES)
-    found = [run(trial, batch_of(trial, lanes, count), lanes) for count in (2, 3)]
-    return differing(trial, np.concatenate(found), np.tile(lanes, 2), "with more threads")
+    found = [run(trial, batch_of(trial, threads=count)) for count in (2, 3)]
+    return differing(trial, np.concatenate(found), "with more threads", np.tile(LANES, 2))
 
 
 @check("bits: parameters of lanes", EQUAL_BITS, Mode.STANDARD)
 def parameters(trial: Sample) -> Finding:
     """Lanes whose own numbers are equal to those of the scene have the same bits."""
-    lanes = np.arange(LANES)
-    batch = batch_of(trial, lanes)
-    masses = np.array(trial.scene.robot.masses)
+    batch, masses = batch_of(trial), np.array(trial.scene.robot.masses)
     batch.set_parameters({"masses": 1.5 * masses}, [0])
     batch.set_parameters({"masses": masses}, [0])
-    return differing(trial, run(trial, batch, lanes), lanes, "with parameters of their own")
+    return differing(trial, run(trial, batch), "with parameters of their own")
 
 
 def _continued(trial: Sample, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
-    lanes = np.arange(LANES)
-    batch = batch_of(trial, lanes)
-    begun = run(trial, batch, lanes, [0])
-    found = np.concatenate([begun, run(trial, remade(batch), lanes, range(1, INTERVALS))], axis=1)
-    return differing(trial, found, lanes, what)
+    batch = batch_of(trial)
+    begun = run(trial, batch, steps=[0])
+    later = run(trial, remade(batch), steps=range(1, INTERVALS))
+    return differing(trial, np.concatenate([begun, later], axis=1), what)
 
 
 @check("bits: copies", EQUAL_BITS)
@@ -141,13 +129,13 @@ def snapshots(trial: Sample) -> Finding:
 
     def restored(batch: BatchSimulator) -> BatchSimulator:
         snapshot = batch.save()
-        batch.advance(-trial.states[2][np.arange(LANES) % trial.count])
+        batch.advance(-trial.states[2][LANES % trial.count])
         batch.restore(snapshot)
         return batch
 
     def taken_over(batch: BatchSimulator) -> BatchSimulator:
         snapshot = batch.save()
-        other = batch_of(trial, np.arange(LANES)[::-1])
+        other = batch_of(trial, LANES[::-1])
         other.advance(None)
         other.set_parameters({"masses": 1.5 * np.array(trial.scene.robot.masses)}, [0])
         other.restore(snapshot)
@@ -156,8 +144,6 @@ def snapshots(trial: Sample) -> Finding:
     found = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
     return max(found, key=lambda finding: finding.found)
 
-
-# ---- the record ------------------------------------------------------------------------------------
 
 RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
 """Recorded motions that each mode checks; None means all."""

@@ -21,12 +21,9 @@ from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
 
-ROUNDING = 32 * np.finfo(np.float64).eps
-"""Rounding error of a quantity of which differences are taken, relative to the quantity."""
-ENOUGH_SMOOTH = 0.5
-"""Share of the states that must be smooth, and of the intervals that must be judged."""
-STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}
-"""Number of random states of each mode, unless the command gives one."""
+ROUNDING = 32 * np.finfo(np.float64).eps  # relative rounding error of what differences are taken of
+ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
+STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode, unless the command says
 Promised = Promise | Callable[["Sample"], Promise]
 Measure = Callable[["Sample"], Finding]
 
@@ -117,8 +114,19 @@ class Sample:
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """Coordinates and velocities in all regions that the arm reaches, (up to count, joints) each."""
-        return random_poses(self.scene, self.count, self.seed)
+        """Coordinates and velocities, (up to count, joints) each: also beyond the travel, after turns, and
+        with unlimited sliders on either side of 0, but not where points of masses are undefined."""
+        arm: Any = self.scene.robot
+        q, qd, _ = random_states(self.scene, self.count, self.seed, BEYOND)
+        joints, rng = q @ arm.motor_map, np.random.default_rng(self.seed + 3)
+        for k in range(len(arm.joints)):
+            if k not in self.scene.travel() and arm.prismatic[k]:
+                joints[:, k] = FAR * (sum(arm.lengths) or 1.0) * rng.uniform(-1.0, 1.0, self.count)
+            elif k not in self.scene.travel():
+                joints[::2, k] *= WIDE
+        q = joints @ np.linalg.inv(arm.motor_map)
+        there = np.isfinite(arm.points(q)).all(axis=(1, 2))
+        return (q[there], qd[there]) if there.any() else (q, qd)
 
     @cached_property
     def square(self) -> Array:
@@ -155,8 +163,7 @@ class Sample:
         return self._kept[make]
 
     def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
-        """The largest of (states,) or (states, joints, ...) numbers, with its state and joint, or its name
-        among the ``names`` of the second axis."""
+        """The largest of (states,) or (states, joints or names, ...) numbers, and where it is."""
         told = np.where(np.isnan(gaps), np.inf, gaps)
         place = np.unravel_index(int(np.argmax(told)), told.shape)
         where = f"state {place[0]}"
@@ -183,18 +190,11 @@ def ratio(difference: Any, scale: Any) -> Array:
         return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))
 
 
-# ---- random states ---------------------------------------------------------------------------------
-
-BEYOND = 0.5
-"""Distance of poses beyond the travel, in units of it: springs at its ends act only there."""
-WIDE = 5.0
-"""Factor on unlimited angles in every second pose, so that they turn more than once."""
-FREE = (0.0, 0.2)
-"""Positions of unlimited sliders, m; of those with a stop on one side, the nearest inside it."""
-ANGLES = (-np.pi, np.pi)
-"""Positions of joints that turn freely, rad; of those with a stop on one side, the nearest inside it."""
-FAR = 1.0
-"""Largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths."""
+BEYOND = 0.5  # distance of poses beyond the travel, in units of it: springs at its ends act only there
+WIDE = 5.0  # factor on unlimited angles in every second pose, so that they turn more than once
+FREE = (0.0, 0.2)  # positions of unlimited sliders, m; of those with one stop, the nearest inside it
+ANGLES = (-np.pi, np.pi)  # positions of joints that turn freely, rad; of those with one stop, the nearest
+FAR = 1.0  # largest distance of unlimited sliders from 0, to either side, in units of the sum of all lengths
 
 
 def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:
@@ -226,21 +226,3 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
     if not limits.size:
         limits = np.abs(scene.loaded_robot.gravity_forces(joints @ inverse) @ inverse.T).max(axis=0)
     return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
-
-
-def random_poses(scene: Scene, count: int, seed: int) -> tuple[Array, Array]:
-    """Coordinates and velocities, (count, joints) each: also beyond the travel, after several turns, and with
-    unlimited sliders on either side of 0, but not where positions of point masses are undefined."""
-    arm: Any = scene.robot
-    q, qd, _ = random_states(scene, count, seed, BEYOND)
-    joints, rng = q @ arm.motor_map, np.random.default_rng(seed + 3)
-    for k in range(len(arm.joints)):
-        if k in scene.travel():
-            continue
-        if arm.prismatic[k]:
-            joints[:, k] = FAR * (sum(arm.lengths) or 1.0) * rng.uniform(-1.0, 1.0, count)
-        else:
-            joints[::2, k] *= WIDE
-    q = joints @ np.linalg.inv(arm.motor_map)
-    there = np.isfinite(arm.points(q)).all(axis=(1, 2))
-    return (q[there], qd[there]) if there.any() else (q, qd)

@@ -18,13 +18,9 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.hints import Motion, worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
-AGREE = at_most(1e-9)
-"""Both are exact to rounding, 1e-15 times the time in time constants; a wrong factor or sign is a thousandth
-and more."""
-DECADES = 4.0
-"""Number of decades of times below the control interval: of states that decay within it as well."""
-SPREAD = 2.0
-"""Largest values of a state at the start, in units of that which it has an interval later."""
+AGREE = at_most(1e-9)  # rounding is 1e-15 times the time in time constants, a wrong factor 1e-3 and more
+DECADES = 4.0  # number of decades of times below the control interval: of states that decay within it as well
+SPREAD = 2.0  # largest values of a state at the start, in units of that which it has an interval later
 
 
 @check("closed forms of states", AGREE)
@@ -34,12 +30,8 @@ def closed_forms(trial: Sample) -> Finding:
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
     B = dynamics.arm.motor_map
     x = Motion(dynamics, q @ B, qd @ B, efforts).values()
-    found = [
-        _closed_form(trial, x, a, field, own)
-        for a in dynamics.scene.attached
-        for field, own in a.states.items()
-        if "closed" in own
-    ]
+    states = ((a, field, own) for a in dynamics.scene.attached for field, own in a.states.items())
+    found = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
     return worst_of(found, "no state has a closed form")
 
 

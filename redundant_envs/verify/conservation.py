@@ -17,8 +17,6 @@ from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Sample,
 from redundant_envs.verify.equations import added_inertia, equations_at, from_points, slopes
 from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 
-# ---- the energy balance --------------------------------------------------------------------------
-
 OPEN = 1e-9
 """Largest gap of the energy balance, in units of the exchanged energies: forty times the error of dop853 in
 scenes of all effects (2e-11), and far below the effect of a wrong term."""
@@ -68,8 +66,7 @@ def exact_whole(trial: Sample) -> Crossing:
 
 
 def exact_in_parts(trial: Sample) -> Crossing:
-    """The same interval with other steps; equal ones if effects update their states at its end, or have an
-    instant, since it cannot be divided then."""
+    """The same with other steps: equal ones if updates at the end or an instant forbid a division."""
     updated = any(state.update is not None for state in trial.scene.states().values())
     if not updated and not trial.scene.attached.instants:
         return crossed(trial.scene, *trial.states, PARTS)
@@ -121,8 +118,6 @@ def energy_book(trial: Sample) -> Finding:
     )
     return Finding(most, where, words)
 
-
-# ---- momentum ------------------------------------------------------------------------------------
 
 ADRIFT = 1e-9
 """Largest change of a momentum, in units of the sum of the sizes of its parts: forty times the error of

@@ -15,15 +15,10 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.equations import added_inertia, from_points, residual
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
-AGREE = at_most(1e-9)
-"""Residual in units of its terms, and difference of mass matrices in units of their diagonals: MuJoCo rounds
-poses of bodies, some 1e-14 of the reach in each joint."""
-SMALLEST = 1e-14
-"""Moment of inertia of a body, which MuJoCo requires to be positive."""
-LARGEST = 1e6
-"""Smallest diagonal entry of the mass matrix in MuJoCo's unit of mass: that inertia is below its rounding."""
-MOVED = 1e-9
-"""Fraction of the largest displacement: a mass that moves less with a joint is not carried by it."""
+AGREE = at_most(1e-9)  # of terms, or of diagonals of M: MuJoCo rounds poses, 1e-14 of the reach per joint
+SMALLEST = 1e-14  # moment of inertia of a body, which MuJoCo requires to be positive
+LARGEST = 1e6  # smallest diagonal entry of M in MuJoCo's unit of mass: that inertia is below its rounding
+MOVED = 1e-9  # fraction of the largest displacement: a mass that moves less with a joint is not carried by it
 STATES = 64
 
 
@@ -122,8 +117,7 @@ def mass_matrix(trial: Sample) -> Finding:
 
 @check("MuJoCo: accelerations", AGREE, Mode.STANDARD)
 def accelerations(trial: Sample) -> Finding:
-    """The accelerations under random efforts fulfil MuJoCo's equations of motion, to a residual that does not
-    grow with the condition of the mass matrix."""
+    """Accelerations fulfil MuJoCo's equations, to a residual that does not grow with the condition of M."""
     theirs, arm, e = trial.shared(compared), trial.arm, trial.shared(from_points)
     count, B = len(theirs.M), arm.motor_map
     q, qd, _ = (x[:count] for x in trial.states)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Iterator
-from itertools import chain
+from itertools import chain, repeat
 from typing import Any
 
 import gymnasium as gym
@@ -15,8 +15,7 @@ from redundant_envs.verify.checks import Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, Promise
 
 LANES, STEPS, SHORT_EPISODE = 9, 12, 5
-MANY, WHOLE = 64, 200
-"""Number of lanes and steps with extreme actions."""
+MANY, WHOLE = 64, 200  # number of lanes and steps with extreme actions
 RULES = Promise(0.0, "rules broken", "at most")
 
 
@@ -67,8 +66,7 @@ def rules(trial: Sample) -> Finding:
 
 @check("environment: ranges", Promise(0.0, "steps", "at most"))
 def ranges(trial: Sample) -> Finding:
-    """Under the largest actions and under none, observations stay in their space, and rewards and metrics are
-    finite."""
+    """Observations stay in their space, rewards and metrics finite, under the largest actions and none."""
     outside = without = 0
     named: set[str] = set()
     for largest in (1.0, 0.0):
@@ -77,7 +75,7 @@ def ranges(trial: Sample) -> Finding:
         actions = np.random.default_rng(trial.seed).choice([-largest, largest], shape).astype(np.float32)
         observation, infos = env.reset(seed=trial.seed)
         results = [(observation, np.zeros(MANY), None, None, infos)]
-        for observation, reward, _, _, infos in chain(results, (env.step(actions) for _ in range(WHOLE))):
+        for observation, reward, _, _, infos in chain(results, map(env.step, repeat(actions, WHOLE))):
             unknown = [*_without_number(infos)]
             named.update(unknown)
             outside += not env.observation_space.contains(observation)
@@ -108,9 +106,7 @@ def single(trial: Sample) -> Finding:
     lanes = 3
     many = _vector(trial, lanes)
     actions = _actions(trial, many)[:SHORT_EPISODE]
-    first = many.reset(seed=7)[0]
-    vectors = [(first,), *(many.step(a)[:4] for a in actions)]
-    together = [_bits(*tables) for tables in vectors]
+    together = [_bits(many.reset(seed=7)[0]), *_steps(many, actions)]
     alone = [list(step) for step in together]  # after its end a lane is no longer compared
     for i in range(lanes):
         env = _made(trial, max_episode_steps=SHORT_EPISODE)
@@ -165,11 +161,10 @@ def seeds(trial: Sample) -> Finding:
     tables = []
     for lanes, threads in ((LANES, 1), (LANES, 2), (3 * LANES, 1)):
         env = _vector(trial, lanes, threads=threads)
-        first = _bits(env.reset(seed=5)[0])
         actions = np.zeros((STEPS, lanes, *env.single_action_space.shape), np.float32)
         rng = np.random.default_rng(trial.seed)
         actions[:, :LANES] = rng.uniform(-1.0, 1.0, actions[:, :LANES].shape)
-        steps = [first, *_steps(env, actions)]
+        steps = [_bits(env.reset(seed=5)[0]), *_steps(env, actions)]
         tables.append([step[:LANES] for step in steps])
     found = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
     return max(found, key=lambda finding: finding.found)

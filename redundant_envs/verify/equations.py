@@ -22,14 +22,11 @@ from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_least, at_most
 
-AGREE = at_most(1e-10)
-"""At least a thousand times the rounding errors, and a thousandth of the smallest mistake in a formula: a
-factor, a sign, an index."""
+AGREE = at_most(1e-10)  # a thousand times the rounding, a thousandth of the smallest mistake in a formula
 LEAST = 1e-4
 """Bias forces are compared with at least this share of the forces that the kinetic energy could cause: a
 single link has no bias forces, and sums over its point mass leave rounding."""
-TILTED = {"ax": 5.0, "ay": 9.81}
-"""A field that is not vertical, m/s^2."""
+TILTED = {"ax": 5.0, "ay": 9.81}  # a field that is not vertical, m/s^2
 
 
 class Equations(NamedTuple):
@@ -111,8 +108,7 @@ def mass_matrix(trial: Sample) -> Finding:
 
 @check("mass matrix is positive", at_least(1e-14))
 def positive(trial: Sample) -> Finding:
-    """The smallest eigenvalue of M, with its diagonal scaled to ones; below 1e-14 rounding may make it
-    negative."""
+    """The smallest eigenvalue of M, with ones on its diagonal; below 1e-14 rounding may make it negative."""
     own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
     scaled = own / (e.scale[:, :, None] * e.scale[:, None, :])
     if not np.isfinite(scaled).all():
@@ -228,8 +224,7 @@ def mobility_bounds(trial: Sample) -> Finding:
 
 @check("sliders held and struck", AGREE)
 def sliders(trial: Sample) -> Finding:
-    """Held dynamics are those of the constrained system, with each slider held alone and with all held, and
-    slider mobilities are columns of M^-1."""
+    """Held dynamics are those of the constrained system; slider mobilities are columns of M^-1."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     slides = arm.sliders()
     if not slides:

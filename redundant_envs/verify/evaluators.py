@@ -17,15 +17,11 @@ from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
 AGREE = at_most(1e-10)
-"""Largest difference, relative to the largest number of a kind. Evaluators differ by the rounding of joined
-products, some 1e-15, which impacts amplify; another form of an equation differs by a thousandth and more."""
-NUDGE, STEADY = 1e-13, 1e-11
-"""Relative change of the rates at the start; a lane whose end changes by the second is left out."""
+"""Relative to the largest number of a kind: joined products round by 1e-15, which impacts amplify."""
+NUDGE, STEADY = 1e-13, 1e-11  # relative change of rates at the start, of states at the end where judged
 LANES, SINGLES = 16, 4
-MAX_STEPS = 4
-"""Number of equal steps that are compared: without a compiler each takes some milliseconds."""
-MAX_EVALUATIONS = 24 * 12
-"""Most evaluations of a compared lane that chooses its steps."""
+MAX_STEPS = 4  # number of equal steps that are compared: without a compiler each takes some milliseconds
+MAX_EVALUATIONS = 24 * 12  # most evaluations of a compared lane that chooses its steps
 
 
 class Ended(NamedTuple):
@@ -45,11 +41,9 @@ def compiled(trial: Sample) -> Ended:
     scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
     q, qd, efforts = trial.states
     batch = BatchSimulator(scene, len(q), track_work=True)
-    ends = []
+    dynamics, ends = batch.simulator.dynamics, []
     for rates in (qd * (1.0 + NUDGE), qd):
         batch.set_state(q, rates)
-        dynamics = batch.simulator.dynamics
-        names = (*dynamics.effect_states, *dynamics.draw_fields)
         table = np.concatenate([batch.z, batch.draws], axis=1)
         status = batch.advance(efforts)
         ends.append(np.concatenate([batch.q, batch.qd], axis=1))
@@ -60,23 +54,22 @@ def compiled(trial: Sample) -> Ended:
     short = (status.evaluations <= MAX_EVALUATIONS) & (trial.calm >= scene.control_dt)
     lanes = np.flatnonzero(short & steady & (status.numerics == 0))[:LANES]
     if not len(lanes):
-        raise NotApplicable(
-            f"every interval takes more than {MAX_EVALUATIONS} evaluations, or magnifies rounding"
-        )
+        reason = f"every interval takes more than {MAX_EVALUATIONS} evaluations, or magnifies rounding"
+        raise NotApplicable(reason)
+    names = (*dynamics.effect_states, *dynamics.draw_fields)
     return Ended(scene, lanes, own_end[lanes], dict(zip(names, table.T, strict=True)))
 
 
 def direct(trial: Sample, lanes: Array, convert: Callable[[Array], Any]) -> Array:
     """The same by running the procedures, without compilation, on numbers of another kind."""
-    dynamics = Dynamics(trial.shared(compiled).scene)
+    ended = trial.shared(compiled)
+    dynamics = Dynamics(ended.scene)
     q, qd, efforts = (x[lanes] for x in trial.states)
-    names = (*dynamics.states[: 2 * q.shape[1]], *dynamics.commands)
-    columns = np.concatenate([q, qd, efforts], axis=1).T
-    started = {n: convert(x[lanes]) for n, x in trial.shared(compiled).started.items()}
-    fields = fields_of(dynamics) | started
-    fields |= {n: convert(x) for n, x in zip(names, columns, strict=True)}
-    lane = cross_interval(Interval(dynamics), fields)
     states = dynamics.states[: 2 * q.shape[1]]
+    columns = np.concatenate([q, qd, efforts], axis=1).T
+    fields = fields_of(dynamics) | {n: convert(x[lanes]) for n, x in ended.started.items()}
+    fields |= zip((*states, *dynamics.commands), map(convert, columns), strict=True)
+    lane = cross_interval(Interval(dynamics), fields)
     return np.stack([np.broadcast_to(np.asarray(lane[s]), len(lanes)) for s in states], axis=1)
 
 

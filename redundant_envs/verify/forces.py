@@ -16,29 +16,20 @@ from redundant_envs.verify.equations import columns
 from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
-STEP = 1e-5
-"""Step of the differences, rad and m: far below the lengths over which a potential changes its shape (1e-2),
-far above the limit of rounding (1e-11)."""
-SHARE_OF_TRAVEL = 0.01
-"""Largest step of a difference as a fraction of the travel of a joint, or of the width between two changes of
-a law, so that few straddle these."""
-AGREEMENT = 1e-5
-"""Largest gap between a force and the slope of its potential, in units of the force: a thousand times the
-error of differences of a smooth potential."""
+STEP = 1e-5  # rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)
+SHARE_OF_TRAVEL = 0.01  # largest step, in units of a travel or of a width between switches: few straddle it
+AGREEMENT = 1e-5  # in units of the force: a thousand times the error of differences of a smooth potential
 SMOOTH = 1e-6
 """If two differences agree to this, in units of the force, the potential is smooth there and the state
 judged: at a kink, such as the limit of a spring, no difference is a derivative."""
-SMALL_FORCE = 1e-6
-"""A force below this, in units of the largest of all states, is compared with that."""
+SMALL_FORCE = 1e-6  # a force below this, in units of the largest of all states, is compared with that
 
 
 @check("potentials against forces", at_most(AGREEMENT))
 def potentials(trial: Sample) -> Finding:
-    """Every effect's conservative force is minus the slope of its potential, also beyond the travel, and over
-    several turns."""
-    booked = {
-        a.key for a in trial.scene.attached if isinstance(a.hook, Field) or "conservative" in a.functions
-    }
+    """Every conservative force is minus the slope of its potential, beyond the travel and turns, too."""
+    attached = trial.scene.attached
+    booked = {a.key for a in attached if isinstance(a.hook, Field) or "conservative" in a.functions}
     found = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
     return worst_of(found, "no effect has a potential")
 
@@ -47,15 +38,13 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     arm: Any = trial.scene.robot
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
-    step = np.full(len(arm.joints), STEP)
-    ends = [*alone.travel().items()]
-    for a in alone.attached.of(Force):
-        if a.hook.switch is not None:
-            ends.append(
-                (cast(int, a.hook.joint), (a.parameter(a.hook.switch[0]), a.parameter(a.hook.switch[1])))
-            )
+    step, values = np.full(len(arm.joints), STEP), alone.parameters()
+    ends: list[Any] = [*alone.travel().items()]
+    ends += [
+        (a.hook.joint, map(a.parameter, a.hook.switch)) for a in alone.attached.of(Force) if a.hook.switch
+    ]
     for k, (lower, upper) in ends:
-        width = alone.parameters()[upper] - alone.parameters()[lower]
+        width = values[upper] - values[lower]
         step[k] = min(step[k], SHARE_OF_TRAVEL * width)
 
     def difference(joint: int, steps: int) -> Array:
@@ -64,21 +53,23 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
         moved = ((above - below) @ arm.motor_map)[:, joint]  # for a large angle not exactly the step
         return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
+    x, force = scene_quantities(alone, q), np.zeros_like(q)
+    for a in alone.attached.of(Force):
+        if "conservative" in a.functions:
+            force += at_joints(alone, a, "conservative", x)
+    if alone.attached.of(Field):
+        force -= columns(x.each(numbered("G{}", q.shape[1])), len(q)) @ inverse.T
     near, far = (np.stack([difference(k, n) for k in range(len(step))], axis=1) for n in (1, 2))
-    slope, force = -(4.0 * near - far) / 3.0, conservative_force(alone, q)
+    slope = -(4.0 * near - far) / 3.0
     largest = np.maximum(np.abs(force), np.abs(slope)).max(axis=1)
     scale = np.maximum(largest, SMALL_FORCE * largest.max())[:, None]
     noise = ROUNDING * np.abs(potential_energy(alone, q))[:, None] / step
     smooth = np.all(np.abs(near - far) <= SMOOTH * scale + noise, axis=1)
     gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
     gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
-    share = float(np.mean(smooth))
-    if share < ENOUGH_SMOOTH:
-        words = (
-            f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only; "
-            "it must change smoothly"
-        )
-        return Finding(np.inf, effect.key, words)
+    if (share := np.mean(smooth)) < ENOUGH_SMOOTH:
+        words = f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only"
+        return Finding(np.inf, effect.key, f"{words}; it must change smoothly")
     most, where = trial.worst(gap)
     state, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
     words = (
@@ -89,28 +80,12 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     return Finding(most, f"{where}, {effect.key}", words)
 
 
-def conservative_force(scene: Scene, q: Array) -> Array:
-    """The forces at the joints that effects book as potential energy, (n, joints), N m or N."""
-    x, force = scene_quantities(scene, q), np.zeros_like(q)
-    for a in scene.attached.of(Force):
-        if "conservative" in a.functions:
-            force += at_joints(scene, a, "conservative", x)
-    if scene.attached.of(Field):
-        weight = columns(x.each(numbered("G{}", q.shape[1])), len(q))
-        force -= weight @ np.linalg.inv(scene.robot.motor_map).T
-    return force
-
-
-# ---- laws that meet ------------------------------------------------------------------------------
-
-CONTINUOUS = 1e-9
-"""Largest jump of a force where its law changes, in units of the largest force nearby."""
+CONTINUOUS = 1e-9  # largest jump of a force where its law changes, in units of the largest force nearby
 
 
 @check("forces at their switches", at_most(CONTINUOUS))
 def forces_at_switches(trial: Sample) -> Finding:
-    """Both laws of a force with a ``switch`` are equal where they meet, at random rates, with the initial
-    values of its states."""
+    """Both laws of a force with a ``switch`` meet there, at random rates, with initial states."""
     found = [
         _jump(trial, a, limit, side)
         for a in trial.scene.attached.of(Force)

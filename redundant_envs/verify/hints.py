@@ -6,6 +6,7 @@ Declared stiffness, damping and rates of states say how short steps must be befo
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,10 +25,10 @@ from redundant_envs.verify.promises import Finding, NotApplicable, at_most
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay; three are still in the
 region of stability of rk8, and a declared number may leave out states that hardly occur."""
-SLOWEST = 6.0
-"""Number of decades of rates below the usual ones: friction that is smooth at 0 is steepest there."""
-DRIVES = at_most(1e-6)
-"""Largest positive power of a damper, in units of the largest power that it absorbs."""
+SLOWEST = 6.0  # decades of rates below the usual ones: friction that is smooth at 0 is steepest there
+DRIVES = at_most(1e-6)  # largest positive power of a damper, in units of the largest power that it absorbs
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Motion:
@@ -38,10 +39,9 @@ class Motion:
         self.efforts = np.broadcast_to(efforts, joints.shape)
 
     def values(
-        self, more: Mapping[str, Any] | None = None, moved: int | None = None, faster: int | None = None
+        self, more: Mapping[str, Any] = NOTHING, moved: int | None = None, faster: int | None = None
     ) -> Quantities:
-        """All quantities, some of them given in ``more``, with derivatives by the position of the joint
-        ``moved``, or by the rate of the joint ``faster``."""
+        """All quantities, ``more`` given, with derivatives by a joint ``moved``, or ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
@@ -49,13 +49,11 @@ class Motion:
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
         known |= {name: 0.0 if draw.normal else 0.5 for name, draw in d.draws.items()}  # their medians
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):
-            columns = (numbers @ back).T
             slopes = np.zeros(len(names)) if joint is None else back[joint]
-            along = (Dual(x, s) if s else x for x, s in zip(columns, slopes.tolist(), strict=True))
-            known |= dict(zip(names, along, strict=True))
-        x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
-        begun = {n: value for n, value in d.begun(x).items() if n not in (more or {})}
-        x.update(begun)
+            for name, x, s in zip(names, (numbers @ back).T, slopes.tolist(), strict=True):
+                known[name] = Dual(x, s) if s else x
+        x = Quantities({**TILTED, **known, **more}, d.functions, arm.sincos)
+        x.update({n: value for n, value in d.begun(x).items() if n not in more})
         for a in d.scene.attached.along(x):
             a.settle_law(x)
         for k in d.slipping:
@@ -83,9 +81,8 @@ def point_names(dynamics: Dynamics, point: Point, of_rate: bool) -> list[list[st
     return [[f"{form}{axis}{number}", *([f"tip_{form}{axis}"] if last else [])] for axis in "xy"]
 
 
-def cases(trial: Sample) -> Iterator[tuple[Attached[Force], Motion]]:
-    """Forces of a scene that declare stiffness or damping, each with motions in all its regimes: between its
-    switches and beyond both, at rates of all sizes."""
+def cases(trial: Sample, which: str) -> Iterator[tuple[Attached[Force], Motion]]:
+    """Forces that declare a "stiffness" or "damping", with motions between and beyond their switches."""
     dynamics, (q, qd) = Dynamics(trial.scene), trial.poses
     rng = np.random.default_rng(trial.seed + 7)
     B = dynamics.arm.motor_map
@@ -101,7 +98,8 @@ def cases(trial: Sample) -> Iterator[tuple[Attached[Force], Motion]]:
             beyond = np.where(np.arange(len(q)) % 4 < 2, low - share, high + share)
             use = (np.arange(len(q)) % 2 == 0) & np.isfinite(beyond)
             joints[use, a.hook.joint] = beyond[use]
-        yield a, Motion(dynamics, joints, rates)
+        if which in a.functions:
+            yield a, Motion(dynamics, joints, rates)
 
 
 def worst_of(findings: list[Finding], reason: str) -> Finding:
@@ -113,9 +111,7 @@ def worst_of(findings: list[Finding], reason: str) -> Finding:
 def hinted(trial: Sample, which: str) -> Finding:
     """The largest ratio of the actual to the declared stiffness or damping of forces."""
     found = []
-    for a, motion in cases(trial):
-        if which not in a.functions:
-            continue
+    for a, motion in cases(trial, which):
         if which == "stiffness":
             motion = Motion(motion.dynamics, motion.joints, 0.0 * motion.rates)
         own = motion.slopes(a, which == "damping")
@@ -147,9 +143,7 @@ def dampers(trial: Sample) -> Finding:
     """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
     power. Rates of other joints are left out: a damper between two joints may drive one of them."""
     found = []
-    for a, motion in cases(trial):
-        if "damping" not in a.functions:
-            continue
+    for a, motion in cases(trial, "damping"):
         count = len(motion.joints)
         if isinstance(a.hook.joint, Point):
             names = point_names(motion.dynamics, a.hook.joint, of_rate=True)
@@ -185,19 +179,18 @@ def rates_of_states(trial: Sample) -> Finding:
     motion = Motion(dynamics, q @ B, qd @ B, efforts)
     for a in dynamics.scene.attached:
         states = {field: own for field, own in a.states.items() if "derivative" in own}
-        if not any("rate" in own for own in states.values()):
+        said = [j for j, functions in enumerate(states.values()) if "rate" in functions]
+        if not said:
             continue
         names = [dynamics.effect_states[field].name for field in states]
         plain = motion.values()
         own, declared = np.zeros((len(q), len(states), len(states))), np.full((len(states), len(q)), np.nan)
         for j, (field, functions) in enumerate(states.items()):
-            begun = np.broadcast_to(plain[field], len(q))
-            x = motion.values({field: Dual(begun, 1.0)})
+            x = motion.values({field: Dual(np.broadcast_to(plain[field], len(q)), 1.0)})
             for i, other in enumerate(states.values()):
                 own[:, i, j] = dual(other["derivative"](x)).slope
             if "rate" in functions:
                 declared[j] = functions["rate"](x)
-        said = [j for j, functions in enumerate(states.values()) if "rate" in functions]
         gaps = [ratio(own[:, j, j], declared[j]) for j in said]
         if len(said) == len(states) and np.isfinite(own).all():
             gaps.append(ratio(np.abs(np.linalg.eigvals(own)).max(axis=1), declared.max(axis=0)))

@@ -12,11 +12,8 @@ from redundant_envs.verify.checks import ENOUGH_SMOOTH, Array, Sample, check, ra
 from redundant_envs.verify.equations import from_points
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
-SHORT = 1e-10
-"""Simulated time after an impact, s, for an arm of a metre and more, and shorter for shorter arms: forces
-change velocities by 1e-7 in it, which is subtracted."""
-SMALL = 0.01
-"""Below this restitution a slider may come to rest at its stop instead of an invisible bounce."""
+SHORT = 1e-10  # s after an impact, for an arm of a metre: forces change velocities by 1e-7, to be subtracted
+SMALL = 0.01  # below this restitution a slider may come to rest at its stop instead of an invisible bounce
 AGREE = at_most(1e-8)
 """Largest relative error of velocities and energies: the impulse follows from an elimination that loses
 digits by the condition of M, at most 1e6 for reasonable arms; the time after it matters below 1e-10."""
@@ -129,8 +126,7 @@ INTERVALS = 20
 
 @check("impacts: no joint beyond its stop", EQUAL_BITS)
 def inside(trial: Sample) -> Finding:
-    """After each of some control intervals every slider is within its stops, to the last bit, and every angle
-    but for 4 ulp of the coordinates that it is a difference of."""
+    """After intervals sliders are within their stops to the bit, and angles to 4 ulp of coordinates."""
     ends, b = stops(trial), trial.arm.motor_map
     q, qd, efforts = trial.states
     batch = BatchSimulator(trial.scene, len(q), track_work=True)

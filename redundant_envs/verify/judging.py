@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CONFIRMED = 0.1
-"""References agree if their tips differ by less than this, in units of the tolerance."""
-LIMIT = 2.0
-"""An error beyond this is a miss, in units of the tolerance: an estimate is no bound."""
+CONFIRMED = 0.1  # references agree if their tips differ by less than this, in units of the tolerance
+LIMIT = 2.0  # an error beyond this is a miss, in units of the tolerance: an estimate is no bound
 
 
 class Judgement(NamedTuple):

@@ -30,15 +30,14 @@ def jacobian(trial: Sample) -> Finding:
         ratio(arm.forward_kinematics(q) - e.points[:, -1], reach),
         ratio(velocity - np.einsum("naj,nj->na", tip, qd), speed.max(axis=1, keepdims=True)),
     ]
-    names = (*arm.joints, *("tip x", "tip y", "velocity x", "velocity y"))
+    names = (*arm.joints, "tip x", "tip y", "velocity x", "velocity y")
     return found(trial, np.concatenate(gaps, axis=1), "J, tip or its velocity contradicts the points", names)
 
 
 @check("rate of the Jacobian", AGREE)
 def jacobian_rate(trial: Sample) -> Finding:
     """Jdqd is J' qd."""
-    arm, (q, qd) = trial.arm, trial.poses
-    joints = len(arm.joints)
+    arm, (q, qd), joints = trial.arm, trial.poses, len(trial.arm.joints)
     change = slopes(arm, entries("J", 2, joints), q).reshape(len(q), 2, joints, joints)
     expected = np.einsum("najk,nj,nk->na", change, qd, qd)
     size = np.einsum("najk,nj,nk->na", np.abs(change), np.abs(qd), np.abs(qd)).max(axis=1, keepdims=True)
@@ -48,10 +47,8 @@ def jacobian_rate(trial: Sample) -> Finding:
 
 @check("joints", AGREE)
 def joints(trial: Sample) -> Finding:
-    """Rates of the joints are those of their positions, motors act along them, and the inverse map is
-    right."""
-    arm, (q, qd) = trial.arm, trial.poses
-    n = len(arm.joints)
+    """Rates of joints are those of their positions, motors act along them, and the inverse map is right."""
+    arm, (q, qd), n = trial.arm, trial.poses, len(trial.arm.joints)
     phi = table(arm, numbered("phi{}", n), values_of(arm, q), len(q))
     rates = table(arm, numbered("phid{}", n), values_of(arm, q, qd), len(q))
     moved = np.einsum("nij,nj->ni", slopes(arm, numbered("phi{}", n), q), qd)
@@ -65,8 +62,7 @@ def joints(trial: Sample) -> Finding:
 
 @check("motions of points", AGREE)
 def motions(trial: Sample) -> Finding:
-    """Velocities, Jacobians and accelerations at constant rates of all point masses follow from their
-    positions."""
+    """Velocities, Jacobians and accelerations at constant rates of all point masses are derivatives."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     count, points, joints = len(q), arm.num_masses, len(arm.joints)
 
@@ -95,8 +91,7 @@ def motions(trial: Sample) -> Finding:
 
 @check("angular momentum", AGREE)
 def angular_momentum(trial: Sample) -> Finding:
-    """Lz is the angular momentum of the point masses about the base, and of the inertias of effects that turn
-    with the first revolute joint."""
+    """Lz is that of the point masses, and of inertias that turn with the first revolute joint."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     velocity = np.einsum("npaj,nj->npa", e.slopes, qd)
     parts = np.array(arm.masses)[:, None] * e.points * velocity[..., ::-1] * (1.0, -1.0)
@@ -112,8 +107,7 @@ def angular_momentum(trial: Sample) -> Finding:
 
 @check("manipulability", AGREE)
 def manipulability(trial: Sample) -> Finding:
-    """The square of manipulability is det J J^T, and it is not negative: near a singular pose a root has only
-    half the digits."""
+    """Its square is det J J^T, and not negative: near a singular pose a root has only half the digits."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     own, tip = arm.manipulability(q), e.slopes[:, -1]
     x, y = (np.square(tip[:, axis]).sum(axis=1) for axis in range(2))
@@ -124,8 +118,7 @@ def manipulability(trial: Sample) -> Finding:
 
 @check("column norms", AGREE)
 def column_norms(trial: Sample) -> Finding:
-    """Column norms are the metres at the tip per unit of each coordinate, with which error control weights
-    errors."""
+    """They are the metres at the tip per unit of each coordinate, with which error control weights errors."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     x = Quantities(values_of(arm, q), (*arm.functions, arm.column_norms), arm.sincos)
     expected = np.linalg.norm(e.slopes[:, -1], axis=1)

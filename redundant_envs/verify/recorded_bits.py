@@ -1,7 +1,6 @@
 """Scenes and environments of which every bit is recorded: it must be the same on every machine.
 
-``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that
-changes the record says why.
+``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that changes it says why.
 """
 
 from __future__ import annotations
@@ -20,26 +19,13 @@ from numpy.typing import NDArray
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.support.values import say
-from redundant_envs.verify.aimed import AIMED, SCENES, aimed_motion, outcome
+from redundant_envs.verify.aimed import AIMED, ENTRIES, SCENES, aimed_motion, outcome
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
 LANES, INTERVALS = 256, 50
 
-WORKED = ("4R all rk8", "stops 1e-6, elastic", "RPRP gravity dop853")
-"""Scenes that are also recorded with the work and the log of events."""
-
-VARIED = ("4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic")
-"""Scenes that are also recorded with separate masses, lengths and friction for each lane."""
-
-ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "FourRReach-v0": {},
-    "RPRPReach-v0": {},
-    "FourRGoalReach-v0": {},
-    "RPRPGoalReach-v0": {"accuracy": 1e-9},
-    "FourRReach-v0 rk4": {"scene": "four_r_weak", "integrator": "rk4"},
-    "RPRPReach-v0 limit springs": {"scene": "rprp_limit_springs", "integrator": "rk8"},
-}
-"""Environments and their arguments beside the ids."""
+ENVIRONMENTS: dict[str, dict[str, Any]] = ENTRIES["environments"]
+SHORT = tuple(ENTRIES["short"])
 
 
 def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Generator]:
@@ -48,11 +34,9 @@ def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Gene
     q = 0.8 * rng.random((LANES, 4)) - 0.4
     for k, prismatic in enumerate(scene.robot.prismatic):
         q[:, k] *= 0.4 if prismatic else 4.0
-    for effect in scene.effects:
-        if isinstance(effect, e.PrismaticStop):
-            for i, k in enumerate(scene.robot.sliders()):
-                low, high = effect.lower[i], effect.upper[i]
-                q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
+    for stop in (x for x in scene.effects if isinstance(x, e.PrismaticStop)):
+        for k, low, high in zip(scene.robot.sliders(), stop.lower, stop.upper, strict=True):
+            q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
     return q, 6.0 * rng.random((LANES, 4)) - 3.0, rng
 
 
@@ -73,11 +57,10 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
 def episodes(name: str) -> Iterator[NDArray[Any]]:
     """Tables of numbers, step by step, of 256 environments."""
     arguments = dict(ENVIRONMENTS[name])
-    if "integrator" in arguments:
+    if method := arguments.pop("integrator", None):
         scene = rde.load_scene(arguments["scene"])
         kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
         effects = (*kept, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
-        method = arguments.pop("integrator")
         own = dataclasses.replace(scene, integrator=method, tolerance=None, effects=effects)
         arguments["scene"] = own.to_dict()
     for mode in ("same_step", "next_step"):
@@ -90,9 +73,8 @@ def episodes(name: str) -> Iterator[NDArray[Any]]:
         yield from tables(observations)
         for _ in range(INTERVALS):
             actions = (2.4 * rng.random((LANES, 4)) - 1.2).astype(np.float32)
-            observations, reward, terminated, truncated, infos = env.step(actions)
-            yield from tables(observations)
-            yield from (reward, terminated, truncated)
+            observations, *ends, infos = env.step(actions)
+            yield from (*tables(observations), *ends)
             yield from (infos[k] for k in sorted(infos) if "final" not in k and not k.startswith("_"))
             for final in infos.get("final_obs", ()):
                 yield from () if final is None else tables(final)
@@ -116,19 +98,12 @@ def digest(numbers: Iterable[Any]) -> str:
 
 RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
     **{name: (motion, (scene,)) for name, scene in SCENES.items()},
-    **{f"{name}, work": (motion, (SCENES[name], True)) for name in WORKED},
-    **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in VARIED},
+    **{f"{name}, work": (motion, (SCENES[name], True)) for name in ENTRIES["work"]},
+    **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in ENTRIES["varied"]},
     **{name: (episodes, (name,)) for name in ENVIRONMENTS},
     **{name: (aimed_motion, (name,)) for name in AIMED},
 }
 """Everything that is recorded: a function, and its arguments."""
-
-
-SHORT = (
-    "4R all rk8", "4R all 1e-6", "RPRP generalized rk8", "stops 1e-6, inelastic", "stops rk4, inelastic",
-    "stops dop853", "4R all rk8, work", "FourRReach-v0", "RPRPReach-v0",
-)  # fmt: skip
-"""A selection of all kinds, for checks in which all of them would take too long."""
 
 
 def recorded() -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +43,7 @@ CHECKS: tuple[Check, ...] = checks_of(
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
-OF_THE_MACHINE = (bits.record,)
-"""Checks that do not depend on a subject: they are run once."""
+OF_THE_MACHINE = (bits.record,)  # checks that do not depend on a subject: they are run once
 MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
 
@@ -82,19 +81,9 @@ def verify(
     done: Callable[[str], None] = lambda name: None,
     checks: Iterable[Check] | None = None,
 ) -> Report:
-    """Check an arm, a scene, an effect, a task, or a :class:`Subject`.
-
-    Parameters
-    ----------
-    thing : Arm, Scene, Effect, Task, a class of these, or Subject
-    states : int, optional
-        Number of random states; by default that of the mode.
-    mode : Mode
-    done : callable
-        Receives the name of each check when it is done.
-    checks : iterable of Check, optional
-        By default those of the mode.
-    """
+    """Check an arm, a scene, an effect, a task, a class of these, or a :class:`Subject` in a number of random
+    states, and by checks, that follow from the mode unless given; ``done`` receives the name of each check
+    when it is done."""
     subject = subject_from(kind_of(thing).__name__, thing)
     trial = Sample(subject, STATES[mode] if states is None else states, mode)
     outcomes = []
@@ -102,9 +91,6 @@ def verify(
         outcomes.append(one.run(trial))
         done(f"{subject.name}: {one.name}")
     return Report(tuple(outcomes))
-
-
-# ---- the table -------------------------------------------------------------------------------------
 
 
 def about(subject: Subject) -> str:
@@ -144,13 +130,12 @@ def notes(outcomes: Iterable[Outcome]) -> list[str]:
 
 
 def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
-    """Lines of the table, and reasons for which checks are not applicable, with their names; of those of
-    one kind, "kind: name", with their number."""
+    """Lines of the table; reasons for checks that are not applicable, and the names or kinds of these."""
     shown: list[Outcome] = []
-    left: dict[str, Counter[str]] = {}
+    left: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for o in outcomes:
         if o.verdict is Verdict.NOT_APPLICABLE:
-            left.setdefault(o.finding.words, Counter())[o.check.partition(": ")[0]] += 1
+            left[o.finding.words][o.check.partition(": ")[0]] += 1
         else:
             shown.append(o)
     names = (", ".join(k if n == 1 else f"{k} ({n} checks)" for k, n in c.items()) for c in left.values())
@@ -185,24 +170,22 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
 
 
-# ---- the command -----------------------------------------------------------------------------------
-
-
 def run(
     words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
 ) -> int:
     """Verify subjects and write tables, on standard output and in files; returns 1 if a promise is broken."""
-    chosen, subjects = Mode[mode.upper()], subjects_of(words)
+    chosen = Mode[mode.upper()]
+    usual = checks_in(chosen)
+    tasks = [(subject, about(subject), usual) for subject in subjects_of(words)]
+    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
+    tasks.append((machine, MACHINE, [*OF_THE_MACHINE]))
     files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
     for file, _ in files:
         if file.is_dir():
             raise ValueError(f"{file} is a folder; give a file to be written")
     reports: list[tuple[str, Report]] = []
-    each = len(checks_in(chosen))
-    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
-    with counted("verify", len(subjects) * each + len(OF_THE_MACHINE), each) as done:
-        for subject in (*subjects, machine):
-            checks, title = (OF_THE_MACHINE, MACHINE) if subject is machine else (None, about(subject))
+    with counted("verify", sum(len(checks) for *_, checks in tasks), len(usual)) as done:
+        for subject, title, checks in tasks:
             found = verify(subject, states, chosen, done, checks)
             reports.append((title, found))
             say(f"{title}\n{text_table(found.outcomes)}")

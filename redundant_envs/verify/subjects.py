@@ -20,11 +20,8 @@ from redundant_envs.support.values import required, shown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
-TOLERANCE = 1e-6
-"""Tip error [m] per control interval of scenes made here: the standard accuracy of the environments."""
-MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)
-"""kg and m of an arm given by its class, used in turn: with equal numbers an equation that confuses two of
-them would be right by chance."""
+TOLERANCE = 1e-6  # tip error [m] of scenes made here: the standard accuracy of the environments
+MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)  # kg, m: equal ones would hide mistakes
 NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
@@ -71,17 +68,21 @@ def kind_of(thing: Any) -> type[Any]:
 def subject_from(name: str, thing: Any) -> Subject:
     """The subject of an arm, scene, effect or task, or of a class of these, called ``name``."""
     kind = kind_of(thing)
+    if thing is kind and issubclass(kind, Arm | Effect | Task) and kind not in (Arm, Effect, Task):
+        thing = _made(name, kind)
     if isinstance(thing, Subject):
         return thing
     if isinstance(thing, Scene):
         return Subject(name, thing)
-    if issubclass(kind, Arm) and kind is not Arm:
-        arm = _arm(name, kind) if thing is kind else thing
-        return Subject(name, Scene(arm, (Gravity(),), tolerance=TOLERANCE))
-    if issubclass(kind, Effect) and kind is not Effect:
-        return Subject(name, effect_scene(name, _made(name, kind) if thing is kind else thing))
-    if issubclass(kind, Task) and kind is not Task:
-        return _task(name, _made(name, kind) if thing is kind else thing)
+    if isinstance(thing, Arm):
+        return Subject(name, Scene(thing, (Gravity(),), tolerance=TOLERANCE))
+    if isinstance(thing, Effect):
+        return Subject(name, effect_scene(name, thing))
+    if isinstance(thing, Task):
+        if TASKS.get(kind.name) is not kind:
+            registration.register_task(kind)
+        arm = next(iter(registration.SCENES))  # the first one that has a scene
+        return _environment(name, registration.id_of(arm, kind.name), thing.parameters())
     raise ValueError(
         f"{name} is {shown(thing)}; verify takes an arm, a scene, an effect or a task, or a class of these"
     )
@@ -94,7 +95,7 @@ def effect_scene(name: str, effect: Effect) -> Scene:
         if not hasattr(kind, "coordinates"):  # such as Chain, whose joints are chosen with its numbers
             continue
         try:
-            arm = _arm(name, kind)
+            arm = _made(name, kind)
             fitted = effect.fitted(arm).at_interval(Scene.control_dt)
             fields = any(isinstance(h, Field) for h in fitted.hooks(arm))
             return Scene(arm, (effect,) if fields else (Gravity(), effect), tolerance=TOLERANCE)
@@ -122,39 +123,25 @@ def _imported(word: str) -> Any:
     return thing
 
 
-def _arm(name: str, kind: type[Arm]) -> Arm:
+def _made(name: str, kind: type[Any]) -> Any:
+    """An arm with :data:`MASSES` and :data:`LENGTHS`, or an effect or a task with its defaults."""
+    if not issubclass(kind, Arm):
+        try:
+            return kind()
+        except TypeError:
+            lacks = f"{name}: {kind.__name__} has no default of {', '.join(required(kind))}"
+            raise ValueError(
+                f"{lacks}; name one that has its numbers, module:object, or a scene with it"
+            ) from None
     own = [f.name for f in dataclasses.fields(kind) if f.init and f.name not in ("masses", "lengths")]
     try:
-        return kind(
-            masses=tuple(islice(cycle(MASSES), kind.num_masses)),
-            lengths=tuple(islice(cycle(LENGTHS), kind.num_lengths)),
-        )
+        masses, lengths = islice(cycle(MASSES), kind.num_masses), islice(cycle(LENGTHS), kind.num_lengths)
+        return kind(masses=tuple(masses), lengths=tuple(lengths))
     except (AttributeError, TypeError):  # a Chain has its counts with its joint_types only
-        raise ValueError(
-            f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too; name an arm that has them, "
-            "module:object"
-        ) from None
-
-
-def _made(name: str, kind: type[Any]) -> Any:
-    try:
-        return kind()
-    except TypeError:
-        raise ValueError(
-            f"{name}: {kind.__name__} has no default of {', '.join(required(kind))}; name one that has its "
-            "numbers, module:object, or a scene with it"
-        ) from None
+        needed = f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too"
+        raise ValueError(f"{needed}; name an arm that has them, module:object") from None
 
 
 def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:
     scene = scene_at(registration.SCENES[registration.IDS[env_id].arm], None)
     return Subject(name, scene, env_id, task)
-
-
-def _task(name: str, task: Task) -> Subject:
-    """A task with the first arm that has a scene; an unregistered class is registered."""
-    kind = type(task)
-    if TASKS.get(kind.name) is not kind:
-        registration.register_task(kind)
-    arm = next(iter(registration.SCENES))
-    return _environment(name, registration.id_of(arm, kind.name), task.parameters())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, Sce
 from redundant_envs.verify.checks import Array, Sample, check, enough
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, at_most
 
-BACK = at_most(1e-9, "rad or reaches")
-"""Largest distance from its start at which a calm motion may end, there and back by dop853: ten thousand
-times the error of that."""
+BACK = at_most(1e-9, "rad or reaches")  # ten thousand times the error of dop853, there and back
 
 
 @check("time reversal", BACK, Mode.STANDARD)
@@ -49,70 +47,56 @@ def time_reversal(trial: Sample) -> Finding:
     return trial.finding(gaps, words)
 
 
-INTERVALS = 2
-"""With more steps a motion that is too fast for its step could become infinite, which does not scale."""
+INTERVALS = 2  # with more a motion too fast for its step could become infinite, which does not scale
 
 
-def _moved(arm: Any, seconds: float, q: Array, qd: Array, efforts: Array) -> Array:
-    """Joint positions and rates after some steps of rk8 under 8 m/s^2."""
-    batch = BatchSimulator(Scene(arm, (Gravity(8.0),), "rk8", seconds), len(q))
-    batch.set_state(q, qd)
-    for _ in range(INTERVALS):
-        batch.advance(efforts)
-    return np.concatenate([batch.q, batch.qd], axis=1)
+class Scales(NamedTuple):
+    """Factors between two motions that are the same in other units."""
+
+    time: float
+    q: Array | float
+    qd: Array | float
+    efforts: Array | float
 
 
-def _differ(trial: Sample, one: Array, other: Array, words: str) -> Finding:
-    """The number of lanes that are finite and differ."""
-    sound = np.isfinite(np.concatenate([one, other], axis=1)).all(axis=1)
-    enough(sound, "too few motions stay finite at the scene's own step")
-    differs = np.asarray((one != other) & sound[:, None]).reshape(len(one), 2, -1)
-    by_joint = differs.any(axis=1).astype(float)
-    lanes = int(by_joint.any(axis=1).sum())
-    return Finding(lanes, trial.worst(by_joint)[1] if lanes else "", words)
-
-
-def _step(trial: Sample) -> float:
-    """The scene's own step, s, rounded to a power of two that scales to the last bit and allows twice it."""
+def scaled(trial: Sample, field: str, scales: Scales, words: str) -> Finding:
+    """The number of lanes that differ, of those that are finite, after some steps of rk8 with four times the
+    masses or lengths. The step is the scene's own, rounded to a power of two, which changes no digit."""
+    arm: Any = trial.scene.robot
+    other = dataclasses.replace(arm, **{field: tuple(4.0 * x for x in getattr(arm, field))})
+    before, after = arm.parameter_values(), other.parameter_values()
+    if more := [name for name in before if not (name[0] in "ml" and name[1:].isdigit())]:
+        raise NotApplicable(f"the arm has {', '.join(more)} beside masses and lengths")
+    assert all(after[n] == v * (4.0 if n[0] == field[0] else 1.0) for n, v in before.items())
     own = trial.scene.control_dt / trial.scene.substeps
-    return float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
+    step = float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
+    (q, qd, efforts), ends = trial.states, []
+    for moving, by in ((arm, Scales(1.0, 1.0, 1.0, 1.0)), (other, scales)):
+        batch = BatchSimulator(Scene(moving, (Gravity(8.0),), "rk8", by.time * step), len(q))
+        batch.set_state(q * by.q, qd * by.qd)
+        for _ in range(INTERVALS):
+            batch.advance(efforts * by.efforts)
+        ends.append(np.stack([batch.q / by.q, batch.qd / by.qd], axis=1))
+    sound: Array = np.isfinite(ends).all(axis=(0, 2, 3))  # type: ignore[assignment]
+    enough(sound, "too few motions stay finite at the scene's own step")
+    by_joint = ((ends[0] != ends[1]).any(axis=1) & sound[:, None]).astype(float)
+    lanes = int(by_joint.any(axis=1).sum())
+    return Finding(lanes, trial.worst(by_joint)[1] if lanes else "", f"{arm.kind}: {words}")
 
 
 @check("scaling of masses", EQUAL_BITS, Mode.STANDARD)
 def scaling_of_masses(trial: Sample) -> Finding:
-    """Four times the masses and forces give the same motion: a power of two changes no digit."""
-    arm = trial.scene.robot
-    q, qd, efforts = trial.states
-    heavy = dataclasses.replace(arm, masses=tuple(4.0 * m for m in arm.masses))
-    _check_numbers(arm, heavy, "m", 4.0)
-    one = _moved(arm, _step(trial), q, qd, efforts)
-    other = _moved(heavy, _step(trial), q, qd, 4.0 * efforts)
-    words = f"{arm.kind}: four times the masses and forces make another motion: a term lacks its mass"
-    return _differ(trial, one, other, words)
+    """Four times the masses and forces give the same motion."""
+    words = "four times the masses and forces make another motion: a term lacks its mass"
+    return scaled(trial, "masses", Scales(1.0, 1.0, 1.0, 4.0), words)
 
 
 @check("scaling of lengths and time", EQUAL_BITS, Mode.STANDARD)
 def scaling_of_lengths(trial: Sample) -> Finding:
     """Four times the lengths in twice the time are the same motion, under the same gravity."""
-    arm = trial.scene.robot
-    q, qd, efforts = trial.states
-    long = dataclasses.replace(arm, lengths=tuple(4.0 * x for x in arm.lengths))
-    _check_numbers(arm, long, "l", 4.0)
-    slides = np.array(arm.prismatic)
-    if not np.array_equal(q[:1] @ arm.motor_map * slides, q[:1] * slides):
+    q, slides = trial.states[0][:1], np.array(trial.scene.robot.prismatic)
+    if not np.array_equal(q @ trial.scene.robot.motor_map * slides, q * slides):
         raise NotApplicable("coordinates mix lengths and angles")
-    size, speed = np.where(slides, 4.0, 1.0), np.where(slides, 2.0, 0.5)
-    force = np.where(slides, 1.0, 4.0)
-    one = _moved(arm, _step(trial), q, qd, efforts)
-    other = _moved(long, 2.0 * _step(trial), q * size, qd * speed, efforts * force)
-    words = f"{arm.kind}: four times the lengths in twice the time are another motion: a term lacks a length"
-    return _differ(trial, one, other / np.concatenate([size, speed]), words)
-
-
-def _check_numbers(arm: Any, scaled: Any, letter: str, factor: float) -> None:
-    """NotApplicable if an arm has parameters beside masses and lengths, which would have to be scaled."""
-    before, after = arm.parameter_values(), scaled.parameter_values()
-    others = [name for name in before if not (name[0] in "ml" and name[1:].isdigit())]
-    if others:
-        raise NotApplicable(f"the arm has {', '.join(others)} beside masses and lengths")
-    assert all(after[n] == v * (factor if n[0] == letter else 1.0) for n, v in before.items())
+    factors = np.where(slides, 4.0, 1.0), np.where(slides, 2.0, 0.5), np.where(slides, 1.0, 4.0)
+    words = "four times the lengths in twice the time are another motion: a term lacks a length"
+    return scaled(trial, "lengths", Scales(2.0, *factors), words)
