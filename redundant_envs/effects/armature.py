@@ -1,7 +1,5 @@
 """Inertias of the motors' rotors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Inertia

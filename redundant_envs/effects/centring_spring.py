@@ -1,7 +1,5 @@
 """The spring that the report prints for its prismatic joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

@@ -4,8 +4,6 @@ An obstacle pushes at the deepest point of the arm in it, along its outward norm
 Crossley (1975), and rubs along its surface with regularised Coulomb friction.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from redundant_envs.language.algebra import maximum, physics, sqrt, where

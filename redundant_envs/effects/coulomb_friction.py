@@ -1,7 +1,5 @@
 """Dry friction in the joints, with true stiction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Friction, Hook

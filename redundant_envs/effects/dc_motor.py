@@ -1,7 +1,5 @@
 """Direct-current motors behind gears, which take a voltage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State

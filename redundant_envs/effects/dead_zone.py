@@ -1,7 +1,5 @@
 """Motors that ignore small commands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link

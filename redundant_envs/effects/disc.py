@@ -1,7 +1,5 @@
 """A disc that the tip or the links of an arm touch."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import reduce

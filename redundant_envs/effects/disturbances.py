@@ -4,8 +4,6 @@ A disturbance has up to four parts, each of which is absent unless its numbers a
 force, white noise, and an Ornstein-Uhlenbeck process.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Readings that do not arrive."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State

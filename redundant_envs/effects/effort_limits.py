@@ -1,7 +1,5 @@
 """Motors that saturate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit

@@ -1,7 +1,5 @@
 """Gears whose teeth have backlash: the motor turns freely in the gap, and pushes elastic teeth beyond it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit

@@ -1,7 +1,5 @@
 """A half-plane, such as a floor or a wall, that the tip or the links of an arm touch."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

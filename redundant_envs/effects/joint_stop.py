@@ -1,7 +1,5 @@
 """Hard ends of the travel of joints of any kind: impacts with restitution, located in time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Torques that disturb the joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d

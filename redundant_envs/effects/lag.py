@@ -1,7 +1,5 @@
 """Motors whose efforts lag behind their commands by a first order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit

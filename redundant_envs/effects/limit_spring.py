@@ -1,7 +1,5 @@
 """A one-sided spring and damper at the ends of a joint's travel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

@@ -1,7 +1,5 @@
 """Links that are bodies, not points: their moments of inertia."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

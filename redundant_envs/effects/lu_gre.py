@@ -1,7 +1,5 @@
 """The friction model of Lund and Grenoble: bristles that bend and slip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook, State

@@ -1,7 +1,5 @@
 """A base that moves: the arm feels its acceleration as a field."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

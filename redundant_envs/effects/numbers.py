@@ -4,8 +4,6 @@ The functions return the metadata of a field, ``field(metadata=one(not_negative,
 know which fields have a default, too.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

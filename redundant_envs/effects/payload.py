@@ -1,7 +1,5 @@
 """A load in the gripper."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass

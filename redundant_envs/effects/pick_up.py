@@ -1,7 +1,5 @@
 """An object that the tip picks up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes

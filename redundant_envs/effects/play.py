@@ -1,7 +1,5 @@
 """Commands that reach their motors with play."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import (

@@ -1,7 +1,5 @@
 """Hard ends of the travel of sliders alone: impacts with restitution, located in time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

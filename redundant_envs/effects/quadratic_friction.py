@@ -1,7 +1,5 @@
 """Friction that grows with the square of the rate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

@@ -1,7 +1,5 @@
 """Sensors that count in steps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

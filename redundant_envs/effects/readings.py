@@ -1,7 +1,5 @@
 """What effects on the readings of sensors have in common: a number for each position and each rate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Sensors that are off."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Hook, Sensing

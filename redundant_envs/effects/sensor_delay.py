@@ -1,7 +1,5 @@
 """Sensors that show what was a while ago."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

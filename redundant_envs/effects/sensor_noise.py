@@ -1,7 +1,5 @@
 """Noise of the sensors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Hook, Sensing, State

@@ -4,8 +4,6 @@ An effect gives them by its method ``shapes``; coordinates are those of the arm,
 that effects add, and stops of joints, are drawn without one, from their hooks.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence

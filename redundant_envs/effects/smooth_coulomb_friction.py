@@ -1,7 +1,5 @@
 """Dry friction made smooth: cheap at fixed steps, but it creeps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

@@ -1,7 +1,5 @@
 """An elastic tendon that runs over several joints."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """A damped spring between a point of the arm and a post."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes

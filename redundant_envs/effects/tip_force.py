@@ -1,7 +1,5 @@
 """A force that disturbs the tip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d

@@ -1,7 +1,5 @@
 """A spring that becomes harder beyond a knee on either side: a force that changes its law."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

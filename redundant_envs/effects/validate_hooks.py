@@ -3,8 +3,6 @@
 :data:`RULES` says of each function how many values it returns and what it may depend on.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import functools

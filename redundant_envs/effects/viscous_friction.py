@@ -1,7 +1,5 @@
 """Viscous friction in the joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook

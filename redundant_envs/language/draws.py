@@ -5,8 +5,6 @@ takes it, and its own number; from nothing else. So no draw depends on what else
 lanes, on threads, or on which draws were made before.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable

@@ -1,8 +1,6 @@
 """Numbers of a scene and of a task by their names, and whether many sets of them are valid: those of lanes,
 and the ends of ranges."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

@@ -1,7 +1,5 @@
 """Ranges of numbers that every episode draws anew: their distributions, and plain data for them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

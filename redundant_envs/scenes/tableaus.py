@@ -1,7 +1,5 @@
 """Runge-Kutta methods as data."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

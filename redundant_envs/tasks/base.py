@@ -1,7 +1,5 @@
 """Base of all tasks: a protocol that the compiled episode follows, for any arm."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Reach a goal with the tip and hold it there: goal, start, observation, reward and success."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
