@@ -10,7 +10,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
 from redundant_envs.effects.numbers import Example, one
-from redundant_envs.language.algebra import floor, maximum, numbered, physics, where
+from redundant_envs.language.algebra import floor, identity, maximum, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number
@@ -33,11 +33,6 @@ def rest(seconds, control_dt):
     """What is left of a delay then, s; 0 within rounding, four ulps."""
     left = seconds - whole_intervals(seconds, control_dt) * control_dt
     return where(left > ROUNDING * maximum(seconds, control_dt), left, 0.0)
-
-
-@physics
-def handed_on(before):
-    return before
 
 
 @functools.lru_cache(maxsize=64)
@@ -123,7 +118,7 @@ class CommandDelay(Effect):
         names = [f"sent[{joint * self.kept + k}]" for k in range(self.kept)]
         before = [command, *(f".{name}" for name in names[:-1])]
         states = tuple(
-            State(name, unit, update=handed_on, bind={"before": source})
+            State(name, unit, update=identity("before"), bind={"before": source})
             for name, source in zip(names, before, strict=True)
         )
         sent = {f"sent{k + 1}": f".{name}" for k, name in enumerate(names)}

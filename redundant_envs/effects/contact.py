@@ -55,12 +55,6 @@ def elastic_energy(depth, stiffness):
     return 0.5 * stiffness * maximum(depth, 0.0) ** 2
 
 
-@physics
-def steepness(stiffness):
-    """Slope of the force by the depth at rest."""
-    return stiffness
-
-
 def whole_arm(field: str, value: Any) -> bool:
     """Whether all links touch an obstacle, or the tip alone."""
     if not isinstance(value, bool):

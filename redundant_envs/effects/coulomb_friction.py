@@ -4,15 +4,10 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Friction, Hook
 from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import physics
+from redundant_envs.language.algebra import identity
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.support.values import Numbers
-
-
-@physics
-def limit(level):
-    return level
 
 
 @dataclass(frozen=True)
@@ -35,4 +30,6 @@ class CoulombFriction(Effect):
     example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))
+        return tuple(
+            Friction(k, identity("level"), {"level": f".level[{k}]"}) for k in range(len(arm.joints))
+        )

@@ -8,7 +8,7 @@ from typing import Any
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, checked, one, pair
-from redundant_envs.language.algebra import clamp, maximum, physics, sqrt
+from redundant_envs.language.algebra import clamp, identity, maximum, physics, sqrt
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
 from redundant_envs.support.values import Numbers
@@ -225,7 +225,7 @@ class Disc(Effect):
         return (
             Force(
                 Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
-                stiffness=contact.steepness, guard=guards_at_tip, kink=turn_at_tip,
+                stiffness=identity("stiffness"), guard=guards_at_tip, kink=turn_at_tip,
             ),
         )  # fmt: skip
 
@@ -238,10 +238,10 @@ def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
         bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
-            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=contact.steepness))
+            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))
         law, turn = (at_far_end, turn_of_link) if far else (at_end_of_first, turn_of_first)
         guard = None
         if far == arm.num_masses - 1:
             guard = deepest_of(arm.num_masses)
-        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard, kink=turn))
+        found.append(Force(Point(far), law, bind, stiffness=identity("stiffness"), guard=guard, kink=turn))
     return tuple(found)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
 from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import maximum, physics, sqrt, where
+from redundant_envs.language.algebra import identity, maximum, physics, sqrt, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.support.values import Numbers
@@ -33,24 +33,9 @@ def motor_acceleration(command, angle, speed, position, rate, gap, stiffness, da
 
 
 @physics
-def motor_rate(speed):
-    return speed
-
-
-@physics
 def oscillation(stiffness, inertia):
     """Rate of the motor's oscillation on its teeth."""
     return sqrt(stiffness / inertia)
-
-
-@physics
-def of_joint(position):
-    return position
-
-
-@physics
-def rate_of_joint(rate):
-    return rate
 
 
 NUMBERS = ("gap", "stiffness", "damping", "inertia")
@@ -93,12 +78,12 @@ class GearBacklash(Effect):
         own |= {name: f".{name}[{k}]" for name in NUMBERS}
         without_inertia = {name: source for name, source in own.items() if name != "inertia"}
         angle = State(
-            f"angle[{k}]", of_angle, motor_rate, bind={"speed": own["speed"], "position": motion["position"]},
-            initial=of_joint,
+            f"angle[{k}]", of_angle, identity("speed"), bind={"speed": own["speed"], "position": motion["position"]},
+            initial=identity("position"),
         )  # fmt: skip
         speed = State(
             f"speed[{k}]", of_speed, motor_acceleration, bind={"command": f"command{k + 1}", **motion, **own},
-            initial=rate_of_joint, rate=oscillation,
+            initial=identity("rate"), rate=oscillation,
         )  # fmt: skip
         return Actuation(
             k, teeth, {**motion, **without_inertia}, Link.GEAR, states=(angle, speed), guard=contacts,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, checked, one, pair
-from redundant_envs.language.algebra import physics, sqrt
+from redundant_envs.language.algebra import identity, physics, sqrt
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
 from redundant_envs.support.values import Numbers
@@ -133,7 +133,7 @@ class HalfPlane(Effect):
         return tuple(
             Force(
                 Point(k), force, {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")} | own, potential=energy,
-                conservative=elastic, stiffness=contact.steepness, guard=guards, kink=turn,
+                conservative=elastic, stiffness=identity("stiffness"), guard=guards, kink=turn,
             )
             for k in points
         )  # fmt: skip

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
 from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import expm1, physics
+from redundant_envs.language.algebra import expm1, identity, physics
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive
 from redundant_envs.support.values import Numbers
@@ -19,11 +19,6 @@ def approach(command, effort, time_constant):
 def approached(command, effort, time_constant, elapsed):
     """The effort after a time under a constant command."""
     return effort - (command - effort) * expm1(-(1.0 / time_constant * elapsed))
-
-
-@physics
-def effort_of(effort):
-    return effort
 
 
 @physics
@@ -52,4 +47,4 @@ class Lag(Effect):
         own = {"effort": f".effort[{k}]", "time_constant": f".time_constant[{k}]"}
         bind = {"command": f"command{k + 1}", **own}
         state = State(f"effort[{k}]", unit, approach, bind=bind, rate=fastest_change, closed=approached)
-        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
+        return Actuation(k, identity("effort"), own, Link.LAG, states=(state,))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.numbers import Example, one
-from redundant_envs.language.algebra import clamp, maximum, physics, where
+from redundant_envs.language.algebra import clamp, identity, maximum, physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, number, positive, travel
 
@@ -44,11 +44,6 @@ def hold(rate, stiffness, damping, side):
 def damper(position, lower, upper, damping):
     """Damping at a position, if the joint moves deeper."""
     return damping * abs(position - clamp(position, lower, upper))
-
-
-@physics
-def steepness(stiffness):
-    return stiffness
 
 
 NUMBERS = ("lower", "upper", "stiffness", "damping")
@@ -102,7 +97,7 @@ class LimitSpring(Effect):
         bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(
-                k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,
+                k, force, bind, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
                 damping=damper, switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

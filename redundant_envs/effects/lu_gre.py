@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook, State
 from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import exp, expm1, physics, where
+from redundant_envs.language.algebra import exp, expm1, identity, physics, where
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, positive
 from redundant_envs.support.values import Numbers
@@ -40,11 +40,6 @@ def bent(rate, bristle, stiffness, coulomb, stiction, stribeck_speed, elapsed):
 def force(rate, bristle, stiffness, damping, viscous, coulomb, stiction, stribeck_speed):
     change = bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed)
     return -(stiffness * bristle + damping * change + viscous * rate)
-
-
-@physics
-def spring(stiffness):
-    return stiffness
 
 
 NUMBERS = ("stiffness", "damping", "viscous", "coulomb", "stiction", "stribeck_speed")
@@ -108,7 +103,7 @@ class LuGre(Effect):
             bind={**moving, **{name: f".{name}[{k}]" for name in OF_BRISTLES}}, closed=bent,
         )  # fmt: skip
         own = {name: f".{name}[{k}]" for name in NUMBERS}
-        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=spring)
+        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=identity("stiffness"))
 
 
 def _pairs(low: float | Numbers, high: float | Numbers) -> list[tuple[float, float]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Field, Hook, State
 from redundant_envs.effects.numbers import Example, checked, one, pair, text
-from redundant_envs.language.algebra import physics, sincos
+from redundant_envs.language.algebra import identity, physics, sincos
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import strength, strengths
 from redundant_envs.support.values import Numbers
@@ -18,11 +18,6 @@ def acceleration(angle, frequency, x, y):
     sine, _ = sincos(angle)
     square = -(frequency * frequency)
     return x * square * sine, y * square * sine
-
-
-@physics
-def pace(frequency):
-    return frequency
 
 
 @dataclass(frozen=True)
@@ -67,6 +62,6 @@ class MovingBase(Effect):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"frequency": ".frequency"}
         # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
-        angle = State("angle", "rad", pace, bind=own, rate=pace)
+        angle = State("angle", "rad", identity("frequency"), bind=own, rate=identity("frequency"))
         bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
         return (Field(acceleration, bind, (angle,)),)

@@ -11,7 +11,7 @@ from typing import Any
 from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example, one
 from redundant_envs.effects.readings import Sensor, every_sensor
-from redundant_envs.language.algebra import floor, numbered, physics, where
+from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import number
@@ -46,16 +46,6 @@ def delayed(count: int) -> Callable[..., Any]:
         return newer + (steps - whole) * (older - newer)
 
     return delayed
-
-
-@physics
-def latest(reading):
-    return reading
-
-
-@physics
-def moved_on(newer):
-    return newer
 
 
 @dataclass(frozen=True)
@@ -124,9 +114,9 @@ class SensorDelay(Effect):
     def _late(self, s: Sensor, arm: Arm) -> Hook:
         names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(self.kept)]
         unit, now = s.unit(arm), {"reading": s.quantity}
-        states = [State(names[0], unit, update=latest, initial=latest, bind=now)]
+        states = [State(names[0], unit, update=identity("reading"), initial=identity("reading"), bind=now)]
         for newer, name in itertools.pairwise(names):
             bind = {**now, "newer": f".{newer}"}
-            states.append(State(name, unit, update=moved_on, initial=latest, bind=bind))
+            states.append(State(name, unit, update=identity("newer"), initial=identity("reading"), bind=bind))
         own = {"seconds": ".seconds", **{f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}}
         return Sensing(s.joint, delayed(self.kept), own, s.reading, tuple(states))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, checked, one, pair
-from redundant_envs.language.algebra import physics
+from redundant_envs.language.algebra import identity, physics
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative, numbers
 from redundant_envs.support.values import Numbers, shown, whole_number
@@ -26,16 +26,6 @@ def pull_and_damping(x, y, vx, vy, post_x, post_y, stiffness, damping):
 @physics
 def energy(x, y, post_x, post_y, stiffness):
     return 0.5 * stiffness * ((x - post_x) ** 2 + (y - post_y) ** 2)
-
-
-@physics
-def steepness(stiffness):
-    return stiffness
-
-
-@physics
-def slope(damping):
-    return damping
 
 
 @dataclass(frozen=True)
@@ -86,6 +76,6 @@ class Tether(Effect):
         return (
             Force(
                 Point(k - 1), pull_and_damping, {**own, **at_point}, potential=energy, conservative=pull,
-                stiffness=steepness, damping=slope,
+                stiffness=identity("stiffness"), damping=identity("damping"),
             ),
         )  # fmt: skip

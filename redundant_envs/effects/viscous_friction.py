@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Effect, Force, Hook
 from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import physics
+from redundant_envs.language.algebra import identity, physics
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import not_negative
 from redundant_envs.support.values import Numbers
@@ -14,11 +14,6 @@ from redundant_envs.support.values import Numbers
 def force(rate, coefficient):
     """Opposes the rate of the joint, not that of the absolute angle."""
     return -coefficient * rate
-
-
-@physics
-def slope(coefficient):
-    return coefficient
 
 
 @dataclass(frozen=True)
@@ -37,6 +32,11 @@ class ViscousFriction(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}, damping=slope)
+            Force(
+                k,
+                force,
+                {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"},
+                damping=identity("coefficient"),
+            )
             for k in range(len(arm.joints))
         )

@@ -240,6 +240,17 @@ def physics(
     return mark if function is None else mark(function)
 
 
+@functools.cache
+def identity(quantity: str) -> Callable[..., Any]:
+    """The marked function that takes a quantity, and returns it."""
+
+    @physics(takes=quantity)
+    def identity(value: Any) -> Any:
+        return value
+
+    return identity  # type: ignore[no-any-return]
+
+
 def is_physics(function: Any) -> bool:
     """Whether a function is marked with :func:`physics`."""
     return callable(function) and hasattr(function, "physics_gives")
