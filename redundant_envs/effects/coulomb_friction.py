@@ -30,6 +30,5 @@ class CoulombFriction(Effect):
     example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Friction(k, identity("level"), {"level": f".level[{k}]"}) for k in range(len(arm.joints))
-        )
+        limit = identity("level")
+        return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))

@@ -77,10 +77,8 @@ class GearBacklash(Effect):
         own = {"angle": f".angle[{k}]", "speed": f".speed[{k}]"}
         own |= {name: f".{name}[{k}]" for name in NUMBERS}
         without_inertia = {name: source for name, source in own.items() if name != "inertia"}
-        angle = State(
-            f"angle[{k}]", of_angle, identity("speed"), bind={"speed": own["speed"], "position": motion["position"]},
-            initial=identity("position"),
-        )  # fmt: skip
+        bind = {"speed": own["speed"], "position": motion["position"]}
+        angle = State(f"angle[{k}]", of_angle, identity("speed"), bind=bind, initial=identity("position"))
         speed = State(
             f"speed[{k}]", of_speed, motor_acceleration, bind={"command": f"command{k + 1}", **motion, **own},
             initial=identity("rate"), rate=oscillation,

@@ -31,12 +31,7 @@ class ViscousFriction(Effect):
     example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(
-                k,
-                force,
-                {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"},
-                damping=identity("coefficient"),
-            )
-            for k in range(len(arm.joints))
+        binds = (
+            {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"} for k in range(len(arm.joints))
         )
+        return tuple(Force(k, force, bind, damping=identity("coefficient")) for k, bind in enumerate(binds))
