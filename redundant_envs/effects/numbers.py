@@ -72,6 +72,19 @@ def example_of(kind: type) -> Example:
     return found if isinstance(found, Example) else Example({})
 
 
+def fields_with(thing: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a dataclass, with other numbers: "field" or "field[k]" -> value."""
+    fields: dict[str, Any] = {}
+    for name, value in numbers.items():
+        field, _, entry = name.partition("[")
+        if entry:  # those that are no numbers, as ends without a stop, stay
+            k, kept = int(entry[:-1]), fields.get(field, getattr(thing, field))
+            fields[field] = (*kept[:k], value, *kept[k + 1 :])
+        else:
+            fields[field] = value
+    return fields
+
+
 def declared_in(kind: type, name: str) -> Declared | None:
     """What a field of an effect holds: as the class declares it, or one from which it is derived, which may
     have given the field another default."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import validate_hooks
+from redundant_envs.effects.numbers import fields_with
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.support.values import replaced, shown
@@ -88,17 +89,9 @@ def _own_names(effect: Any) -> list[str]:
 def _check_effect(scene: Any, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
     for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
-        fields: dict[str, Any] = {
-            f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init
-        }
-        for name, number in numbers.items():
-            field, _, entry = name.partition("[")
-            if field in fields and entry:  # those that are no numbers, as ends without a stop, stay
-                kept, k = fields[field], int(entry[:-1])
-                fields[field] = (*kept[:k], number, *kept[k + 1 :])
-            elif field in fields:
-                fields[field] = number
-        made = replaced(effect, **fields)
+        fields = {f.name for f in dataclasses.fields(effect)}
+        own = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
+        made = replaced(effect, **fields_with(effect, own))
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
         validate_hooks.check_numbers(effect.key, made, scene.robot, hooks)
