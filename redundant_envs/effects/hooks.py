@@ -368,6 +368,12 @@ def states_of(hook: Any) -> tuple[State, ...]:
     return getattr(hook, "states", ())
 
 
+def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
+    """The functions of a hook or a state by their fields, such as "damping"."""
+    values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
+    return {name: value for name, value in values.items() if callable(value)}
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects.
