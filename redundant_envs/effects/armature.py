@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Hook, Inertia
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Instant, Link, State
+from redundant_envs.effects.numbers import Example, not_negative, number, one
 from redundant_envs.language.algebra import floor, identity, maximum, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number
 from redundant_envs.support.values import with_fields
 
 MAX_KEPT = 1024

@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import clamp, expm1, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import positive
-from redundant_envs.support.values import Numbers
 
 
 @physics

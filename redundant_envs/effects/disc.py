@@ -6,12 +6,20 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import (
+    Example,
+    Numbers,
+    checked,
+    not_negative,
+    number,
+    numbers,
+    one,
+    pair,
+    positive,
+)
 from redundant_envs.language.algebra import clamp, identity, maximum, physics, sqrt
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.robots.parameters import LARGEST
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the

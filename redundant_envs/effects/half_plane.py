@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive
 from redundant_envs.language.algebra import identity, physics, sqrt
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.robots.parameters import LARGEST, SMALLEST
 
 
 @physics

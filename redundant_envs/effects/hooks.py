@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 
 from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, declared_in
 from redundant_envs.effects.shapes import Pose, Shape
-from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.arm import Arm as Arm
 
 ELAPSED = "elapsed"
 """Argument of a state's closed form: the time since its value was that which the form takes, s."""

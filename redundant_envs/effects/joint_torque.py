@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint, one
+from redundant_envs.effects.hooks import Arm, Force, Hook
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, one
 from redundant_envs.language.algebra import identity
-from redundant_envs.robots.arm import Arm
-from redundant_envs.support.values import Numbers
 
 
 @dataclass(frozen=True)

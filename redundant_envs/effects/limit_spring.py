@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, not_negative, number, one, positive, travel
 from redundant_envs.language.algebra import clamp, identity, maximum, physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, positive, travel
 
 
 @physics

@@ -4,12 +4,9 @@ import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Field, Hook, State
-from redundant_envs.effects.numbers import Example, checked, one, pair, text
+from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State
+from redundant_envs.effects.numbers import Example, Numbers, checked, one, pair, strength, strengths, text
 from redundant_envs.language.algebra import identity, physics, sincos
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strength, strengths
-from redundant_envs.support.values import Numbers
 
 
 @physics

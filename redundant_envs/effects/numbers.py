@@ -1,7 +1,7 @@
 """Numbers of an effect, declared once: their check, their unit, and how many there are.
 
 The functions return the metadata of a field, ``field(metadata=one(not_negative, "kg"))``: so type checkers
-know which fields have a default, too.
+know which fields have a default, too. Effects import checks and types of numbers from here as well.
 """
 
 import re
@@ -9,7 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from redundant_envs.robots.parameters import number, numbers
+from redundant_envs.robots.parameters import not_negative as not_negative
+from redundant_envs.robots.parameters import number as number
+from redundant_envs.robots.parameters import numbers as numbers
+from redundant_envs.robots.parameters import positive as positive
+from redundant_envs.robots.parameters import strength as strength
+from redundant_envs.robots.parameters import strengths as strengths
+from redundant_envs.robots.parameters import travel as travel
+from redundant_envs.support.values import Ends as Ends
+from redundant_envs.support.values import Numbers as Numbers
 from redundant_envs.support.values import shown
 
 Check = Callable[[str, Any], Any]

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass
+from redundant_envs.effects.numbers import Example, not_negative, one
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass, State
+from redundant_envs.effects.numbers import Example, not_negative, one, strength
 from redundant_envs.language.algebra import physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, strength
 
 ON_TIME = 1e-6
 """Share of an interval by which a time may be early and still counts as reached: sums of a million intervals

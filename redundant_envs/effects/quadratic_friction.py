@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 
 @physics

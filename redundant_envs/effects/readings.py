@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from redundant_envs.effects.hooks import Effect, Reading
-from redundant_envs.robots.arm import Arm
+from redundant_envs.effects.hooks import Arm, Effect, Reading
 
 READINGS = {"position": Reading.POSITION, "rate": Reading.RATE}
 """Fields with the numbers of each joint's readings, and what these measure."""

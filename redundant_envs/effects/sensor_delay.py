@@ -8,13 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, number, one
 from redundant_envs.effects.readings import Sensor, every_sensor
 from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
 from redundant_envs.support.values import with_fields
 
 MAX_KEPT = 1024

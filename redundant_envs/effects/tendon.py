@@ -7,12 +7,20 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, checked, one, text
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import (
+    Example,
+    Numbers,
+    checked,
+    numbers,
+    one,
+    positive,
+    strength,
+    strengths,
+    text,
+)
 from redundant_envs.language.algebra import maximum, numbered, physics, total
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import numbers, positive, strength, strengths
-from redundant_envs.support.values import Numbers, shown
+from redundant_envs.support.values import shown
 
 
 class Laws(NamedTuple):

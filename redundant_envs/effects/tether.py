@@ -3,12 +3,10 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, numbers, one, pair
 from redundant_envs.language.algebra import identity, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, numbers
-from redundant_envs.support.values import Numbers, shown, whole_number
+from redundant_envs.support.values import shown, whole_number
 
 
 @physics

@@ -2,12 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.numbers import Example, not_negative, number, one, travel
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, travel
 
 
 @physics
