@@ -124,9 +124,6 @@ def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
             )
 
 
-# ---- ranges ----------------------------------------------------------------------------------------------
-
-
 def is_of_task(name: str) -> bool:
     """Whether a name can only be that of a number of a task, which only an environment knows."""
     return "." not in name and ENTRY.fullmatch(name) is None

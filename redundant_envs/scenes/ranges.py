@@ -17,7 +17,6 @@ MIDDLE = 0.381966
 """The draw at which a number inside a range is tried: no simple fraction, so that a number that has to be
 whole is found to be none."""
 
-# ---- draws, from one that is uniform in (0, 1) ----------------------------------------------------------
 # They are clamped to their ends because a rounding must not pass these: the ends are what was checked.
 
 
@@ -82,28 +81,19 @@ def choice_of(count: int) -> Callable[..., Any]:
     return choice
 
 
-# ---- distributions ---------------------------------------------------------------------------------------
-
-
 class Distribution:
     """A distribution of a number, between two ends."""
 
     kind: ClassVar[str]
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The least and the largest number that is drawn."""
-        raise NotImplementedError
+    formula: Any
+    """A function: the number, from a uniform draw and :meth:`numbers`, in their order."""
+    ends: Any
+    """The least and the largest number that is drawn."""
 
     @property
     def inside(self) -> tuple[float, ...]:
         """Other numbers that must be valid as the ends must."""
         return (float(self.formula(MIDDLE, *self.numbers().values())),)
-
-    @property
-    def formula(self) -> Callable[..., Any]:
-        """The number, from a uniform draw and :meth:`numbers`, in their order."""
-        raise NotImplementedError
 
     def numbers(self) -> dict[str, float]:
         """What the formula takes beside the draw."""
@@ -260,9 +250,6 @@ def _choices(field: str, data: Any) -> tuple[float, ...]:
             f"{field} has {twice[0]} more than once; all values are equally probable: name each once"
         )
     return values
-
-
-# ---- ranges of named numbers -----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
