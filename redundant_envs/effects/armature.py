@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 
 
@@ -22,5 +22,6 @@ class Armature(Effect):
 
     example = Example({"inertias": 0.01})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(Inertia((k,), f".inertias[{k}]") for k in range(len(arm.joints)))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        return Inertia((k,), f".inertias[{k}]")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import identity
 
@@ -26,6 +26,6 @@ class CoulombFriction(Effect):
 
     example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        limit = identity("level")
-        return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        return Friction(k, identity("level"), {"level": f".level[{k}]"})

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import clamp, expm1, physics
 
@@ -73,10 +73,8 @@ class DCMotor(Effect):
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k) for k in range(len(arm.joints)))
-
-    def _link(self, k: int) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         own = {name: f".{name}[{k}]" for name in NUMBERS} | {"current": f".current[{k}]"}
         moving = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
         current = State(

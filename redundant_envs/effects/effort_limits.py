@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, effort_unit
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics, where
 
@@ -42,13 +42,11 @@ class EffortLimits(Effect):
 
     example = Example({"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]
-        laws = {"guard": beyond, "by_side": clipped}
-        return tuple(
-            Actuation(k, saturate, own, Link.LIMITS, takes=effort_unit(arm, k), **laws)
-            for k, own in enumerate(bind)
-        )
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"command": f"command{k + 1}", "limit": f".limits[{k}]"}
+        unit = effort_unit(arm, k)
+        return Actuation(k, saturate, bind, Link.LIMITS, guard=beyond, by_side=clipped, takes=unit)
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

@@ -552,6 +552,11 @@ class Effect:
         return values
 
 
+def at_each_joint(hook_at: Callable[[Any, int, Arm], Hook]) -> Callable[[Any, Arm], tuple[Hook, ...]]:
+    """The method ``hooks`` of an effect on every joint alike, from the hook at joint k, counted from 0."""
+    return lambda self, arm: tuple(hook_at(self, k, arm) for k in range(len(arm.joints)))
+
+
 COMMAND = "unit of the command"
 """Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
 

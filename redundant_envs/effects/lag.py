@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, effort_unit
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import expm1, identity, physics
 
@@ -37,11 +37,11 @@ class Lag(Effect):
 
     example = Example({"time_constant": 0.03})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
-
-    def _link(self, k: int, unit: str) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         own = {"effort": f".effort[{k}]", "time_constant": f".time_constant[{k}]"}
         bind = {"command": f"command{k + 1}", **own}
-        state = State(f"effort[{k}]", unit, approach, bind=bind, rate=fastest_change, closed=approached)
+        state = State(
+            f"effort[{k}]", effort_unit(arm, k), approach, bind=bind, rate=fastest_change, closed=approached
+        )
         return Actuation(k, identity("effort"), own, Link.LAG, states=(state,))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import exp, expm1, identity, physics, where
 
@@ -90,13 +90,11 @@ class LuGre(Effect):
                     "sooner than it slides: give at least the Coulomb level"
                 )
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._force(k, "m" if slides else "rad") for k, slides in enumerate(arm.prismatic))
-
-    def _force(self, k: int, unit: str) -> Force:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         moving = {"rate": f"phid{k + 1}", "bristle": f".bristle[{k}]"}
         bristle = State(
-            f"bristle[{k}]", unit, bending,
+            f"bristle[{k}]", "m" if arm.prismatic[k] else "rad", bending,
             bind={**moving, **{name: f".{name}[{k}]" for name in OF_BRISTLES}}, closed=bent,
         )  # fmt: skip
         own = {name: f".{name}[{k}]" for name in NUMBERS}

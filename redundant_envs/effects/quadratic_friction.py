@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import physics
 
@@ -32,8 +32,7 @@ class QuadraticFriction(Effect):
 
     example = Example({"coefficients": 0.1})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}, damping=slope)
-            for k in range(len(arm.joints))
-        )
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
+        return Force(k, force, bind, damping=slope)

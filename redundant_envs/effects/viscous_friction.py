@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import identity, physics
 
@@ -27,8 +27,7 @@ class ViscousFriction(Effect):
 
     example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        binds = (
-            {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"} for k in range(len(arm.joints))
-        )
-        return tuple(Force(k, force, bind, damping=identity("coefficient")) for k, bind in enumerate(binds))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
+        return Force(k, force, bind, damping=identity("coefficient"))
