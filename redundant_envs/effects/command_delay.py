@@ -75,7 +75,6 @@ class CommandDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
-
     example = Example({"seconds": 0.013, "longest": 0.1})
 
     def __post_init__(self) -> None:

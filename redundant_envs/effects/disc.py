@@ -7,19 +7,9 @@ from typing import Any
 
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import (
-    Example,
-    Numbers,
-    checked,
-    not_negative,
-    number,
-    numbers,
-    one,
-    pair,
-    positive,
-)
+from redundant_envs.effects.numbers import Example, Numbers, checked, number, numbers, one, pair
 from redundant_envs.language.algebra import clamp, identity, maximum, physics, sqrt
-from redundant_envs.robots.parameters import LARGEST
+from redundant_envs.robots.parameters import LARGEST, not_negative, positive
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -197,7 +187,6 @@ class Disc(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
-
     example = Example(
         {"centre": (0.5, 0.4), "radius": 0.2, "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},

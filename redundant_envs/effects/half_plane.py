@@ -96,7 +96,6 @@ class HalfPlane(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
-
     example = Example(
         {"point": (0.0, -0.5), "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},

@@ -73,7 +73,6 @@ class LimitSpring(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N m s/rad^2", "N s/m^2"))
 
     static = ("coordinate",)
-
     example = Example(
         {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0}
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State
-from redundant_envs.effects.numbers import Example, Numbers, checked, one, pair, strength, strengths, text
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, strengths, text
 from redundant_envs.language.algebra import identity, physics, sincos
 
 
@@ -36,17 +36,11 @@ class MovingBase(Effect):
     """
 
     amplitude: Numbers = field(metadata=pair(strengths, "m"))
-    frequency: float = field(metadata=one(strength, "rad/s"))
+    frequency: float = field(metadata=one(not_negative, "rad/s"))
     name: str = field(default="", metadata=checked(text))
 
     static = ("name",)
-
     example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.frequency < 0.0:
-            raise ValueError(f"MovingBase.frequency is {self.frequency} rad/s; it must not be negative")
 
     @property
     def key(self) -> str:

@@ -72,7 +72,6 @@ class SensorDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
-
     example = Example({"seconds": 0.03, "longest": 0.1})
 
     def __post_init__(self) -> None:

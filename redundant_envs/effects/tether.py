@@ -51,7 +51,6 @@ class Tether(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N s/m"))
 
     static = ("point",)
-
     example = Example({"point": 4, "post": (0.3, 0.2), "stiffness": 100.0, "damping": 1.0})
 
     @property

@@ -52,7 +52,6 @@ class TwoStageSpring(Effect):
     harder: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
 
     static = ("coordinate",)
-
     example = Example({"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0})
 
     def __post_init__(self) -> None:
