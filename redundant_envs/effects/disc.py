@@ -8,7 +8,7 @@ from typing import Any
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, Numbers, checked, number, numbers, one, pair
-from redundant_envs.language.algebra import clamp, identity, maximum, physics, sqrt
+from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
 from redundant_envs.robots.parameters import LARGEST, not_negative, positive
 
 TINY = 1e-60
@@ -83,36 +83,26 @@ def force_and_place(
     return fx, fy, s
 
 
-@physics
-def at_near_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
-):
-    fx, fy, s = force_and_place(
-        xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+OF_FIRST = ("xb", "yb", "vxb", "vyb", "centre_x", "centre_y", "radius", *contact.NUMBERS)
+
+
+@physics(takes=arguments_of(force_and_place))
+def at_near_end(*values):
+    fx, fy, s = force_and_place(*values)
     return (1.0 - s) * fx, (1.0 - s) * fy
 
 
-@physics
-def at_far_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
-):
+@physics(takes=arguments_of(force_and_place))
+def at_far_end(*values):
     """With the near share the force at the point of contact, in sum and in moment."""
-    fx, fy, s = force_and_place(
-        xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+    fx, fy, s = force_and_place(*values)
     return s * fx, s * fy
 
 
-@physics
-def at_end_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed):
+@physics(takes=OF_FIRST)
+def at_end_of_first(xb, yb, vxb, vyb, *values):
     """The first link begins at the base, which bears the other share."""
-    return at_far_end(
-        0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+    return at_far_end(0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb, *values)
 
 
 @physics
@@ -237,8 +227,6 @@ def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
             found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))
         law, turn = (at_far_end, turn_of_link) if far else (at_end_of_first, turn_of_first)
-        guard = None
-        if far == arm.num_masses - 1:
-            guard = deepest_of(arm.num_masses)
+        guard = deepest_of(arm.num_masses) if far == arm.num_masses - 1 else None
         found.append(Force(Point(far), law, bind, stiffness=identity("stiffness"), guard=guard, kink=turn))
     return tuple(found)

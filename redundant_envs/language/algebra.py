@@ -169,10 +169,7 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of two numbers, ``a`` if they are equal or one is NaN.
-
-    Put the quantity first and the constant second: then a NaN is passed on.
-    """
+    """The larger of two numbers, ``a`` if they are equal or one is NaN; see :func:`minimum`."""
     return where(a < b, b, a)
 
 
