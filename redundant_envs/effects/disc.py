@@ -25,35 +25,7 @@ def depth_and_normal(x, y, centre_x, centre_y, radius):
     return radius - square * inverse, dx * inverse, dy * inverse
 
 
-@physics
-def guards_at_tip(x, y, vx, vy, centre_x, centre_y, radius, damping):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.guards(depth, nx, ny, vx, vy, damping)
-
-
-@physics
-def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side1, side2):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    pressed = contact.depth_of_contact(depth, side1, side2)
-    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-
-
-@physics
-def turn_at_tip(x, y, vx, vy, centre_x, centre_y, radius, friction, side1, side2):
-    _, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
-
-
-@physics
-def elastic_at_tip(x, y, centre_x, centre_y, radius, stiffness):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.elastic(depth, nx, ny, stiffness)
-
-
-@physics
-def energy_at_tip(x, y, centre_x, centre_y, radius, stiffness):
-    depth, _, _ = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.elastic_energy(depth, stiffness)
+AT_TIP = contact.laws(depth_and_normal)
 
 
 @physics
@@ -209,12 +181,7 @@ class Disc(Effect):
             return _along_links(arm, own)
         tip = arm.num_masses
         bind = {"x": f"x{tip}", "y": f"y{tip}", "vx": f"vx{tip}", "vy": f"vy{tip}", **own}
-        return (
-            Force(
-                Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
-                stiffness=identity("stiffness"), guard=guards_at_tip, kink=turn_at_tip,
-            ),
-        )  # fmt: skip
+        return (Force(Point(tip - 1), bind=bind, **AT_TIP),)
 
 
 def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
