@@ -2,13 +2,10 @@
 
 from dataclasses import dataclass, field
 
+from redundant_envs.effects.effort_limits import WITHIN
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import clamp, maximum, physics, where
-
-WITHIN = 1e-12
-"""Share of the stall effort by which a command may exceed what is left, and counts as within it: otherwise a
-guard would stay at 0, which rounding crosses again and again."""
 
 
 @physics

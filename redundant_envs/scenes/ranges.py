@@ -81,14 +81,21 @@ def choice_of(count: int) -> Callable[..., Any]:
     return choice
 
 
-class Distribution:
-    """A distribution of a number, between two ends."""
+@dataclass(frozen=True)
+class Uniform:
+    """Every number between two ends is equally probable."""
 
-    kind: ClassVar[str]
-    formula: Any
-    """A function: the number, from a uniform draw and :meth:`numbers`, in their order."""
-    ends: Any
-    """The least and the largest number that is drawn."""
+    low: float
+    high: float
+
+    kind: ClassVar[str] = "uniform"
+    formula = staticmethod(uniform)
+    """The number, from a uniform draw and :meth:`numbers`, in their order."""
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest number that is drawn."""
+        return self.low, self.high
 
     @property
     def inside(self) -> tuple[float, ...]:
@@ -97,26 +104,11 @@ class Distribution:
 
     def numbers(self) -> dict[str, float]:
         """What the formula takes beside the draw."""
-        return dict(zip(("low", "high"), self.ends, strict=True))
+        return {"low": self.low, "high": self.high}
 
     def plain(self) -> dict[str, Any]:
         """Plain data that :func:`distribution` takes."""
         return {self.kind: list(self.ends)}
-
-
-@dataclass(frozen=True)
-class Uniform(Distribution):
-    """Every number between two ends is equally probable."""
-
-    low: float
-    high: float
-
-    kind = "uniform"
-    formula = staticmethod(uniform)
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        return self.low, self.high
 
 
 class LogUniform(Uniform):
@@ -157,12 +149,12 @@ class Normal(Uniform):
 
 
 @dataclass(frozen=True)
-class Choice(Distribution):
+class Choice:
     """Every one of some values is equally probable."""
 
     values: tuple[float, ...]
 
-    kind = "choice"
+    kind: ClassVar[str] = "choice"
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -183,6 +175,7 @@ class Choice(Distribution):
         return {self.kind: list(self.values)}
 
 
+Distribution = Uniform | Choice
 KINDS = ("uniform", "log_uniform", "normal", "choice")
 EXAMPLE = "give one, such as {'uniform': [0, 2]}, or a factor, {'scale': {'log_uniform': [0.8, 1.25]}}"
 
