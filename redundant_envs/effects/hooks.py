@@ -12,7 +12,7 @@ import functools
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -390,13 +390,6 @@ class Effect:
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.
 
-    Attributes
-    ----------
-    static : tuple of str, default ()
-        Fields that choose the structure; all others are per-environment numbers.
-    of_joints : tuple of str, default ()
-        Fields with a number for each joint; a single number serves all of them.
-
     Examples
     --------
     A drag that grows with the square of the rate, on every joint::
@@ -425,7 +418,9 @@ class Effect:
     """
 
     static: ClassVar[tuple[str, ...]] = ()
+    """Fields that choose the structure; all others are per-environment numbers."""
     of_joints: ClassVar[tuple[str, ...]] = ()
+    """Fields with a number for each joint; a single number serves all of them."""
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""
@@ -446,10 +441,14 @@ class Effect:
         if following is not None:
             following(*given)
 
+    def __present(self) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
+        """Its fields with their values, but for numbers that are left out, as their default None allows."""
+        values = ((f, getattr(self, f.name)) for f in dataclasses.fields(self))
+        return ((f, value) for f, value in values if value is not None or f.default is not None)
+
     def __declared(self) -> dict[str, Declared]:
         """What is declared of its fields, but for those that are absent."""
-        present = (f.name for f in dataclasses.fields(self) if not _is_absent(f, getattr(self, f.name)))
-        declared = {name: declared_in(type(self), name) for name in present}
+        declared = {f.name: declared_in(type(self), f.name) for f, _ in self.__present()}
         return {name: found for name, found in declared.items() if found is not None}
 
     @property
@@ -465,10 +464,7 @@ class Effect:
     def fitted(self, arm: Arm) -> Effect:
         """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
         count, changed = len(arm.joints), {}
-        for f in dataclasses.fields(self):
-            given = getattr(self, f.name)
-            if _is_absent(f, given):
-                continue
+        for f, given in self.__present():
             value = _of_python(given, static=f.name in self.static)
             if f.name in self.of_joints:
                 wide = hasattr(value, "__len__") and not isinstance(value, str | bytes)
@@ -522,7 +518,7 @@ class Effect:
             if len(declared.units) == 1:
                 found[name] = declared.units[0]
             elif declared.of_joints and declared.units:
-                found |= units_of_joints(name, arm, *declared.units)
+                found |= {f"{name}[{k}]": declared.units[slides] for k, slides in enumerate(arm.prismatic)}
             elif isinstance(getattr(self, name), tuple):
                 found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
@@ -541,9 +537,8 @@ class Effect:
     def parameters(self) -> dict[str, float]:
         """The effect's numbers: "field" or "field[k]" -> value."""
         values: dict[str, float] = {}
-        for f in dataclasses.fields(self):
-            value = getattr(self, f.name)
-            if f.name in self.static or _is_absent(f, value):
+        for f, value in self.__present():
+            if f.name in self.static:
                 continue
             if isinstance(value, tuple):
                 values |= {f"{f.name}[{k}]": entry for k, entry in enumerate(value)}
@@ -564,16 +559,6 @@ COMMAND = "unit of the command"
 def effort_unit(arm: Arm, joint: int) -> str:
     """Unit of the effort of a joint's motor."""
     return "N" if arm.prismatic[joint] else "N m"
-
-
-def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
-    """Units of a field with a number for each joint."""
-    return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
-
-
-def _is_absent(field: dataclasses.Field[Any], value: Any) -> bool:
-    """Whether a number is left out, as its default None allows."""
-    return value is None and field.default is None
 
 
 def _of_python(value: Any, static: bool) -> Any:

@@ -55,13 +55,10 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        near = [name for name in changed if name.startswith(f"{effect.key}.")]
-        if near and not {*near}.isdisjoint(_own_names(effect)):
+        if not {*changed}.isdisjoint(_own_names(effect)):
             _check_effect(scene, effect, values)
-    known: dict[str, Any] = {**values, **scene.attached.states.initial}
-    for mass, loads in scene.attached.carried.items():
-        total = sum((known[name] for name in loads), values[mass])
-        _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
+    for mass, sums in scene.attached.moving_masses(values, scene.attached.states.initial).items():
+        _check_positive(f"{mass} with {', '.join(scene.attached.carried[mass])}", sums[:, None])
     scene.attached.check_inertias(scene.robot, values)
     if task is not None and task.parameters().keys() & changed:
         _check_task(task, values)
