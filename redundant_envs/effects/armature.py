@@ -1,14 +1,9 @@
 """Inertias of the motors' rotors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Hook, Inertia
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 
 
 @dataclass(frozen=True)
@@ -27,5 +22,6 @@ class Armature(Effect):
 
     example = Example({"inertias": 0.01})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(Inertia((k,), f".inertias[{k}]") for k in range(len(arm.joints)))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        return Inertia((k,), f".inertias[{k}]")

@@ -5,8 +5,6 @@ argument. One that Python computed with, in a closure, an ``if`` or a default, w
 scene was made. So everything is made again with other numbers, and must come out the same.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
@@ -18,6 +16,7 @@ from typing import Any, NamedTuple
 
 from redundant_envs.compiler import dialect
 from redundant_envs.effects.hooks import Effect, states_of
+from redundant_envs.effects.numbers import fields_with
 from redundant_envs.language.algebra import name_of
 from redundant_envs.robots.arm import Arm
 from redundant_envs.support.values import replaced, with_fields
@@ -36,12 +35,11 @@ class Place(NamedTuple):
     """A number."""
 
     owner: int  # which one has it
-    field: str
-    entry: int | None  # in a tuple of numbers
+    name: str  # its name there, "field" or "field[k]"
 
     @property
-    def name(self) -> str:
-        return self.field if self.entry is None else f"{self.field}[{self.entry}]"
+    def field(self) -> str:
+        return self.name.partition("[")[0]
 
 
 class Owner(NamedTuple):
@@ -76,26 +74,22 @@ class _Maker:
     def check(self) -> None:
         """Try other values of all numbers at once, then of those alone that were hardly ever accepted."""
         accepted = dict.fromkeys(self.values, 0)
-        trials = [
-            {place: _other(k, n, value) for n, (place, value) in enumerate(self.values.items())}
-            for k in range(KINDS)
-        ]
+        others = {place: _others(n, value) for n, (place, value) in enumerate(self.values.items())}
+        trials = [{place: values[k] for place, values in others.items()} for k in range(KINDS)]
         for values in (*trials, *_far_apart(self.values)):
             for place in self.tried(values):
                 accepted[place] += 1
         watched = {place: _Watched(value) for place, value in self.values.items()}
-        for number in watched.values():
-            number.seen = []
         self.made(self.changed(watched, checked=False))
-        for n, place in enumerate(self.values):
-            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], self.values[place])
-            for value in (*near, *(_other(k, n, self.values[place]) for k in range(KINDS))):
-                if accepted[place] >= FEW and value not in near:
+        for place, value in self.values.items():
+            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], value)
+            for other in (*near, *others[place]):
+                if accepted[place] >= FEW and other not in near:
                     break
-                accepted[place] += len(self.tried({place: value}))
+                accepted[place] += len(self.tried({place: other}))
             if accepted[place] == 0:
                 # no other value is allowed, or none was guessed: the checks of its class are left out
-                self.refuse({place: 1.25 * self.values[place] + 0.1})
+                self.refuse({place: 1.25 * value + 0.1})
 
     def tried(self, values: Mapping[Place, Any]) -> list[Place]:
         """The numbers whose owners accept other values; ValueError if these make a difference."""
@@ -109,25 +103,17 @@ class _Maker:
         return [place for place in values if changed[place.owner] is not None]
 
     def changed(self, values: Mapping[Place, Any], checked: bool = True) -> list[Any]:
-        """All things, with other numbers; None for one that does not allow them, if its class checks them."""
-        made: list[Any] = []
-        for o, thing in enumerate(self.things):
-            fields: dict[str, Any] = {}
-            for _, field, entry in (place for place in values if place.owner == o):
-                value = values[Place(o, field, entry)]
-                if entry is not None:
-                    others = fields.get(field, getattr(thing, field))
-                    value = (*others[:entry], value, *others[entry + 1 :])
-                fields[field] = value
-            made.append(_replaced(thing, fields) if checked else _set(thing, fields))
-        return made
+        """All things, with other numbers; None for one whose class checks and does not allow them."""
+        numbers: list[dict[str, Any]] = [{} for _ in self.things]
+        for place, value in values.items():
+            numbers[place.owner][place.name] = value
+        changed = [fields_with(*pair) for pair in zip(self.things, numbers, strict=True)]
+        make = functools.partial(_accepted, replaced) if checked else with_fields
+        return [make(t, **fields) if fields else t for t, fields in zip(self.things, changed, strict=True)]
 
     def made(self, things: Sequence[Any]) -> Described | None:
         """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
-        try:
-            return self.described(*things)
-        except Exception:  # of a user's own text, with numbers that it did not expect
-            return None
+        return _accepted(self.described, *things)
 
     def check_steady(self, times: int) -> None:
         """ValueError if what is made of the same numbers is not the same."""
@@ -168,24 +154,31 @@ class _Maker:
             )
 
 
-def _noting(compare: Callable[[Any, Any], Any]) -> Any:
-    """A comparison of a watched number that notes what it is compared with."""
-
-    def noted(self: _Watched, other: Any) -> Any:
-        if isinstance(other, int | float):
-            self.seen.append(float(other))
-        return compare(float(self), other)
-
-    return noted
+def _accepted(make: Callable[..., Any], *things: Any, **fields: Any) -> Any:
+    """What is made; None if a user's own text, which did not expect these numbers, fails in any way."""
+    try:
+        return make(*things, **fields)
+    except Exception:
+        return None
 
 
 class _Watched(float):
     """A float that notes what it is compared with."""
 
-    __slots__ = ("seen",)
-    seen: list[float]
-    __lt__, __le__, __gt__ = _noting(operator.lt), _noting(operator.le), _noting(operator.gt)
-    __ge__, __eq__, __ne__ = _noting(operator.ge), _noting(operator.eq), _noting(operator.ne)
+    def __init__(self, _: float) -> None:
+        self.seen: list[float] = []
+
+    @staticmethod
+    def noting(compare: Callable[[Any, Any], Any]) -> Any:
+        def noted(self: "_Watched", other: Any) -> Any:
+            if isinstance(other, int | float):
+                self.seen.append(float(other))
+            return compare(float(self), other)
+
+        return noted
+
+    __lt__, __le__, __gt__ = noting(operator.lt), noting(operator.le), noting(operator.gt)
+    __ge__, __eq__, __ne__ = noting(operator.ge), noting(operator.eq), noting(operator.ne)
     __hash__ = float.__hash__
 
     def __bool__(self) -> bool:
@@ -198,44 +191,31 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
             if f.name in getattr(thing, "static", ()) or not f.init:
                 continue
             value = getattr(thing, f.name)
-            entries: Any = enumerate(value) if isinstance(value, tuple) else ((None, value),)
-            for entry, number in entries:
+            row = {f"{f.name}[{k}]": x for k, x in enumerate(value)} if isinstance(value, tuple) else None
+            for name, number in ({f.name: value} if row is None else row).items():
                 if isinstance(number, int | float) and not isinstance(number, bool):
-                    yield Place(o, f.name, entry), number
-
-
-def _replaced(thing: Any, fields: dict[str, Any]) -> Any:
-    """A thing with other fields; None if it does not allow them."""
-    try:
-        return replaced(thing, **fields) if fields else thing
-    except Exception:  # of a user's own text, with numbers that it did not expect
-        return None
-
-
-def _set(thing: Any, fields: dict[str, Any]) -> Any:
-    """The same without the checks of its class."""
-    return with_fields(thing, **fields)
+                    yield Place(o, name), number
 
 
 KINDS = 12
-"""Ways to another number, of :func:`_other`."""
+"""Other numbers of :func:`_others`."""
 
 
-def _other(kind: int, n: int, value: Any) -> Any:
-    """Another number instead of the n-th one: nearby and far, of either sign, whole for a whole one."""
+def _others(n: int, value: Any) -> list[Any]:
+    """Other numbers instead of the n-th one: nearby and far, of either sign, whole ones for a whole one."""
     own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
-    whole = float(value).is_integer()
-    if kind < 2:
-        return value + (1 + n % 5) * (1, -1)[kind] if whole else (1.1, 0.9)[kind] * own * value
-    if kind == 2:
-        return 2 * value + (n % 5 if whole else 0)
+    step = 1 + n % 5
+    if float(value).is_integer():
+        near = [value + step, value - step, 2 * value + n % 5]
+    else:
+        near = [1.1 * own * value, 0.9 * own * value, 2 * value]
     if not math.isfinite(value):
-        return math.copysign(own * 10.0 ** (kind - 6), value)
-    factor, instead = (
+        return near + [math.copysign(own * 10.0 ** (k - 6), value) for k in range(len(near), KINDS)]
+    factors_and_instead = (
         (1.25 * own, 0.05), (0.8 / own, -0.05), (1.0 + 1e-3 * own, 1e-3), (16.0 * own, 16.0),
         (1.0 / (16.0 * own), -16.0), (1e3 * own, 1e3), (1e-3 / own, 1e-6), (-own, -1.0), (0.0, 1.0),
-    )[kind - 3]  # fmt: skip
-    return factor * value if value else instead * own
+    )  # fmt: skip
+    return near + [factor * value if value else instead * own for factor, instead in factors_and_instead]
 
 
 def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
@@ -255,9 +235,6 @@ def _across(seen: Sequence[float], value: float) -> list[float]:
     return [x for x in found if math.isfinite(x)]
 
 
-# ---- what effects make ----------------------------------------------------------------------------------
-
-
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:
     """ValueError if the hooks of an effect would not follow when its numbers or those of the arm are set."""
 
@@ -272,7 +249,8 @@ def check_effect(where: str, effect: Effect, arm: Arm) -> None:
 
 
 def of_the_arm(place: Place) -> str:
-    number = place.field[0] if place.entry is None else f"{place.field[0]}{place.entry + 1}"
+    letter, entry = place.name[0], place.name.partition("[")[2][:-1]
+    number = f"{letter}{int(entry) + 1}" if entry else letter
     return f"take it as the argument {number} of the function, which needs no bind"
 
 

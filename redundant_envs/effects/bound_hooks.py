@@ -19,17 +19,7 @@ import numpy as np
 from redundant_envs.compiler import dialect
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import OWN, hooks
-from redundant_envs.effects.hooks import (
-    Actuation,
-    Effect,
-    Field,
-    Force,
-    Hook,
-    Inertia,
-    Instant,
-    State,
-    states_of,
-)
+from redundant_envs.effects.hooks import Actuation, Effect, Field, Hook, State, functions_of, states_of
 from redundant_envs.effects.validate_hooks import roots_of
 from redundant_envs.language.algebra import ABSENT, arguments_of, numbered, total, where
 from redundant_envs.language.draws import DRAW, MAX_DRAWS, START_OF_EPISODES, Draw, stream_of
@@ -189,9 +179,7 @@ class Attachments(tuple[Attached[Hook], ...]):
         every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
         made = cls._of([_attached(effect, hook, switches, guards) for effect, hook in every], arm)
         located = made._locating(arm) if controlled else ()
-        if not located:
-            return made
-        return cls._of([_locating(a, guards) if a in located else a for a in made], arm)
+        return cls._of([_located(a, guards) if a in located else a for a in made], arm) if located else made
 
     @classmethod
     def _of(cls, every: Iterable[Attached[Any]], arm: Arm) -> Attachments:
@@ -238,21 +226,22 @@ class Attachments(tuple[Attached[Hook], ...]):
     @cached_property
     def draws(self) -> dict[str, Draw]:
         """Draws by the names of quantities; ValueError if states take too many, or two streams are one."""
-        taken = [
-            (name, a.key, *_root_and_index(state.name), *_kind_and_number(name))
-            for a in self
-            for state, functions in zip(states_of(a.hook), a.states.values(), strict=True)
-            for name in dict.fromkeys(n for own in ("update", INSTANT_UPDATE, "initial") if own in functions
-                                      for n in functions[own].names if DRAWN in n)
-        ]  # fmt: skip
+        taken: dict[str, tuple[str, str, bool, int, int]] = {}
         most: dict[tuple[str, str, bool], int] = {}
         """Draws of a kind that each state of a name may take: those of the next one follow."""
-        for _, key, root, _, normal, number in taken:
-            most[key, root, normal] = max(most.get((key, root, normal), 0), number)
+        for a in self:
+            for state, functions in zip(states_of(a.hook), a.states.values(), strict=True):
+                root, _, index = state.name.partition("[")
+                names = (name for bound in functions.values() for name in bound.names if DRAWN in name)
+                for name in names:
+                    kind, number = DRAW.findall(name.partition(DRAWN)[2])[0]
+                    of_kind = a.key, root, kind == "normal"
+                    taken[name] = *of_kind, int(index[:-1] or 0), int(number)
+                    most[of_kind] = max(most.get(of_kind, 0), int(number))
         _check_streams((key, root) for key, root, _ in most)
         made = {}
-        for name, key, root, index, normal, number in taken:
-            place = index * most[key, root, normal] + number - 1
+        for name, (key, root, normal, k, draw) in taken.items():
+            place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
                 raise ValueError(
                     f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take "
@@ -288,14 +277,14 @@ class Attachments(tuple[Attached[Hook], ...]):
         return min(links, default=math.inf)
 
     @cached_property
-    def instants(self) -> tuple[Attached[Instant], ...]:
+    def instants(self) -> tuple[Attached[hooks.Instant], ...]:
         """Instants that divide an interval into pieces."""
-        return self.of(Instant)
+        return self.of(hooks.Instant)
 
     def take(self, name: str) -> bool:
         """Whether one of the functions takes a quantity."""
-        parts = (part for a in self for part in (a.functions, *a.states.values()))
-        return any(name in bound.names for part in parts for bound in part.values())
+        every = (bound for a in self for own in (a.functions, *a.states.values()) for bound in own.values())
+        return any(name in bound.names for bound in every)
 
     @cached_property
     def constant_fields(self) -> tuple[Attached[Field], ...]:
@@ -312,7 +301,7 @@ class Attachments(tuple[Attached[Hook], ...]):
         """Moving fields, forces, then the links of motors; while a link is evaluated, its command in ``x`` is
         the input of the link. With ``only``, motors without one of these links are left out."""
         yield from self.moving_fields
-        yield from self.of(Force)
+        yield from self.of(hooks.Force)
         for command, chain in self.chains.items():
             if only is not None and not any(link in only for link in chain):
                 continue
@@ -321,8 +310,6 @@ class Attachments(tuple[Attached[Hook], ...]):
                 yield link
                 x[command] = link.functions["function"](x)
             x[command] = given
-
-    # ---- masses and inertias that effects add to those of the arm ----
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
@@ -346,7 +333,7 @@ class Attachments(tuple[Attached[Hook], ...]):
     def check_inertias(self, arm: Arm, values: Mapping[str, Any]) -> None:
         """ValueError if one of the parameters, numbers or arrays of lanes, is a negative inertia, or one so
         large that rounding hides the arm."""
-        for a in self.of(Inertia):
+        for a in self.of(hooks.Inertia):
             name, slides = a.parameter(a.hook.inertia), arm.prismatic[a.hook.joints[0]]
             least = np.min([values[f"m{k + 1}"] for k in range(arm.num_masses)], axis=0)
             if not slides and arm.num_lengths:
@@ -364,15 +351,14 @@ class Attachments(tuple[Attached[Hook], ...]):
     @cached_property
     def inertias(self) -> Added:
         """Inertias that effects add to the arm: the joints of each, and the field with its number."""
-        return tuple((a.hook.joints, a.parameter(a.hook.inertia)) for a in self.of(Inertia))
+        return tuple((a.hook.joints, a.parameter(a.hook.inertia)) for a in self.of(hooks.Inertia))
 
     def loaded(self, arm: Arm, values: Mapping[str, float]) -> Arm:
         """The arm with the masses and inertias that effects add to its own, from all parameters; ValueError
         if a mass is not positive then, or an inertia negative."""
         if self.carried:
-            own = {f"m{k + 1}": mass for k, mass in enumerate(arm.masses)}
-            known = {**values, **self.states.initial}
-            masses = tuple(sum((known[n] for n in self.carried.get(m, ())), mass) for m, mass in own.items())
+            heavier = self.moving_masses(values, self.states.initial)
+            masses = tuple(heavier.get(f"m{k + 1}", mass) for k, mass in enumerate(arm.masses))
             checked = positive_numbers("masses with what effects add", masses, arm.num_masses, "kg")
             arm = dataclasses.replace(arm, masses=checked)
         self.check_inertias(arm, values)
@@ -412,19 +398,6 @@ DRAWN = " draws "
 """Between the field of a state and its draw in the name of a quantity, as in no other name."""
 
 
-def _root_and_index(state: str) -> tuple[str, int]:
-    """noise[3] -> noise, 3; a state without an index is the first of its name."""
-    root, _, index = state.partition("[")
-    return root, int(index[:-1] or 0) if index else 0
-
-
-def _kind_and_number(name: str) -> tuple[bool, int]:
-    """Whether a draw is normal, and its number, from the name of its quantity."""
-    found = DRAW.fullmatch(name.partition(DRAWN)[2])
-    assert found
-    return found[1] == "normal", int(found[2])
-
-
 def _check_streams(states: Iterable[tuple[str, str]]) -> None:
     """ValueError if draws of two effects' states, or of one and an episode's start, would be the same."""
     streams = {START_OF_EPISODES: "the start of an episode"}
@@ -438,24 +411,29 @@ def _check_streams(states: Iterable[tuple[str, str]]) -> None:
             )
 
 
-def _locating(a: Attached[Any], numbers: Iterator[int]) -> Attached[Any]:
+def _located(a: Attached[Any], guards: Iterator[int]) -> Attached[Any]:
     """A link with the law for each side of its guard in place of its function."""
     hook = dataclasses.replace(a.hook, function=a.hook.by_side, by_side=None)
-    return _attached(a.effect, hook, iter(()), numbers)
+    return _attached(a.effect, hook, iter(()), guards)
 
 
-def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Iterator[int]) -> Attached[Any]:
+def _attached(effect: Effect, hook: Any, switches: Iterator[int], guards: Iterator[int]) -> Attached[Any]:
+    """A hook whose functions are bound; its boundaries get the next numbers of switches and guards."""
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
     used = hook
     if getattr(hook, "by_side", None) is not None:
         used = dataclasses.replace(hook, guard=None, by_side=None)
     guard = getattr(used, "guard", None)
-    guards = () if guard is None else tuple(f"guard{next(numbers)}" for _ in range(dialect.check(guard)))
-    laws = dict(zip(hooks.sides(len(guards)), guards, strict=True)) if guards else {hooks.SIDE: law}
+    names = () if guard is None else tuple(f"guard{next(guards)}" for _ in range(dialect.check(guard)))
+    laws = dict(zip(hooks.sides(len(names)), names, strict=True)) if names else {hooks.SIDE: law}
 
-    def name_of(source: str, field: str = "") -> str:
+    def quantity(part: Any, field: str, argument: str) -> str:
+        """The name of the quantity that a function of a hook or a state takes."""
+        source = part.bind.get(argument, argument)
         if laws.get(source):
             return f"side_{laws[source]}"
+        if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own
+            return f"{key}.{part.name}{DRAWN}{source}"
         if source == hooks.ELAPSED and field == "closed":
             return TIME
         if source == hooks.PASSED:
@@ -463,28 +441,16 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], numbers: Itera
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
-        values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
-
-        def quantity(argument: str, field: str) -> str:
-            source = part.bind.get(argument, argument)
-            if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own
-                return f"{key}.{part.name}{DRAWN}{source}"
-            return name_of(source, field)
-
+        at_instant = isinstance(part, State) and part.when == "instant"
         return {
-            _called(field, part): Bound(f, tuple(quantity(a, field) for a in arguments_of(f)), key)
-            for field, f in values.items()
-            if callable(f)
+            INSTANT_UPDATE if at_instant and field == "update" else field: Bound(
+                f, tuple(quantity(part, field, argument) for argument in arguments_of(f)), key
+            )
+            for field, f in functions_of(part).items()
         }
 
-    states = {name_of(f".{s.name}"): bound(s) for s in states_of(hook)}
-    return Attached(effect, hook, bound(used), states, law, guards)
-
-
-def _called(field: str, part: Any) -> str:
-    """The key of a function among those of a hook or a state."""
-    at_instant = isinstance(part, State) and part.when == "instant"
-    return INSTANT_UPDATE if at_instant and field == "update" else field
+    states = {f"{key}.{state.name}": bound(state) for state in states_of(hook)}
+    return Attached(effect, hook, bound(used), states, law, names)
 
 
 def passed_field(key: str) -> str:

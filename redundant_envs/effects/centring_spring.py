@@ -1,15 +1,11 @@
 """The spring that the report prints for its prismatic joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, row
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, Numbers, not_negative, numbers, row, travel
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import for_sliders, not_negative, numbers, travel
-from redundant_envs.support.values import Numbers
+from redundant_envs.robots.parameters import for_sliders
 
 
 @physics

@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Instant, Link, State
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.language.algebra import floor, maximum, numbered, physics, where
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Instant, Link, State
+from redundant_envs.effects.numbers import Example, not_negative, number, one
+from redundant_envs.language.algebra import floor, identity, maximum, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number
 from redundant_envs.support.values import with_fields
 
 MAX_KEPT = 1024
@@ -33,11 +31,6 @@ def rest(seconds, control_dt):
     """What is left of a delay then, s; 0 within rounding, four ulps."""
     left = seconds - whole_intervals(seconds, control_dt) * control_dt
     return where(left > ROUNDING * maximum(seconds, control_dt), left, 0.0)
-
-
-@physics
-def handed_on(before):
-    return before
 
 
 @functools.lru_cache(maxsize=64)
@@ -82,7 +75,6 @@ class CommandDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
-
     example = Example({"seconds": 0.013, "longest": 0.1})
 
     def __post_init__(self) -> None:
@@ -123,7 +115,7 @@ class CommandDelay(Effect):
         names = [f"sent[{joint * self.kept + k}]" for k in range(self.kept)]
         before = [command, *(f".{name}" for name in names[:-1])]
         states = tuple(
-            State(name, unit, update=handed_on, bind={"before": source})
+            State(name, unit, update=identity("before"), bind={"before": source})
             for name, source in zip(names, before, strict=True)
         )
         sent = {f"sent{k + 1}": f".{name}" for k, name in enumerate(names)}

@@ -4,11 +4,10 @@ An obstacle pushes at the deepest point of the arm in it, along its outward norm
 Crossley (1975), and rubs along its surface with regularised Coulomb friction.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from typing import Any
 
-from redundant_envs.language.algebra import maximum, physics, sqrt, where
+from redundant_envs.language.algebra import arguments_of, identity, maximum, physics, sqrt, where
 
 NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
 OWN = {name: f".{name}" for name in NUMBERS}
@@ -57,10 +56,44 @@ def elastic_energy(depth, stiffness):
     return 0.5 * stiffness * maximum(depth, 0.0) ** 2
 
 
-@physics
-def steepness(stiffness):
-    """Slope of the force by the depth at rest."""
-    return stiffness
+def laws(depth_and_normal: Callable[..., Any]) -> dict[str, Any]:
+    """Functions of the force at a point of the arm that touches a shape, by the fields of a ``Force``; the
+    depth of the point and the normal there follow from x, y and the numbers of the shape."""
+    of_shape = arguments_of(depth_and_normal)[2:]
+    place, motion = ("x", "y", *of_shape), ("x", "y", "vx", "vy", *of_shape)
+
+    @physics(takes=(*motion, *NUMBERS, "side1", "side2"))
+    def force(x, y, vx, vy, *values):
+        shape, (*numbers, side1, side2) = values[: len(of_shape)], values[len(of_shape) :]
+        depth, nx, ny = depth_and_normal(x, y, *shape)
+        return push(depth_of_contact(depth, side1, side2), nx, ny, vx, vy, *numbers)
+
+    @physics(takes=(*motion, "damping"))
+    def touches(x, y, vx, vy, *values):
+        *shape, damping = values
+        return guards(*depth_and_normal(x, y, *shape), vx, vy, damping)
+
+    @physics(takes=(*motion, "friction", "side1", "side2"))
+    def turn(x, y, vx, vy, *values):
+        *shape, friction, side1, side2 = values
+        _, nx, ny = depth_and_normal(x, y, *shape)
+        return sliding_there(nx, ny, vx, vy, friction, side1, side2)
+
+    @physics(takes=(*place, "stiffness"))
+    def spring(x, y, *values):
+        *shape, stiffness = values
+        return elastic(*depth_and_normal(x, y, *shape), stiffness)
+
+    @physics(takes=(*place, "stiffness"))
+    def energy(x, y, *values):
+        *shape, stiffness = values
+        depth, _, _ = depth_and_normal(x, y, *shape)
+        return elastic_energy(depth, stiffness)
+
+    return {
+        "function": force, "guard": touches, "kink": turn, "potential": energy, "conservative": spring,
+        "stiffness": identity("stiffness"),
+    }  # fmt: skip
 
 
 def whole_arm(field: str, value: Any) -> bool:

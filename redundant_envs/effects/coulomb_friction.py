@@ -1,20 +1,10 @@
 """Dry friction in the joints, with true stiction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Friction, Hook
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
-
-
-@physics
-def limit(level):
-    return level
+from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.language.algebra import identity
 
 
 @dataclass(frozen=True)
@@ -36,5 +26,6 @@ class CoulombFriction(Effect):
 
     example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(Friction(k, limit, {"level": f".level[{k}]"}) for k in range(len(arm.joints)))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        return Friction(k, identity("level"), {"level": f".level[{k}]"})

@@ -1,15 +1,10 @@
 """Direct-current motors behind gears, which take a voltage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import clamp, expm1, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import positive
-from redundant_envs.support.values import Numbers
 
 
 @physics
@@ -78,10 +73,8 @@ class DCMotor(Effect):
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k) for k in range(len(arm.joints)))
-
-    def _link(self, k: int) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         own = {name: f".{name}[{k}]" for name in NUMBERS} | {"current": f".current[{k}]"}
         moving = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
         current = State(

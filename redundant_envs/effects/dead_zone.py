@@ -1,15 +1,10 @@
 """Motors that ignore small commands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import COMMAND, Actuation, Effect, Hook, Link
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import COMMAND, Actuation, Arm, Effect, Hook, Link, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 
 @physics
@@ -33,6 +28,7 @@ class DeadZone(Effect):
 
     example = Example({"widths": 0.3})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        binds = ({"command": f"command{k + 1}", "width": f".widths[{k}]"} for k in range(len(arm.joints)))
-        return tuple(Actuation(k, beyond, bind, Link.DEAD_ZONE) for k, bind in enumerate(binds))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"command": f"command{k + 1}", "width": f".widths[{k}]"}
+        return Actuation(k, beyond, bind, Link.DEAD_ZONE)

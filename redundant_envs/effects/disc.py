@@ -1,19 +1,15 @@
 """A disc that the tip or the links of an arm touch."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
-from redundant_envs.language.algebra import clamp, maximum, physics, sqrt
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, not_negative, number, numbers, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, checked, number, numbers, one, pair
+from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
+from redundant_envs.robots.parameters import LARGEST, not_negative, positive
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -29,35 +25,7 @@ def depth_and_normal(x, y, centre_x, centre_y, radius):
     return radius - square * inverse, dx * inverse, dy * inverse
 
 
-@physics
-def guards_at_tip(x, y, vx, vy, centre_x, centre_y, radius, damping):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.guards(depth, nx, ny, vx, vy, damping)
-
-
-@physics
-def at_tip(x, y, vx, vy, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed, side1, side2):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    pressed = contact.depth_of_contact(depth, side1, side2)
-    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-
-
-@physics
-def turn_at_tip(x, y, vx, vy, centre_x, centre_y, radius, friction, side1, side2):
-    _, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
-
-
-@physics
-def elastic_at_tip(x, y, centre_x, centre_y, radius, stiffness):
-    depth, nx, ny = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.elastic(depth, nx, ny, stiffness)
-
-
-@physics
-def energy_at_tip(x, y, centre_x, centre_y, radius, stiffness):
-    depth, _, _ = depth_and_normal(x, y, centre_x, centre_y, radius)
-    return contact.elastic_energy(depth, stiffness)
+AT_TIP = contact.laws(depth_and_normal)
 
 
 @physics
@@ -87,36 +55,26 @@ def force_and_place(
     return fx, fy, s
 
 
-@physics
-def at_near_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
-):
-    fx, fy, s = force_and_place(
-        xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+OF_FIRST = ("xb", "yb", "vxb", "vyb", "centre_x", "centre_y", "radius", *contact.NUMBERS)
+
+
+@physics(takes=arguments_of(force_and_place))
+def at_near_end(*values):
+    fx, fy, s = force_and_place(*values)
     return (1.0 - s) * fx, (1.0 - s) * fy
 
 
-@physics
-def at_far_end(
-    xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed
-):
+@physics(takes=arguments_of(force_and_place))
+def at_far_end(*values):
     """With the near share the force at the point of contact, in sum and in moment."""
-    fx, fy, s = force_and_place(
-        xa, ya, xb, yb, vxa, vya, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+    fx, fy, s = force_and_place(*values)
     return s * fx, s * fy
 
 
-@physics
-def at_end_of_first(xb, yb, vxb, vyb, centre_x, centre_y, radius, stiffness, damping, friction, slip_speed):
+@physics(takes=OF_FIRST)
+def at_end_of_first(xb, yb, vxb, vyb, *values):
     """The first link begins at the base, which bears the other share."""
-    return at_far_end(
-        0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb,
-        centre_x, centre_y, radius, stiffness, damping, friction, slip_speed,
-    )  # fmt: skip
+    return at_far_end(0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb, *values)
 
 
 @physics
@@ -191,7 +149,6 @@ class Disc(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
-
     example = Example(
         {"centre": (0.5, 0.4), "radius": 0.2, "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},
@@ -224,12 +181,7 @@ class Disc(Effect):
             return _along_links(arm, own)
         tip = arm.num_masses
         bind = {"x": f"x{tip}", "y": f"y{tip}", "vx": f"vx{tip}", "vy": f"vy{tip}", **own}
-        return (
-            Force(
-                Point(tip - 1), at_tip, bind, potential=energy_at_tip, conservative=elastic_at_tip,
-                stiffness=contact.steepness, guard=guards_at_tip, kink=turn_at_tip,
-            ),
-        )  # fmt: skip
+        return (Force(Point(tip - 1), bind=bind, **AT_TIP),)
 
 
 def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
@@ -240,10 +192,8 @@ def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
         bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
-            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=contact.steepness))
+            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))
         law, turn = (at_far_end, turn_of_link) if far else (at_end_of_first, turn_of_first)
-        guard = None
-        if far == arm.num_masses - 1:
-            guard = deepest_of(arm.num_masses)
-        found.append(Force(Point(far), law, bind, stiffness=contact.steepness, guard=guard, kink=turn))
+        guard = deepest_of(arm.num_masses) if far == arm.num_masses - 1 else None
+        found.append(Force(Point(far), law, bind, stiffness=identity("stiffness"), guard=guard, kink=turn))
     return tuple(found)

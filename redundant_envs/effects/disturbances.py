@@ -4,14 +4,12 @@ A disturbance has up to four parts, each of which is absent unless its numbers a
 force, white noise, and an Ornstein-Uhlenbeck process.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.effects.hooks import Effect, State
 from redundant_envs.language.algebra import exp, physics, sincos, sqrt, where
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, strengths
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, strengths
 
 ROUNDING = 1e-6
 """Share of a control interval by which the sum of all intervals so far may differ from the time: rounding
@@ -134,8 +132,4 @@ def sizes(field: str, values: Any) -> Any:
 
 def deviations(field: str, values: Any) -> Any:
     """The same, none negative."""
-    found = sizes(field, values)
-    least = min(found) if isinstance(found, tuple) else found
-    if least < 0.0:
-        raise ValueError(f"{field} has the entry {least}; it must not be negative")
-    return found
+    return not_negative(field, sizes(field, values))

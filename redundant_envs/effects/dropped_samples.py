@@ -1,32 +1,17 @@
 """Readings that do not arrive."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.effects.readings import Sensor, every_sensor
-from redundant_envs.language.algebra import physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
+from redundant_envs.language.algebra import identity, physics, where
 
 
 @physics
 def latest(reading, last, probability, uniform1):
     """The reading, or the last one that arrived."""
     return where(uniform1 < probability, last, reading)
-
-
-@physics
-def first(reading):
-    return reading
-
-
-@physics
-def shown(last):
-    return last
 
 
 @dataclass(frozen=True)
@@ -61,5 +46,5 @@ class DroppedSamples(Effect):
     def _lossy(self, s: Sensor, arm: Arm) -> Hook:
         name = f"last_{s.field}[{s.joint}]"
         bind = {"reading": s.quantity, "last": f".{name}", "probability": f".probability[{s.joint}]"}
-        state = State(name, s.unit(arm), update=latest, initial=first, bind=bind)
-        return Sensing(s.joint, shown, {"last": f".{name}"}, s.reading, (state,))
+        state = State(name, s.unit(arm), update=latest, initial=identity("reading"), bind=bind)
+        return Sensing(s.joint, identity("last"), {"last": f".{name}"}, s.reading, (state,))

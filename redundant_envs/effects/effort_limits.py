@@ -1,15 +1,10 @@
 """Motors that saturate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 WITHIN = 1e-12
 """Share of a limit by which a command may exceed it, and counts as within: the effort of a motor that has the
@@ -47,13 +42,11 @@ class EffortLimits(Effect):
 
     example = Example({"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        bind = [{"command": f"command{k + 1}", "limit": f".limits[{k}]"} for k in range(len(arm.joints))]
-        laws = {"guard": beyond, "by_side": clipped}
-        return tuple(
-            Actuation(k, saturate, own, Link.LIMITS, takes=effort_unit(arm, k), **laws)
-            for k, own in enumerate(bind)
-        )
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"command": f"command{k + 1}", "limit": f".limits[{k}]"}
+        unit = effort_unit(arm, k)
+        return Actuation(k, saturate, bind, Link.LIMITS, guard=beyond, by_side=clipped, takes=unit)
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

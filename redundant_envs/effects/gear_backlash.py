@@ -1,15 +1,10 @@
 """Gears whose teeth have backlash: the motor turns freely in the gap, and pushes elastic teeth beyond it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import maximum, physics, sqrt, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.language.algebra import identity, maximum, physics, sqrt, where
 
 
 @physics
@@ -35,27 +30,9 @@ def motor_acceleration(command, angle, speed, position, rate, gap, stiffness, da
 
 
 @physics
-def motor_rate(speed):
-    return speed
-
-
-@physics
 def oscillation(stiffness, inertia):
     """Rate of the motor's oscillation on its teeth."""
     return sqrt(stiffness / inertia)
-
-
-@physics
-def of_joint(position):
-    return position
-
-
-@physics
-def rate_of_joint(rate):
-    return rate
-
-
-NUMBERS = ("gap", "stiffness", "damping", "inertia")
 
 
 @dataclass(frozen=True)
@@ -86,29 +63,17 @@ class GearBacklash(Effect):
 
     example = Example({"gap": 0.02, "stiffness": 500.0, "inertia": 0.02, "damping": 10.0})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k, *units) for k, units in enumerate(_units_of_motion(arm)))
-
-    def _link(self, k: int, of_angle: str, of_speed: str, of_effort: str) -> Actuation:
-        motion = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}"}
-        own = {"angle": f".angle[{k}]", "speed": f".speed[{k}]"}
-        own |= {name: f".{name}[{k}]" for name in NUMBERS}
-        without_inertia = {name: source for name, source in own.items() if name != "inertia"}
-        angle = State(
-            f"angle[{k}]", of_angle, motor_rate, bind={"speed": own["speed"], "position": motion["position"]},
-            initial=of_joint,
-        )  # fmt: skip
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        unit = "m" if arm.prismatic[k] else "rad"
+        motor = {"angle": f".angle[{k}]", "speed": f".speed[{k}]"}
+        joint = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}"}
+        of_teeth = {**motor, **joint, **{name: f".{name}[{k}]" for name in ("gap", "stiffness", "damping")}}
+        bind = {"speed": motor["speed"], "position": joint["position"]}
+        angle = State(f"angle[{k}]", unit, identity("speed"), bind=bind, initial=identity("position"))
         speed = State(
-            f"speed[{k}]", of_speed, motor_acceleration, bind={"command": f"command{k + 1}", **motion, **own},
-            initial=rate_of_joint, rate=oscillation,
+            f"speed[{k}]", f"{unit}/s", motor_acceleration, initial=identity("rate"), rate=oscillation,
+            bind={**of_teeth, "command": f"command{k + 1}", "inertia": f".inertia[{k}]"},
         )  # fmt: skip
-        return Actuation(
-            k, teeth, {**motion, **without_inertia}, Link.GEAR, states=(angle, speed), guard=contacts,
-            takes=of_effort,
-        )  # fmt: skip
-
-
-def _units_of_motion(arm: Arm) -> list[tuple[str, str, str]]:
-    """Units of the position, the rate and the effort of each joint."""
-    own = ["m" if slides else "rad" for slides in arm.prismatic]
-    return [(unit, f"{unit}/s", effort_unit(arm, k)) for k, unit in enumerate(own)]
+        states, unit = (angle, speed), effort_unit(arm, k)
+        return Actuation(k, teeth, of_teeth, Link.GEAR, states=states, guard=contacts, takes=unit)

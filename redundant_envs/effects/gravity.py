@@ -6,12 +6,9 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from redundant_envs.effects.hooks import Effect, Field, Hook
-from redundant_envs.effects.numbers import Example, one, pair
+from redundant_envs.effects.hooks import Arm, Effect, Field, Hook
+from redundant_envs.effects.numbers import Example, Numbers, number, numbers, one, pair, strength
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number, numbers, strength
-from redundant_envs.support.values import Numbers
 
 
 @physics(gives="ax ay")

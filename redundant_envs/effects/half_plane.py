@@ -1,17 +1,13 @@
 """A half-plane, such as a floor or a wall, that the tip or the links of an arm touch."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive
 from redundant_envs.language.algebra import physics, sqrt
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.robots.parameters import LARGEST, SMALLEST
 
 
 @physics
@@ -22,38 +18,7 @@ def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
     return (point_x - x) * nx + (point_y - y) * ny, nx, ny
 
 
-@physics
-def guards(x, y, vx, vy, point_x, point_y, normal_x, normal_y, damping):
-    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    return contact.guards(depth, nx, ny, vx, vy, damping)
-
-
-@physics
-def force(
-    x, y, vx, vy, point_x, point_y, normal_x, normal_y, stiffness, damping, friction, slip_speed,
-    side1, side2,
-):  # fmt: skip
-    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    pressed = contact.depth_of_contact(depth, side1, side2)
-    return contact.push(pressed, nx, ny, vx, vy, stiffness, damping, friction, slip_speed)
-
-
-@physics
-def turn(x, y, vx, vy, point_x, point_y, normal_x, normal_y, friction, side1, side2):
-    _, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    return contact.sliding_there(nx, ny, vx, vy, friction, side1, side2)
-
-
-@physics
-def elastic(x, y, point_x, point_y, normal_x, normal_y, stiffness):
-    depth, nx, ny = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    return contact.elastic(depth, nx, ny, stiffness)
-
-
-@physics
-def energy(x, y, point_x, point_y, normal_x, normal_y, stiffness):
-    depth, _, _ = depth_and_normal(x, y, point_x, point_y, normal_x, normal_y)
-    return contact.elastic_energy(depth, stiffness)
+LAWS = contact.laws(depth_and_normal)
 
 
 def place(field: str, value: tuple[float, float]) -> tuple[float, float]:
@@ -100,7 +65,6 @@ class HalfPlane(Effect):
     name: str = field(default="", metadata=checked(contact.identifier))
 
     static = ("along_links", "name")
-
     example = Example(
         {"point": (0.0, -0.5), "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},
@@ -132,10 +96,5 @@ class HalfPlane(Effect):
         }
         own |= contact.OWN
         points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)
-        return tuple(
-            Force(
-                Point(k), force, {q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")} | own, potential=energy,
-                conservative=elastic, stiffness=contact.steepness, guard=guards, kink=turn,
-            )
-            for k in points
-        )  # fmt: skip
+        binds = ({q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")} | own for k in points)
+        return tuple(Force(Point(k), bind=bind, **LAWS) for k, bind in zip(points, binds, strict=True))

@@ -12,16 +12,37 @@ import functools
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, declared_in
 from redundant_envs.effects.shapes import Pose, Shape
-from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.arm import Arm as Arm
 
 ELAPSED = "elapsed"
 """Argument of a state's closed form: the time since its value was that which the form takes, s."""
+WHEN = ("interval", "instant")
+"""Allowed values of :attr:`State.when` and :attr:`Impulse.when`."""
+PASSED = "passed"
+"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
+CONTROL_DT = "control_dt"
+"""Argument of all functions of effects: the control interval of the scene, s."""
+SIDE = "side"
+"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
+SPEED = "speed"
+"""Argument of the limit of a friction: the size of the rate of its joint."""
+MAX_INSTANTS = 4
+"""Most instants in a scene: each adds a piece to every interval."""
+MAX_GUARDS = 4
+"""Most values of the guard of one hook: its functions have as many sides."""
+MAX_KINKS = 2
+"""Most values of its ``kink``."""
+
+
+def sides(count: int) -> list[str]:
+    """Arguments that are the sides of a guard with some values: "side", or "side1", "side2", ..."""
+    return [SIDE] if count == 1 else [f"{SIDE}{k + 1}" for k in range(count)]
 
 
 @dataclass(frozen=True)
@@ -32,8 +53,7 @@ class State:
     Either ``derivative`` is its rate of change, and it is integrated beside the arm's states, or ``update``
     is its value after a control interval, from the quantities at the interval's end, and it is constant
     within the interval. ``rate`` is the largest change of the derivative per change of the state [1/s], from
-    the parameters alone: error control takes steps that are short enough for it. ``bind`` says what arguments
-    stand for, see :class:`Effect`.
+    the parameters alone: error control takes steps that are short enough for it.
 
     ``initial`` is its value at the start of an episode or a motion: a number, or a function of parameters and
     of the motion at the start, at which the arm has the positions and rates that were set.
@@ -46,9 +66,8 @@ class State:
     ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
     and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
     derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
-    derivative. Quantities that change in a step are taken at its stages, so that a state which decays at once
-    follows them. With a ``rate``, which then is that of its decay, they are taken so much earlier that a
-    state which lags behind them does so by the right time.
+    derivative. Quantities that change in a step are taken at its stages; with a ``rate``, which then is that
+    of its decay, they are taken so much earlier that the state lags behind them by the right time.
 
     With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
     there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
@@ -66,16 +85,6 @@ class State:
     when: str = "interval"
 
 
-WHEN = ("interval", "instant")
-"""Allowed values of :attr:`State.when`."""
-PASSED = "passed"
-"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
-CONTROL_DT = "control_dt"
-"""Argument of all functions of effects: the control interval of the scene, s."""
-MAX_INSTANTS = 4
-"""Most instants in a scene: each adds a piece to every interval."""
-
-
 @dataclass(frozen=True)
 class Instant:
     """A time within each control interval at which something of the effect changes; at most one per effect.
@@ -86,8 +95,7 @@ class Instant:
     0 before the instant, 1 from then on; states of the effect may be updated there.
 
     A time that is negative, not below the length of the interval, or no number does not happen in it. A time
-    of 0 is the start of the interval, and adds no step. ``bind`` says what arguments stand for, see
-    :class:`Effect`.
+    of 0 is the start of the interval, and adds no step.
     """
 
     after: Callable[..., Any]
@@ -99,8 +107,7 @@ class Field:
     """A uniform field: the function returns (ax, ay), minus the gravity vector [m/s^2]; those of a scene add.
 
     A function of parameters alone is a field with a potential. One that takes ``states`` of the effect, such
-    as the acceleration of a moving base, changes with time, and its power counts as work. ``bind`` says what
-    its arguments stand for, see :class:`Effect`.
+    as the acceleration of a moving base, changes with time, and its power counts as work.
     """
 
     function: Callable[..., Any]
@@ -115,46 +122,38 @@ class Point:
     number: int
 
 
-def _rates_at(joint: int | Point) -> tuple[str, ...]:
-    if isinstance(joint, Point):
-        return f"vx{joint.number + 1}", f"vy{joint.number + 1}"
-    return (f"phid{joint + 1}",)
+class _Acting:
+    """What acts on a joint or at a point."""
 
+    joint: int | Point
 
-SIDE = "side"
-"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
-MAX_GUARDS = 4
-"""Most values of the guard of one hook: its functions have as many sides."""
-MAX_KINKS = 2
-"""Most values of its ``kink``."""
-
-
-def sides(count: int) -> list[str]:
-    """Arguments that are the sides of a guard with some values: "side", or "side1", "side2", ..."""
-    return [SIDE] if count == 1 else [f"{SIDE}{k + 1}" for k in range(count)]
+    @property
+    def rates(self) -> tuple[str, ...]:
+        """Names of the velocities along which it acts: of the joint, or of the point."""
+        if isinstance(self.joint, Point):
+            return f"vx{self.joint.number + 1}", f"vy{self.joint.number + 1}"
+        return (f"phid{self.joint + 1}",)
 
 
 @dataclass(frozen=True)
-class Force:
+class Force(_Acting):
     """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
 
     At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
-    velocity, vx4, vy4 (these count from 1). ``bind`` says what arguments stand for, see :class:`Effect`.
+    velocity, vx4, vy4 (these count from 1). ``states`` belong to the force, such as those of a friction with
+    memory.
 
     ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect to the
     position of the joint or the point: it counts as potential energy, and the power of the rest counts as
     work. By default, with a potential, it is the whole force, which then may depend on the position alone.
-    The power of a force without a potential counts as work entirely. ``python -m redundant_envs verify``
-    differentiates the potential and compares.
 
     ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest that the
     force can have, computed from the parameters alone: error control takes steps short enough for a spring
     before an estimate could have seen it. They are derivatives of the force, by its position at rest and
-    by its rate; ``verify`` differentiates it and compares. A force with a ``damping`` must brake: a force
-    that drives declares none, or is an :class:`Actuation`. If the damping is not the same everywhere, that of
-    a force on a joint may depend on ``phi<k>`` and ``phid<k>`` of that joint, too.
-
-    ``states`` belong to the force: friction with memory has one for each joint.
+    by its rate. A force with a ``damping`` must brake: a force that drives declares none, or is an
+    :class:`Actuation`. If the damping is not the same everywhere, that of a force on a joint may depend on
+    ``phi<k>`` and ``phid<k>`` of that joint, too. ``python -m redundant_envs verify`` differentiates
+    potentials and forces, and compares.
 
     ``switch`` names two of the effect's numbers, (".lower", ".upper"): positions of the joint at which the
     law of the force changes, as that of a spring at the end of a joint's travel. Its functions then may take
@@ -164,9 +163,9 @@ class Force:
 
     ``guard`` is the same for a law that changes where any function changes its sign, of positions, rates,
     states and commands: its functions then may take ``side``, 1 where the guard is positive or 0, and -1
-    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Under
-    error control each change of a sign is located in time, so each law must be smooth beyond its own range,
-    and the guard, too. With fixed steps the sign at each stage selects the law.
+    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Each
+    law must be smooth beyond its own range, and the guard, too. With fixed steps the sign at each stage
+    selects the law.
 
     Other kinks are found by running the function on numbers that know whether they move (comparisons,
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
@@ -193,11 +192,6 @@ class Force:
             object.__setattr__(self, "conservative", self.function)
 
     @property
-    def rates(self) -> tuple[str, ...]:
-        """Names of the velocities along which it acts: of the joint, or of the point."""
-        return _rates_at(self.joint)
-
-    @property
     def motion(self) -> tuple[str, str]:
         """Names of the position and the rate of its joint."""
         assert isinstance(self.joint, int)
@@ -222,7 +216,6 @@ class Actuation:
 
     In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is the input of the
     link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
-    ``bind`` says what arguments stand for, see :class:`Effect`.
 
     A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
     such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
@@ -247,10 +240,6 @@ class Actuation:
     gives: str = ""
 
 
-SPEED = "speed"
-"""Argument of the limit of a friction: the size of the rate of its joint."""
-
-
 @dataclass(frozen=True)
 class Friction:
     """Dry friction in a joint: a set-valued force that holds the joint as long as that takes no more than its
@@ -259,8 +248,7 @@ class Friction:
     ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
     rate of the joint; at the speed 0 it is the limit of static friction. A joint that sticks has the rate 0
     exactly, and keeps its position. When joints stick and slip is located in time, with every integrator.
-    The limits of several frictions in one joint add up. ``bind`` says what arguments stand for, see
-    :class:`Effect`.
+    The limits of several frictions in one joint add up.
     """
 
     joint: int
@@ -287,7 +275,7 @@ class Gap:
     numbers differentiate it twice, so it must be smooth beyond 0, too. Impacts are located in time. Their
     impulse acts along the gradient of the gap, without friction, and ``restitution`` names a number of the
     effect. The stop holds nothing: an arm that is pressed onto it bounces, and an interval with more than 256
-    impacts is given up with a fault. ``bind`` says what arguments stand for, see :class:`Effect`.
+    impacts is given up with a fault.
     """
 
     function: Callable[..., Any]
@@ -296,13 +284,12 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Impulse:
+class Impulse(_Acting):
     """An impulse at the start of each control interval, on a joint [N m s or N s] or at a :class:`Point`.
 
     The function returns it, at a point as (px, py) [N s], from quantities at the end of the interval before,
     states of its effect and the new commands; 0 changes nothing. The velocities jump by M^-1 J^T p, and the
     energy that it gives counts as work. A slider at rest that an impulse sends into its stop strikes it.
-    ``bind`` says what arguments stand for, see :class:`Effect`.
 
     With ``when="instant"`` it acts at the :class:`Instant` of its effect instead, from the quantities there,
     with ``passed`` 0; in an interval without the instant it does not act.
@@ -313,11 +300,6 @@ class Impulse:
     bind: Mapping[str, str] = field(default_factory=dict)
     states: tuple[State, ...] = ()
     when: str = "interval"
-
-    @property
-    def rates(self) -> tuple[str, ...]:
-        """Names of the velocities along which it acts: of the joint, or of the point."""
-        return _rates_at(self.joint)
 
 
 @dataclass(frozen=True)
@@ -364,7 +346,6 @@ class Sensing:
     of one joint act in the order of the scene's effects. All else is true: motion, reward, ``info``, a task's
     memory, and the goals beside the observation of goal environments. A reading that is no number, or beyond
     1e6 rad or m, 1e100 rad/s or m/s, is a fault (NON_FINITE), at a start reported by ``info`` alone.
-    ``bind`` says what arguments stand for, see :class:`Effect`.
 
     ``states`` belong to the sensor, such as its noise or what it read before. They have an ``update``, which
     is computed at the end of an interval, before the observation, one sensor after the other: in it
@@ -384,8 +365,13 @@ Hook = Field | Force | Impulse | Actuation | Friction | Impact | Gap | PointMass
 
 def states_of(hook: Any) -> tuple[State, ...]:
     """The states of a hook."""
-    having = Field | Force | Impulse | PointMass | Actuation | Sensing
-    return hook.states if isinstance(hook, having) else ()
+    return getattr(hook, "states", ())
+
+
+def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
+    """The functions of a hook or a state by their fields, such as "damping"."""
+    values = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
+    return {name: value for name, value in values.items() if callable(value)}
 
 
 @dataclass(frozen=True)
@@ -403,13 +389,6 @@ class Effect:
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.
-
-    Attributes
-    ----------
-    static : tuple of str, default ()
-        Fields that choose the structure; all others are per-environment numbers.
-    of_joints : tuple of str, default ()
-        Fields with a number for each joint; a single number serves all of them.
 
     Examples
     --------
@@ -439,7 +418,9 @@ class Effect:
     """
 
     static: ClassVar[tuple[str, ...]] = ()
+    """Fields that choose the structure; all others are per-environment numbers."""
     of_joints: ClassVar[tuple[str, ...]] = ()
+    """Fields with a number for each joint; a single number serves all of them."""
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""
@@ -460,10 +441,14 @@ class Effect:
         if following is not None:
             following(*given)
 
+    def __present(self) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
+        """Its fields with their values, but for numbers that are left out, as their default None allows."""
+        values = ((f, getattr(self, f.name)) for f in dataclasses.fields(self))
+        return ((f, value) for f, value in values if value is not None or f.default is not None)
+
     def __declared(self) -> dict[str, Declared]:
         """What is declared of its fields, but for those that are absent."""
-        present = (f.name for f in dataclasses.fields(self) if not _is_absent(f, getattr(self, f.name)))
-        declared = {name: declared_in(type(self), name) for name in present}
+        declared = {f.name: declared_in(type(self), f.name) for f, _ in self.__present()}
         return {name: found for name, found in declared.items() if found is not None}
 
     @property
@@ -479,10 +464,7 @@ class Effect:
     def fitted(self, arm: Arm) -> Effect:
         """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
         count, changed = len(arm.joints), {}
-        for f in dataclasses.fields(self):
-            given = getattr(self, f.name)
-            if _is_absent(f, given):
-                continue
+        for f, given in self.__present():
             value = _of_python(given, static=f.name in self.static)
             if f.name in self.of_joints:
                 wide = hasattr(value, "__len__") and not isinstance(value, str | bytes)
@@ -536,7 +518,7 @@ class Effect:
             if len(declared.units) == 1:
                 found[name] = declared.units[0]
             elif declared.of_joints and declared.units:
-                found |= units_of_joints(name, arm, *declared.units)
+                found |= {f"{name}[{k}]": declared.units[slides] for k, slides in enumerate(arm.prismatic)}
             elif isinstance(getattr(self, name), tuple):
                 found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
@@ -555,13 +537,19 @@ class Effect:
     def parameters(self) -> dict[str, float]:
         """The effect's numbers: "field" or "field[k]" -> value."""
         values: dict[str, float] = {}
-        for f in dataclasses.fields(self):
-            value = getattr(self, f.name)
-            if f.name in self.static or _is_absent(f, value):
+        for f, value in self.__present():
+            if f.name in self.static:
                 continue
-            row = {f"{f.name}[{k}]": v for k, v in enumerate(value)} if isinstance(value, tuple) else None
-            values |= {f.name: value} if row is None else row
+            if isinstance(value, tuple):
+                values |= {f"{f.name}[{k}]": entry for k, entry in enumerate(value)}
+            else:
+                values[f.name] = value
         return values
+
+
+def at_each_joint(hook_at: Callable[[Any, int, Arm], Hook]) -> Callable[[Any, Arm], tuple[Hook, ...]]:
+    """The method ``hooks`` of an effect on every joint alike, from the hook at joint k, counted from 0."""
+    return lambda self, arm: tuple(hook_at(self, k, arm) for k in range(len(arm.joints)))
 
 
 COMMAND = "unit of the command"
@@ -571,16 +559,6 @@ COMMAND = "unit of the command"
 def effort_unit(arm: Arm, joint: int) -> str:
     """Unit of the effort of a joint's motor."""
     return "N" if arm.prismatic[joint] else "N m"
-
-
-def units_of_joints(field: str, arm: Arm, revolute: str, prismatic: str) -> dict[str, str]:
-    """Units of a field with a number for each joint."""
-    return {f"{field}[{k}]": prismatic if slides else revolute for k, slides in enumerate(arm.prismatic)}
-
-
-def _is_absent(field: dataclasses.Field[Any], value: Any) -> bool:
-    """Whether a number is left out, as its default None allows."""
-    return value is None and field.default is None
 
 
 def _of_python(value: Any, static: bool) -> Any:

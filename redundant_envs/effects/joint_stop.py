@@ -1,17 +1,13 @@
 """Hard ends of the travel of joints of any kind: impacts with restitution, located in time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from redundant_envs.effects.hooks import Effect, Hook, Impact
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number, travel
-from redundant_envs.support.values import Ends, shown
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
+from redundant_envs.effects.numbers import Ends, Example, number, one, travel
+from redundant_envs.support.values import shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}
 """Ends of the travel of a joint without stops."""

@@ -1,20 +1,11 @@
 """Torques that disturb the joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint, one
-from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.support.values import Numbers
-
-
-@physics
-def drawn(torque):
-    return torque
+from redundant_envs.effects.hooks import Arm, Force, Hook
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, one
+from redundant_envs.language.algebra import identity
 
 
 @dataclass(frozen=True)
@@ -72,8 +63,8 @@ class JointTorque(d.Disturbance):
                 found.append(Force(k, d.periodic, own, states=(d.phase_angle(),) if first else ()))
             if self.density is not None:
                 own = {"torque": f".white{entry}"}
-                found.append(Force(k, drawn, own, states=(d.white_noise(entry, unit),)))
+                found.append(Force(k, identity("torque"), own, states=(d.white_noise(entry, unit),)))
             if self.deviation is not None:
                 own = {"torque": f".wander{entry}"}
-                found.append(Force(k, drawn, own, states=(d.wander(entry, unit),)))
+                found.append(Force(k, identity("torque"), own, states=(d.wander(entry, unit),)))
         return tuple(found)

@@ -1,15 +1,10 @@
 """Motors whose efforts lag behind their commands by a first order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, State, effort_unit
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import expm1, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
+from redundant_envs.language.algebra import expm1, identity, physics
 
 
 @physics
@@ -21,11 +16,6 @@ def approach(command, effort, time_constant):
 def approached(command, effort, time_constant, elapsed):
     """The effort after a time under a constant command."""
     return effort - (command - effort) * expm1(-(1.0 / time_constant * elapsed))
-
-
-@physics
-def effort_of(effort):
-    return effort
 
 
 @physics
@@ -47,11 +37,11 @@ class Lag(Effect):
 
     example = Example({"time_constant": 0.03})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
-
-    def _link(self, k: int, unit: str) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         own = {"effort": f".effort[{k}]", "time_constant": f".time_constant[{k}]"}
         bind = {"command": f"command{k + 1}", **own}
-        state = State(f"effort[{k}]", unit, approach, bind=bind, rate=fastest_change, closed=approached)
-        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
+        state = State(
+            f"effort[{k}]", effort_unit(arm, k), approach, bind=bind, rate=fastest_change, closed=approached
+        )
+        return Actuation(k, identity("effort"), own, Link.LAG, states=(state,))

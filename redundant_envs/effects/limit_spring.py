@@ -1,14 +1,10 @@
 """A one-sided spring and damper at the ends of a joint's travel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.language.algebra import clamp, maximum, physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, positive, travel
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, not_negative, number, one, positive, travel
+from redundant_envs.language.algebra import clamp, identity, maximum, physics, where
 
 
 @physics
@@ -48,11 +44,6 @@ def damper(position, lower, upper, damping):
     return damping * abs(position - clamp(position, lower, upper))
 
 
-@physics
-def steepness(stiffness):
-    return stiffness
-
-
 NUMBERS = ("lower", "upper", "stiffness", "damping")
 
 
@@ -82,7 +73,6 @@ class LimitSpring(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N m s/rad^2", "N s/m^2"))
 
     static = ("coordinate",)
-
     example = Example(
         {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0}
     )
@@ -104,7 +94,7 @@ class LimitSpring(Effect):
         bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(
-                k, force, bind, potential=spring_energy, conservative=spring, stiffness=steepness,
+                k, force, bind, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
                 damping=damper, switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

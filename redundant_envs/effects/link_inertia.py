@@ -1,15 +1,10 @@
 """Links that are bodies, not points: their moments of inertia."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 
-from redundant_envs.effects.hooks import Effect, Hook, Inertia
-from redundant_envs.effects.numbers import Example, checked
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative
 
 
 @dataclass(frozen=True)

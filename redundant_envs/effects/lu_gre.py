@@ -1,15 +1,10 @@
 """The friction model of Lund and Grenoble: bristles that bend and slip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook, State
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import exp, expm1, physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.language.algebra import exp, expm1, identity, physics, where
 
 
 @physics
@@ -42,11 +37,6 @@ def bent(rate, bristle, stiffness, coulomb, stiction, stribeck_speed, elapsed):
 def force(rate, bristle, stiffness, damping, viscous, coulomb, stiction, stribeck_speed):
     change = bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed)
     return -(stiffness * bristle + damping * change + viscous * rate)
-
-
-@physics
-def spring(stiffness):
-    return stiffness
 
 
 NUMBERS = ("stiffness", "damping", "viscous", "coulomb", "stiction", "stribeck_speed")
@@ -100,17 +90,15 @@ class LuGre(Effect):
                     "sooner than it slides: give at least the Coulomb level"
                 )
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._force(k, "m" if slides else "rad") for k, slides in enumerate(arm.prismatic))
-
-    def _force(self, k: int, unit: str) -> Force:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         moving = {"rate": f"phid{k + 1}", "bristle": f".bristle[{k}]"}
         bristle = State(
-            f"bristle[{k}]", unit, bending,
+            f"bristle[{k}]", "m" if arm.prismatic[k] else "rad", bending,
             bind={**moving, **{name: f".{name}[{k}]" for name in OF_BRISTLES}}, closed=bent,
         )  # fmt: skip
         own = {name: f".{name}[{k}]" for name in NUMBERS}
-        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=spring)
+        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=identity("stiffness"))
 
 
 def _pairs(low: float | Numbers, high: float | Numbers) -> list[tuple[float, float]]:

@@ -1,17 +1,12 @@
 """A base that moves: the arm feels its acceleration as a field."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Field, Hook, State
-from redundant_envs.effects.numbers import Example, checked, one, pair, text
-from redundant_envs.language.algebra import physics, sincos
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strength, strengths
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, strengths, text
+from redundant_envs.language.algebra import identity, physics, sincos
 
 
 @physics
@@ -20,11 +15,6 @@ def acceleration(angle, frequency, x, y):
     sine, _ = sincos(angle)
     square = -(frequency * frequency)
     return x * square * sine, y * square * sine
-
-
-@physics
-def pace(frequency):
-    return frequency
 
 
 @dataclass(frozen=True)
@@ -46,17 +36,11 @@ class MovingBase(Effect):
     """
 
     amplitude: Numbers = field(metadata=pair(strengths, "m"))
-    frequency: float = field(metadata=one(strength, "rad/s"))
+    frequency: float = field(metadata=one(not_negative, "rad/s"))
     name: str = field(default="", metadata=checked(text))
 
     static = ("name",)
-
     example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.frequency < 0.0:
-            raise ValueError(f"MovingBase.frequency is {self.frequency} rad/s; it must not be negative")
 
     @property
     def key(self) -> str:
@@ -69,6 +53,6 @@ class MovingBase(Effect):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         own = {"frequency": ".frequency"}
         # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
-        angle = State("angle", "rad", pace, bind=own, rate=pace)
+        angle = State("angle", "rad", identity("frequency"), bind=own, rate=identity("frequency"))
         bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
         return (Field(acceleration, bind, (angle,)),)

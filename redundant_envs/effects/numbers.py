@@ -1,17 +1,23 @@
 """Numbers of an effect, declared once: their check, their unit, and how many there are.
 
 The functions return the metadata of a field, ``field(metadata=one(not_negative, "kg"))``: so type checkers
-know which fields have a default, too.
+know which fields have a default, too. Effects import checks and types of numbers from here as well.
 """
-
-from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from redundant_envs.robots.parameters import number, numbers
+from redundant_envs.robots.parameters import not_negative as not_negative
+from redundant_envs.robots.parameters import number as number
+from redundant_envs.robots.parameters import numbers as numbers
+from redundant_envs.robots.parameters import positive as positive
+from redundant_envs.robots.parameters import strength as strength
+from redundant_envs.robots.parameters import strengths as strengths
+from redundant_envs.robots.parameters import travel as travel
+from redundant_envs.support.values import Ends as Ends
+from redundant_envs.support.values import Numbers as Numbers
 from redundant_envs.support.values import shown
 
 Check = Callable[[str, Any], Any]
@@ -74,6 +80,19 @@ def example_of(kind: type) -> Example:
     return found if isinstance(found, Example) else Example({})
 
 
+def fields_with(thing: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a dataclass, with other numbers: "field" or "field[k]" -> value."""
+    fields: dict[str, Any] = {}
+    for name, value in numbers.items():
+        field, _, entry = name.partition("[")
+        if entry:  # those that are no numbers, as ends without a stop, stay
+            k, kept = int(entry[:-1]), fields.get(field, getattr(thing, field))
+            fields[field] = (*kept[:k], value, *kept[k + 1 :])
+        else:
+            fields[field] = value
+    return fields
+
+
 def declared_in(kind: type, name: str) -> Declared | None:
     """What a field of an effect holds: as the class declares it, or one from which it is derived, which may
     have given the field another default."""
@@ -83,46 +102,6 @@ def declared_in(kind: type, name: str) -> Declared | None:
             declared: Declared = found.metadata[DECLARED]
             return declared
     return None
-
-
-Metadata = Mapping[str, Declared]
-
-
-def one(check: Check, *units: str) -> Metadata:
-    """A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
-    return {DECLARED: Declared(number, check, units)}
-
-
-def pair(check: Check, *units: str) -> Metadata:
-    """A number for each axis, x and y."""
-    return {DECLARED: Declared(two, check, units)}
-
-
-def each_axis(check: Check, *units: str) -> Metadata:
-    """A number for each axis, or one for both."""
-    return {DECLARED: Declared(of_axes, check, units)}
-
-
-def each_joint(check: Check, *units: str) -> Metadata:
-    """A number for each joint, or one that serves all of them."""
-    return {DECLARED: Declared(_as_given, check, units, of_joints=True)}
-
-
-def row(check: Check, *units: str) -> Metadata:
-    """Numbers of which the effect says how many there are."""
-    return {DECLARED: Declared(numbers, check, units)}
-
-
-def checked(check: Check, *units: str) -> Metadata:
-    """What its check alone describes, such as a name."""
-    return {DECLARED: Declared(_as_given, check, units)}
-
-
-def text(field: str, value: Any) -> str:
-    """A name as part of a longer one: empty, or letters, digits and '_'."""
-    if not isinstance(value, str) or not re.fullmatch(r"\w*", value):
-        raise ValueError(f"{field} is {shown(value)}; give letters, digits and '_'")
-    return value
 
 
 def two(field: str, value: Any) -> tuple[float, ...]:
@@ -137,4 +116,37 @@ def of_axes(field: str, value: Any) -> tuple[float, ...]:
 
 
 def _as_given(_: str, value: Any) -> Any:
+    return value
+
+
+Metadata = Mapping[str, Declared]
+
+
+def _declaring(form: Check, of_joints: bool = False) -> Callable[..., Metadata]:
+    """A function that returns the metadata of a field, from its check and its units."""
+
+    def metadata(check: Check, *units: str) -> Metadata:
+        return {DECLARED: Declared(form, check, units, of_joints)}
+
+    return metadata
+
+
+one = _declaring(number)
+"""A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
+pair = _declaring(two)
+"""A number for each axis, x and y."""
+each_axis = _declaring(of_axes)
+"""A number for each axis, or one for both."""
+each_joint = _declaring(_as_given, of_joints=True)
+"""A number for each joint, or one that serves all of them."""
+row = _declaring(numbers)
+"""Numbers of which the effect says how many there are."""
+checked = _declaring(_as_given)
+"""What its check alone describes, such as a name."""
+
+
+def text(field: str, value: Any) -> str:
+    """A name as part of a longer one: empty, or letters, digits and '_'."""
+    if not isinstance(value, str) or not re.fullmatch(r"\w*", value):
+        raise ValueError(f"{field} is {shown(value)}; give letters, digits and '_'")
     return value

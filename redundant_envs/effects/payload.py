@@ -1,13 +1,9 @@
 """A load in the gripper."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass
+from redundant_envs.effects.numbers import Example, not_negative, one
 
 
 @dataclass(frozen=True)

@@ -1,30 +1,18 @@
 """An object that the tip picks up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Hook, Point, PointMass, State
-from redundant_envs.effects.numbers import Example, one
-from redundant_envs.language.algebra import physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, strength
-
-ON_TIME = 1e-6
-"""Share of an interval by which a time may be early and still counts as reached: sums of a million intervals
-are rounded by less."""
-
-
-@physics
-def later(time, control_dt):
-    return time + control_dt
+from redundant_envs.effects.disturbances import later, step
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass, State
+from redundant_envs.effects.numbers import Example, not_negative, one, strength
+from redundant_envs.language.algebra import physics
 
 
 @physics
 def taken(time, control_dt, mass, at):
     """The mass from the first interval on that starts at or after its time."""
-    return where(time + control_dt >= at - ON_TIME * control_dt, mass, 0.0)
+    return step(time + control_dt, at, control_dt, mass)
 
 
 @dataclass(frozen=True)
@@ -60,9 +48,8 @@ class PickUp(Effect):
         return (shapes.Load(pose.points[-1], self.mass, held=False),) if waits else ()
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        clock = {"time": ".time"}
         states = (
-            State("carried", "kg", update=taken, bind={**clock, "mass": ".mass", "at": ".at"}),
-            State("time", "s", update=later, bind=clock),
+            State("carried", "kg", update=taken, bind={"time": ".time", "mass": ".mass", "at": ".at"}),
+            State("time", "s", update=later, bind={"elapsed": ".time"}),
         )
         return (PointMass(Point(arm.num_masses - 1), ".carried", states),)

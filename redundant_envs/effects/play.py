@@ -1,23 +1,20 @@
 """Commands that reach their motors with play."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import (
     COMMAND,
     Actuation,
+    Arm,
     Effect,
     Hook,
     Link,
     State,
+    at_each_joint,
     effort_unit,
 )
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 
 @physics
@@ -43,10 +40,8 @@ class Play(Effect):
 
     example = Example({"gaps": 0.3})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
-
-    def _link(self, k: int, unit: str) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         bind = {"command": f"command{k + 1}", "kept": f".kept[{k}]", "gap": f".gaps[{k}]"}
-        kept = State(f"kept[{k}]", unit, update=pushed, bind=bind)
+        kept = State(f"kept[{k}]", effort_unit(arm, k), update=pushed, bind=bind)
         return Actuation(k, pushed, bind, Link.DEAD_ZONE, states=(kept,))

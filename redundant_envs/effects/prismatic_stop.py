@@ -1,14 +1,11 @@
 """Hard ends of the travel of sliders alone: impacts with restitution, located in time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
-from redundant_envs.effects.hooks import Hook, Impact
+from redundant_envs.effects.hooks import Arm, Hook, Impact
 from redundant_envs.effects.joint_stop import JointStop
 from redundant_envs.effects.numbers import Example
-from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import for_sliders
 
 

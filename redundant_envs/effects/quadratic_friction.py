@@ -1,15 +1,10 @@
 """Friction that grows with the square of the rate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 
 @physics
@@ -37,8 +32,7 @@ class QuadraticFriction(Effect):
 
     example = Example({"coefficients": 0.1})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}, damping=slope)
-            for k in range(len(arm.joints))
-        )
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
+        return Force(k, force, bind, damping=slope)

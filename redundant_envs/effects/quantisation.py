@@ -1,17 +1,13 @@
 """Sensors that count in steps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
-from redundant_envs.effects.hooks import Hook, Sensing
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Hook, Sensing
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.effects.readings import OfReadings
 from redundant_envs.language.algebra import floor, physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import SMALLEST, positive
-from redundant_envs.support.values import Numbers
+from redundant_envs.robots.parameters import SMALLEST
 
 
 @physics

@@ -1,12 +1,9 @@
 """What effects on the readings of sensors have in common: a number for each position and each rate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from redundant_envs.effects.hooks import Effect, Reading
-from redundant_envs.robots.arm import Arm
+from redundant_envs.effects.hooks import Arm, Effect, Reading
 
 READINGS = {"position": Reading.POSITION, "rate": Reading.RATE}
 """Fields with the numbers of each joint's readings, and what these measure."""
@@ -46,9 +43,9 @@ class OfReadings(Effect):
 
     def __post_init__(self) -> None:
         if all(getattr(self, field) is None for field in READINGS):
+            kind = type(self).__name__
             raise ValueError(
-                f"{type(self).__name__} has neither position nor rate, and would change nothing; give one of "
-                "them"
+                f"{kind} has neither position nor rate, and would change nothing; give one of them"
             )
         super().__post_init__()
 

@@ -1,16 +1,11 @@
 """Sensors that are off."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Hook, Sensing
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Hook, Sensing
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, strengths
 from redundant_envs.effects.readings import OfReadings
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strengths
-from redundant_envs.support.values import Numbers
 
 
 @physics

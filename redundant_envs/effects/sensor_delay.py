@@ -1,7 +1,5 @@
 """Sensors that show what was a while ago."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
@@ -10,13 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.effects.hooks import Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, number, one
 from redundant_envs.effects.readings import Sensor, every_sensor
-from redundant_envs.language.algebra import floor, numbered, physics, where
+from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
 from redundant_envs.support.values import with_fields
 
 MAX_KEPT = 1024
@@ -50,16 +46,6 @@ def delayed(count: int) -> Callable[..., Any]:
     return delayed
 
 
-@physics
-def latest(reading):
-    return reading
-
-
-@physics
-def moved_on(newer):
-    return newer
-
-
 @dataclass(frozen=True)
 class SensorDelay(Effect):
     """Readings of all sensors that are late by the same time; motion, reward, ``info`` and goals keep the
@@ -86,7 +72,6 @@ class SensorDelay(Effect):
     control_dt: float | None = dataclasses.field(default=None, init=False)
 
     static = ("longest", "control_dt")
-
     example = Example({"seconds": 0.03, "longest": 0.1})
 
     def __post_init__(self) -> None:
@@ -126,9 +111,9 @@ class SensorDelay(Effect):
     def _late(self, s: Sensor, arm: Arm) -> Hook:
         names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(self.kept)]
         unit, now = s.unit(arm), {"reading": s.quantity}
-        states = [State(names[0], unit, update=latest, initial=latest, bind=now)]
+        states = [State(names[0], unit, update=identity("reading"), initial=identity("reading"), bind=now)]
         for newer, name in itertools.pairwise(names):
             bind = {**now, "newer": f".{newer}"}
-            states.append(State(name, unit, update=moved_on, initial=latest, bind=bind))
+            states.append(State(name, unit, update=identity("newer"), initial=identity("reading"), bind=bind))
         own = {"seconds": ".seconds", **{f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}}
         return Sensing(s.joint, delayed(self.kept), own, s.reading, tuple(states))

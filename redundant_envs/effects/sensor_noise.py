@@ -1,16 +1,11 @@
 """Noise of the sensors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.effects.readings import OfReadings, Sensor
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
 
 
 @physics

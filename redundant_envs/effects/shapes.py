@@ -4,9 +4,6 @@ An effect gives them by its method ``shapes``; coordinates are those of the arm,
 that effects add, and stops of joints, are drawn without one, from their hooks.
 """
 
-from __future__ import annotations
-
-import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
@@ -15,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.effects.numbers import fields_with
 from redundant_envs.language.algebra import numbered
 from redundant_envs.robots.arm import Arm
-from redundant_envs.support.values import shown
+from redundant_envs.support.values import shown, with_fields
 
 Place = tuple[float, float]
 NEAR = 1.4
@@ -108,7 +106,8 @@ def shapes_of(
     found: list[Shape] = []
     for effect, names in effects:
         own = {name: known[of_scene] for name, of_scene in names.items()}
-        given = effect_with(effect, own).shapes(Pose(arm, q, own))
+        changed = fields_with(effect, {name: own[name] for name in effect.parameters()})
+        given = with_fields(effect, **changed).shapes(Pose(arm, q, own))
         for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
             if not isinstance(shape, Shape):
                 raise ValueError(
@@ -117,19 +116,6 @@ def shapes_of(
                 )
             found.append(shape)
     return found
-
-
-def effect_with(effect: Any, numbers: Mapping[str, float]) -> Any:
-    """An effect with other numbers, which are not checked again."""
-    made = copy.copy(effect)
-    for name in effect.parameters():
-        field, _, entry = name.partition("[")
-        value: Any = numbers[name]
-        if entry:
-            k, before = int(entry[:-1]), getattr(made, field)
-            value = (*before[:k], value, *before[k + 1 :])
-        object.__setattr__(made, field, value)
-    return made
 
 
 def seen_with(shapes: Sequence[Shape], reach: float) -> float:

@@ -1,15 +1,10 @@
 """Dry friction made smooth: cheap at fixed steps, but it creeps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import physics, sqrt
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, positive
-from redundant_envs.support.values import Numbers
 
 
 @physics
@@ -49,9 +44,7 @@ class SmoothCoulombFriction(Effect):
 
     example = Example({"levels": 0.5, "speed": 0.1})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = (
-            {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "speed": f".speed[{k}]"}
-            for k in range(len(arm.joints))
-        )
-        return tuple(Force(k, force, bind, damping=steepest, kink=bends) for k, bind in enumerate(own))
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "speed": f".speed[{k}]"}
+        return Force(k, force, bind, damping=steepest, kink=bends)

@@ -1,33 +1,25 @@
 """An elastic tendon that runs over several joints."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, checked, one, text
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.numbers import Example, Numbers, checked, numbers, one, positive, text
 from redundant_envs.language.algebra import maximum, numbered, physics, total
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import numbers, positive, strength, strengths
-from redundant_envs.support.values import Numbers, shown
+from redundant_envs.robots.parameters import strength, strengths
+from redundant_envs.support.values import shown
 
-
-class Laws(NamedTuple):
-    """Functions of a tendon over a number of joints."""
-
-    forces: tuple[Callable[..., Any], ...]  # at each of its joints
-    potential: Callable[..., Any]
-    stiffnesses: tuple[Callable[..., Any], ...]
+Law = Callable[..., Any]
 
 
 @functools.cache
-def laws(count: int) -> Laws:
-    """The functions of a tendon over ``count`` joints, of their positions and its moment arms."""
+def laws(count: int) -> tuple[Law, list[tuple[Law, Law]]]:
+    """Functions of a tendon over ``count`` joints, of their positions and its moment arms: its energy, and at
+    each joint its force and its stiffness."""
     positions, arms = numbered("position{}", count), numbered("arm{}", count)
 
     @physics(takes=(*positions, *arms, "stiffness", "pretension"))
@@ -41,7 +33,7 @@ def laws(count: int) -> Laws:
     def energy(*values):
         return 0.5 * tension(*values) ** 2 / values[-2]
 
-    def force(k: int) -> Callable[..., Any]:
+    def force(k: int) -> Law:
         @physics(takes=(*positions, *arms, "stiffness", "pretension"))
         def force(*values):
             """The tendon becomes shorter: its tension acts against its moment arm."""
@@ -49,7 +41,7 @@ def laws(count: int) -> Laws:
 
         return force
 
-    def steepness(k: int) -> Callable[..., Any]:
+    def steepness(k: int) -> Law:
         @physics(takes=(arms[k], "stiffness"))
         def steepness(arm, stiffness):
             """All joints together are at most this stiff, relative to each: (sum |x_i|)^2 is at most
@@ -58,8 +50,7 @@ def laws(count: int) -> Laws:
 
         return steepness
 
-    each = range(count)
-    return Laws(tuple(map(force, each)), energy, tuple(map(steepness, each)))
+    return energy, [(force(k), steepness(k)) for k in range(count)]
 
 
 def _between(a: shapes.Place, b: shapes.Place) -> shapes.Place:
@@ -106,7 +97,6 @@ class Tendon(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("joints", "name")
-
     example = Example(
         {"joints": ("joint2", "joint3"), "moment_arms": (0.03, 0.02), "stiffness": 3000.0, "pretension": 60.0}
     )
@@ -152,17 +142,13 @@ class Tendon(Effect):
         return (shapes.Line(tuple(line), taut=self.pretension + self.stiffness * longer > 0.0),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = laws(len(self.joints))
+        energy, at_joints = laws(len(self.joints))
         places = self._places(arm)
         bind = {f"position{k + 1}": f"phi{joint + 1}" for k, joint in enumerate(places)}
         bind |= {f"arm{k + 1}": f".moment_arms[{k}]" for k in range(len(places))}
         bind |= {"stiffness": ".stiffness", "pretension": ".pretension"}
-        return tuple(
-            Force(
-                joint, force, bind, potential=None if k else own.potential, conservative=force,
-                stiffness=steepness,
-            )
-            for k, (joint, force, steepness) in enumerate(
-                zip(places, own.forces, own.stiffnesses, strict=True)
-            )
-        )  # fmt: skip
+        found: list[Force] = []
+        for joint, (force, steepness) in zip(places, at_joints, strict=True):
+            potential = None if found else energy  # the first has that of all
+            found.append(Force(joint, force, bind, potential, conservative=force, stiffness=steepness))
+        return tuple(found)

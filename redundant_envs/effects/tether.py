@@ -1,16 +1,12 @@
 """A damped spring between a point of the arm and a post."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, checked, one, pair
-from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, numbers
-from redundant_envs.support.values import Numbers, shown, whole_number
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, numbers, one, pair
+from redundant_envs.language.algebra import identity, physics
+from redundant_envs.support.values import shown, whole_number
 
 
 @physics
@@ -28,16 +24,6 @@ def pull_and_damping(x, y, vx, vy, post_x, post_y, stiffness, damping):
 @physics
 def energy(x, y, post_x, post_y, stiffness):
     return 0.5 * stiffness * ((x - post_x) ** 2 + (y - post_y) ** 2)
-
-
-@physics
-def steepness(stiffness):
-    return stiffness
-
-
-@physics
-def slope(damping):
-    return damping
 
 
 @dataclass(frozen=True)
@@ -65,7 +51,6 @@ class Tether(Effect):
     damping: float = field(default=0.0, metadata=one(not_negative, "N s/m"))
 
     static = ("point",)
-
     example = Example({"point": 4, "post": (0.3, 0.2), "stiffness": 100.0, "damping": 1.0})
 
     @property
@@ -88,6 +73,6 @@ class Tether(Effect):
         return (
             Force(
                 Point(k - 1), pull_and_damping, {**own, **at_point}, potential=energy, conservative=pull,
-                stiffness=steepness, damping=slope,
+                stiffness=identity("stiffness"), damping=identity("damping"),
             ),
         )  # fmt: skip

@@ -1,16 +1,11 @@
 """A force that disturbs the tip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Force, Hook, Point
-from redundant_envs.effects.numbers import Example, each_axis, one, pair
+from redundant_envs.effects.hooks import Arm, Force, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, each_axis, one, pair, strengths
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import strengths
-from redundant_envs.support.values import Numbers
 
 AXES = "[0]", "[1]"
 

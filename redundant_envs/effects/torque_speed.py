@@ -1,19 +1,11 @@
 """Motors whose largest effort falls with their speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Effect, Hook, Link, effort_unit
-from redundant_envs.effects.numbers import Example, each_joint
+from redundant_envs.effects.effort_limits import WITHIN
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import clamp, maximum, physics, where
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, positive
-from redundant_envs.support.values import Numbers
-
-WITHIN = 1e-12
-"""Share of the stall effort by which a command may exceed what is left, and counts as within it: otherwise a
-guard would stay at 0, which rounding crosses again and again."""
 
 
 @physics
@@ -64,10 +56,9 @@ class TorqueSpeed(Effect):
 
     example = Example({"stall": 10.0, "free": 8.0})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
-
-    def _link(self, k: int, unit: str) -> Actuation:
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
         bind = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
         bind |= {"stall": f".stall[{k}]", "free": f".free[{k}]"}
+        unit = effort_unit(arm, k)
         return Actuation(k, available, bind, Link.TORQUE_SPEED, takes=unit, guard=corners)

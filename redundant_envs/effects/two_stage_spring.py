@@ -1,15 +1,11 @@
 """A spring that becomes harder beyond a knee on either side: a force that changes its law."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
-from redundant_envs.effects.numbers import Example, one
+from redundant_envs.effects.numbers import Example, not_negative, number, one, travel
 from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative, number, travel
 
 
 @physics
@@ -56,7 +52,6 @@ class TwoStageSpring(Effect):
     harder: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
 
     static = ("coordinate",)
-
     example = Example({"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0})
 
     def __post_init__(self) -> None:

@@ -3,47 +3,18 @@
 :data:`RULES` says of each function how many values it returns and what it may depend on.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import functools
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from typing import Any, NamedTuple, get_args
 
 from redundant_envs.compiler import dialect
 from redundant_envs.compiler.tracing.number import Loads
+from redundant_envs.effects import hooks
 from redundant_envs.effects.baked_numbers import check_effect
-from redundant_envs.effects.hooks import (
-    CONTROL_DT,
-    ELAPSED,
-    MAX_GUARDS,
-    MAX_KINKS,
-    PASSED,
-    SIDE,
-    SPEED,
-    WHEN,
-    Actuation,
-    Effect,
-    Field,
-    Force,
-    Friction,
-    Gap,
-    Hook,
-    Impact,
-    Impulse,
-    Inertia,
-    Instant,
-    Link,
-    Point,
-    PointMass,
-    Reading,
-    Sensing,
-    State,
-    sides,
-    states_of,
-)
+from redundant_envs.effects.hooks import Effect, Hook, Point, State, functions_of, states_of
 from redundant_envs.language.algebra import arguments_of, name_of, numbered
 from redundant_envs.language.draws import DRAW
 from redundant_envs.language.quantities import Quantities
@@ -71,33 +42,35 @@ class Rule(NamedTuple):
     refused: str = "{field} {name} depends on {more}; it may depend on {may} alone"
 
 
+IT_MAY = "{field} {name} depends on {more}; it may depend on "
 RULES: dict[type, dict[str, Rule]] = {
-    Field: {"function": Rule(2, May.STATES, "{name} depends on {more}; a uniform field may depend on "
-                             "parameters and states of its effect: give a Force at each point for another")},
-    Force: {
+    hooks.Field: {"function": Rule(2, May.STATES, "{name} depends on {more}; a uniform field may depend on "
+        "parameters and states of its effect: give a Force at each point for another")},
+    hooks.Force: {
         "function": Rule(),
-        "kink": Rule(MAX_KINKS),
-        "guard": Rule(MAX_GUARDS),
+        "kink": Rule(hooks.MAX_KINKS),
+        "guard": Rule(hooks.MAX_GUARDS),
         "potential": Rule(1, May.POSITION),
         "conservative": Rule(1, May.POSITION),
         "stiffness": Rule(1, May.PARAMETERS),
         "damping": Rule(1, May.OWN_JOINT),
     },
-    Impulse: {"function": Rule()},
-    Actuation: {"function": Rule(), "kink": Rule(MAX_KINKS), "guard": Rule(MAX_GUARDS), "by_side": Rule()},
-    Friction: {"limit": Rule(1, May.PARAMETERS, "{field} {name} depends on {more}; it may depend on "
-                             "parameters and on speed, the size of the rate of its joint")},
-    Gap: {"function": Rule(1, May.POSITION, "{name} depends on {more}; a gap may depend on the pose and on "
-                           "numbers")},
-    Sensing: {"function": Rule(1, May.MOTION, "{name} depends on {more}; a sensor may use the motion and its "
-                               "numbers")},
-    Instant: {"after": Rule(1, May.PARAMETERS, "after {name} depends on {more}; an instant may depend on "
-                            "parameters and control_dt alone")},
+    hooks.Impulse: {"function": Rule()},
+    hooks.Actuation: {
+        "function": Rule(), "kink": Rule(hooks.MAX_KINKS), "guard": Rule(hooks.MAX_GUARDS), "by_side": Rule(),
+    },
+    hooks.Friction: {"limit": Rule(1, May.PARAMETERS,
+        f"{IT_MAY}parameters and on speed, the size of the rate of its joint")},
+    hooks.Gap: {"function": Rule(1, May.POSITION,
+        "{name} depends on {more}; a gap may depend on the pose and on numbers")},
+    hooks.Sensing: {"function": Rule(1, May.MOTION,
+        "{name} depends on {more}; a sensor may use the motion and its numbers")},
+    hooks.Instant: {"after": Rule(1, May.PARAMETERS, "after {name} depends on {more}; an instant may depend "
+        "on parameters and control_dt alone")},
     State: {
         "derivative": Rule(),
         "update": Rule(),
-        "initial": Rule(1, May.MOTION, "{field} {name} depends on {more}; it may depend on parameters, on "
-                        "draws and on the motion at the start"),
+        "initial": Rule(1, May.MOTION, f"{IT_MAY}parameters, on draws and on the motion at the start"),
         "rate": Rule(1, May.PARAMETERS, "rate {name} may depend on parameters alone"),
         "closed": Rule(),
     },
@@ -115,6 +88,11 @@ Own = dict[str, bool]
 """Names of an effect's own numbers, and whether they are states."""
 HOOKS = ", ".join(kind.__name__ for kind in get_args(Hook))
 KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
+KEPT_CHECKS = 4096
+"""Effects on arms that are known to fit, at most."""
+_fitting: set[Any] = set()
+"""Of this package's effects on arms those that fit, as texts, which tell all their numbers: whoever changes a
+number of a scene makes the scene again, and checking nine effects took 8 ms (Zen 5)."""
 
 
 def check_attached(where: str, effect: Effect, arm: Arm) -> None:
@@ -124,54 +102,48 @@ def check_attached(where: str, effect: Effect, arm: Arm) -> None:
     dialect, a name is unknown, or a potential and a force cannot belong together. One of this package that
     fitted such an arm before is not checked again.
     """
-    if not dialect.is_own(type(effect)):
-        _check_attached(where, effect, arm)
+    kind, known = type(effect), None
+    if dialect.is_own(kind):
+        known = kind, kind.hooks, repr(effect), type(arm), repr(arm)
+    if known in _fitting:
         return
-    known = type(effect), type(effect).hooks, repr(effect), type(arm), repr(arm)
-    if known not in _fitting:
-        _check_attached(where, effect, arm)
-        if len(_fitting) >= KEPT_CHECKS:
-            _fitting.clear()
-        _fitting.add(known)
-
-
-KEPT_CHECKS = 4096
-"""Effects on arms that are known to fit, at most."""
-_fitting: set[tuple[Any, ...]] = set()
-"""Of this package's effects on arms those that fit, as texts, which tell all their numbers: whoever changes a
-number of a scene makes the scene again, and checking nine effects took 8 ms (Zen 5)."""
-
-
-def _check_attached(where: str, effect: Effect, arm: Arm) -> None:
-    kind = type(effect).__name__
     check_declared(where, effect, Effect)
-    hooks = effect.hooks(arm)
+    every = effect.hooks(arm)
     if not isinstance(effect.key, str) or not KEY.fullmatch(effect.key):
         raise ValueError(f"{where} has the key {effect.key!r}; give letters, digits, '_' and '.'")
-    if not isinstance(hooks, tuple | list) or not all(isinstance(h, Hook) for h in hooks):
-        raise ValueError(f"{kind}.hooks gives {hooks!r:.80}; give a tuple of {HOOKS}")
-    called = f"{where} ({kind})"
-    own = _own_numbers(called, effect, hooks)
-    _check_masses(called, hooks)
-    for n, hook in enumerate(hooks):
+    if not isinstance(every, tuple | list) or not all(isinstance(h, Hook) for h in every):
+        raise ValueError(f"{kind.__name__}.hooks gives {every!r:.80}; give a tuple of {HOOKS}")
+    called = f"{where} ({kind.__name__})"
+    own = _own_numbers(called, effect, every)
+    for n, hook in enumerate(every):
         try:
             _check_hook(hook, own, arm)
         except ValueError as error:
             raise ValueError(f"{called}, hook {n} ({type(hook).__name__}): {error}") from None
-    _check_instants(called, hooks)
-    check_numbers(called, effect, arm, hooks)
-    _check_uses(called, effect, arm, hooks)
-    forces = [h for h in hooks if isinstance(h, Force)]
+    _check_masses(called, every)
+    _check_instants(called, every)
+    check_numbers(called, effect, arm, every)
+    _check_uses(called, effect, arm, every)
+    forces = [h for h in every if isinstance(h, hooks.Force)]
     if any(h.conservative is not None for h in forces) and all(h.potential is None for h in forces):
         raise ValueError(
             f"{called} has a conservative force and no potential; give the potential, or leave "
             "'conservative' out: the power of a force without a potential counts as work"
         )
-    if not dialect.is_own(type(effect)):  # tests of the package hold this of its own effects
+    if known is None:  # tests of the package hold this of its own effects
         check_effect(where, effect, arm)
+        return
+    if len(_fitting) >= KEPT_CHECKS:
+        _fitting.clear()
+    _fitting.add(known)
 
 
-def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
+def _parts(every: Iterable[Hook]) -> Iterator[tuple[int, Any]]:
+    """Hooks and their states, with the numbers of the hooks."""
+    return ((n, part) for n, hook in enumerate(every) for part in (hook, *states_of(hook)))
+
+
+def _own_numbers(called: str, effect: Effect, every: Iterable[Hook]) -> Own:
     """An effect's numbers and the states of its hooks; refuses what is no number, and names given twice."""
     for f in dataclasses.fields(effect):
         if not f.init and f.name not in effect.static:
@@ -183,7 +155,7 @@ def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
             raise ValueError(f"{called}.{field} is {value!r:.80}; give a number or a tuple of them")
-    for n, hook in enumerate(hooks):
+    for n, hook in enumerate(every):
         states: Any = states_of(hook)
         if not isinstance(states, tuple | list):
             raise ValueError(
@@ -200,52 +172,47 @@ def _own_numbers(called: str, effect: Effect, hooks: Iterable[Hook]) -> Own:
     return own
 
 
-def _check_instants(called: str, hooks: Iterable[Hook]) -> None:
+def _check_instants(called: str, every: Iterable[Hook]) -> None:
     """Refuse a second instant of an effect, and what only an effect with an instant may have."""
-    instants = [hook for hook in hooks if isinstance(hook, Instant)]
-    if len(instants) > 1:
-        raise ValueError(
-            f"{called} has {len(instants)} instants; give one, and further ones to other effects"
-        )
-    for n, part in ((n, part) for n, hook in enumerate(hooks) for part in (hook, *states_of(hook))):
-        when = getattr(part, "when", WHEN[0])
-        if when not in WHEN or (when == "instant" and not instants):
-            what = f"the state {part.name!r}" if isinstance(part, State) else f"the {type(part).__name__}"
+    instants = sum(isinstance(hook, hooks.Instant) for hook in every)
+    if instants > 1:
+        raise ValueError(f"{called} has {instants} instants; give one, and further ones to other effects")
+    for n, part in _parts(every):
+        when, is_state = getattr(part, "when", "interval"), isinstance(part, State)
+        if when not in hooks.WHEN or (when == "instant" and not instants):
+            what = f"the state {part.name!r}" if is_state else f"the {type(part).__name__}"
             raise ValueError(
                 f"{called}, hook {n}: {what} has when={when!r:.40}; give "
-                f"{' or '.join(map(repr, WHEN))}, the latter in an effect with an Instant"
+                f"{' or '.join(map(repr, hooks.WHEN))}, the latter in an effect with an Instant"
             )
-        if isinstance(part, State) and part.when == "instant" and part.update is None:
+        if is_state and when == "instant" and part.update is None:
             raise ValueError(
                 f"{called}, hook {n}: the state {part.name!r} has when='instant' and no update; give one"
             )
-        functions = [getattr(part, f.name) for f in dataclasses.fields(part)]
-        bind: Mapping[str, str] = getattr(part, "bind", {})
-        named = {bind.get(a, a) for f in functions if callable(f) for a in arguments_of(f)}
-        if PASSED in named and not instants:
+        takes = {part.bind.get(a, a) for f in functions_of(part).values() for a in arguments_of(f)}
+        if hooks.PASSED in takes and not instants:
             raise ValueError(
-                f"{called}, hook {n}: a function takes {PASSED!r}, and the effect has no instant; add "
+                f"{called}, hook {n}: a function takes {hooks.PASSED!r}, and the effect has no instant; add "
                 "Instant(after=...) to its hooks"
             )
 
 
-def _check_masses(called: str, hooks: Iterable[Hook]) -> None:
+def _check_masses(called: str, every: Iterable[Hook]) -> None:
     """Refuse a mass that changes within an interval."""
-    kinds = {
-        s.name: "derivative" if s.update is None else "when='instant'"
-        for hook in hooks
-        for s in states_of(hook)
-        if s.update is None or s.when == "instant"
-    }
-    for hook in hooks:
-        if isinstance(hook, PointMass) and (kind := kinds.get(str(hook.mass)[1:])):
+    states = {f".{s.name}": s for hook in every for s in states_of(hook)}
+    for hook in every:
+        if not isinstance(hook, hooks.PointMass) or hook.mass not in states:
+            continue
+        state = states[hook.mass]
+        if state.update is None or state.when == "instant":
+            kind = "derivative" if state.update is None else "when='instant'"
             raise ValueError(
                 f"{called} has the mass {hook.mass!r}, a state with {kind}; give one with an update that "
                 "changes between intervals"
             )
 
 
-def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
+def check_numbers(where: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -> None:
     """ValueError if ends of a travel, or positions at which a force changes its law, are in the wrong order,
     or if an impact would create energy; in a scene, and in each lane."""
     numbers = effect.parameters()
@@ -258,10 +225,10 @@ def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -
                 "the second"
             )
 
-    for hook in hooks:
-        if isinstance(hook, Force) and hook.switch is not None:
+    for hook in every:
+        if isinstance(hook, hooks.Force) and hook.switch is not None:
             check_order("switch", *hook.switch)
-        elif isinstance(hook, Impact):
+        elif isinstance(hook, hooks.Impact):
             check_order("an impact's travel", hook.lower, hook.upper)
             restitution = numbers[hook.restitution[1:]]
             if not 0.0 <= restitution <= 1.0:
@@ -276,16 +243,15 @@ def check_numbers(where: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -
         check_order(f"the travel of {arm.joints[int(joint)]!r}", *(f".{end}" for end in ends))
 
 
-def _check_uses(called: str, effect: Effect, arm: Arm, hooks: Iterable[Hook]) -> None:
+def _check_uses(called: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -> None:
     """Refuse a field with several numbers of which some are used and some are not, and the unit of a number
     that the effect does not have."""
     numbers = effect.parameters()
-    used = {name for low_high in effect.travel(arm).values() for name in low_high}
-    used |= {*effect.action_units(arm)}
-    for part in (part for hook in hooks for part in (hook, *states_of(hook))):
-        used |= {source[1:] for source in getattr(part, "bind", {}).values()}
+    used = {*effect.action_units(arm)}.union(*effect.travel(arm).values())
+    for _, part in _parts(every):
         named = (getattr(part, field.name) for field in dataclasses.fields(part))
-        used |= {name[1:] for name in named if isinstance(name, str) and name[:1] == "."}
+        sources = (*getattr(part, "bind", {}).values(), *named)
+        used |= {name[1:] for name in sources if isinstance(name, str) and name[:1] == "."}
     for field in dataclasses.fields(effect):
         entries = [name for name in numbers if name.startswith(f"{field.name}[")]
         unused = [name for name in entries if name not in used]
@@ -307,52 +273,53 @@ def _check_hook(hook: Hook, own: Own, arm: Arm) -> None:
     named = [(field, getattr(hook, field)) for field in OWN_NUMBERS if hasattr(hook, field)]
     named += [("switch", name) for name in getattr(hook, "switch", None) or ()]
     for field, name in named:
-        own_numbers = {n: False for n, is_state in own.items() if not is_state or field == "mass"}
-        _check_own(field, name, own_numbers)
-    for field, choices in (("link", Link), ("reading", Reading)):
-        if not isinstance(getattr(hook, field, next(iter(choices))), choices):
+        _check_own(field, name, [n for n, is_state in own.items() if not is_state or field == "mass"])
+    for field, choices in (("link", hooks.Link), ("reading", hooks.Reading)):
+        given = getattr(hook, field, None)
+        if hasattr(hook, field) and not isinstance(given, choices):
             names = ", ".join(f"{choices.__name__}.{choice.name}" for choice in choices)
-            raise ValueError(f"{field} is {getattr(hook, field)!r}; choose {names}")
-    if isinstance(hook, Actuation):
+            raise ValueError(f"{field} is {given!r}; choose {names}")
+    if isinstance(hook, hooks.Actuation):
         _check_link(hook)
-    for part in (hook, *states_of(hook)):
-        allowed = _Allowed(part, hook, own, arm)
+    for _, part in _parts([hook]):
         if isinstance(part, State):
-            if (part.derivative is None) == (part.update is None):
-                raise ValueError(f"the state {part.name!r} needs either a derivative or an update")
-            _check_closed(part)
-            if part.derivative is not None and isinstance(hook, Sensing):
-                raise ValueError(
-                    f"the state {part.name!r} of a sensor has a derivative; give an update: a sensor is read "
-                    "once in a control interval"
-                )
-            if not callable(part.initial):
-                number(f"initial of the state {part.name!r}", part.initial)
+            _check_state(part, hook)
         for field, rule in RULES.get(type(part), {}).items():
             given = getattr(part, field)
             if given is not None and (field != "initial" or callable(given)):
-                _check_function(field, rule, allowed)
+                _check_function(field, rule, _Allowed(part, hook, own, arm))
 
 
-def _check_closed(state: State) -> None:
-    """Refuse a closed form without a derivative, or one that does not depend on the time."""
+def _check_state(state: State, hook: Hook) -> None:
+    """Refuse a state without one way to change, and a closed form that is none."""
+    name = f"the state {state.name!r}"
+    if (state.derivative is None) == (state.update is None):
+        raise ValueError(f"{name} needs either a derivative or an update")
+    if state.derivative is not None and isinstance(hook, hooks.Sensing):
+        raise ValueError(
+            f"{name} of a sensor has a derivative; give an update: a sensor is read once in a control "
+            "interval"
+        )
+    if not callable(state.initial):
+        number(f"initial of {name}", state.initial)
     if state.closed is None:
         return
     if state.derivative is None:
         raise ValueError(
-            f"the state {state.name!r} has a closed form and no derivative; give the derivative, too: error "
-            "control integrates it"
+            f"{name} has a closed form and no derivative; give the derivative, too: error control "
+            "integrates it"
         )
     takes = [state.bind.get(argument, argument) for argument in arguments_of(state.closed)]
-    for source, what in ((ELAPSED, "the time since the step began"), (f".{state.name}", "the value then")):
+    needed = {hooks.ELAPSED: "the time since the step began", f".{state.name}": "the value then"}
+    for source, what in needed.items():
         if source not in takes:
             raise ValueError(
-                f"closed of the state {state.name!r}, {name_of(state.closed)}, does not take {source!r}, "
-                f"{what}; a closed form is a function of both"
+                f"closed of {name}, {name_of(state.closed)}, does not take {source!r}, {what}; a closed form "
+                "is a function of both"
             )
 
 
-def _check_link(hook: Actuation) -> None:
+def _check_link(hook: hooks.Actuation) -> None:
     """Refuse units of a link that are no text, one that it gives without one that it takes, and laws of a
     guard that it does not have."""
     for field in ("takes", "gives"):
@@ -369,17 +336,17 @@ def _check_link(hook: Actuation) -> None:
         )
 
 
-def _check_place(hook: Hook, arm: Arm) -> None:
+def _check_place(hook: Any, arm: Arm) -> None:
     """Refuse joints and points that the arm does not have, or where no such hook can be."""
-    place: Any = getattr(hook, "joint", getattr(hook, "point", None))
-    at_point = isinstance(hook, PointMass) or (isinstance(hook, Force | Impulse) and isinstance(place, Point))
+    place = getattr(hook, "joint", getattr(hook, "point", None))
+    at_point = isinstance(hook, hooks.PointMass) or _acts_at_point(hook)
     joints: Any = (place,) if hasattr(hook, "joint") and not at_point else ()
     if at_point:
         k = getattr(place, "number", place)
         if not isinstance(place, Point) or not _is_one_of(arm.num_masses, k):
             last = arm.num_masses - 1
             raise ValueError(f"the number of the Point is {k!r}; give Point(0) to Point({last}), the tip")
-    if isinstance(hook, Inertia):
+    if isinstance(hook, hooks.Inertia):
         joints = hook.joints
         if not isinstance(joints, tuple) or not joints or len({*joints}) < len(joints):
             raise ValueError(f"joints is {joints!r}; give a tuple of joints, each once, such as (0,)")
@@ -391,22 +358,24 @@ def _check_place(hook: Hook, arm: Arm) -> None:
         raise ValueError(
             f"joints is {joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
         )
-    if isinstance(hook, Force) and hook.switch is not None:
-        if hook.guard is not None:
-            raise ValueError("switch and guard are given, and both say which law holds; give the guard alone")
-        if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
-            raise ValueError(
-                f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')"
-            )
-        if at_point:
-            raise ValueError(
-                "switch is given, and the force acts at a Point; a change of law is located along a joint "
-                "only"
-            )
+    if getattr(hook, "switch", None) is None:
+        return
+    if hook.guard is not None:
+        raise ValueError("switch and guard are given, and both say which law holds; give the guard alone")
+    if not isinstance(hook.switch, tuple) or len(hook.switch) != 2:
+        raise ValueError(f"switch is {hook.switch!r}; give the names of two numbers, ('.lower', '.upper')")
+    if at_point:
+        raise ValueError(
+            "switch is given, and the force acts at a Point; a change of law is located along a joint only"
+        )
 
 
 def _is_one_of(count: int, index: Any) -> bool:
     return isinstance(index, int) and not isinstance(index, bool) and 0 <= index < count
+
+
+def _acts_at_point(part: Any) -> bool:
+    return isinstance(part, hooks.Force | hooks.Impulse) and isinstance(part.joint, Point)
 
 
 class _Allowed(NamedTuple):
@@ -425,8 +394,8 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
     values, name = dialect.check(function), name_of(function)
     if field in SEVERAL and values > rule.values:
         raise ValueError(f"{field} {name} returns {values} values; it may return {rule.values} at most")
-    roots = dict(_roots(field, function, known))
-    at_point = isinstance(part, Force | Impulse) and isinstance(part.joint, Point)
+    roots = dict(_roots(field, known))
+    at_point = _acts_at_point(part)
     wanted = 2 if at_point and field in AXES else rule.values
     if values != wanted and field not in SEVERAL:
         kind = f"{type(part).__name__}{' at a point' if at_point else ''}"
@@ -434,14 +403,16 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
             raise ValueError(f"function {name} returns {values} values; a {kind} needs {wanted}")
         raise ValueError(f"{field} {name} must return {'two values' if wanted == 2 else 'one value'}")
     may = May.PARAMETERS if rule.may is May.OWN_JOINT and at_point else rule.may
-    allowed = {*arm.parameter_values()}
-    allowed |= {*arm.coordinates} if may in (May.POSITION, May.MOTION) else set()
-    allowed |= {*arm.rates} if may is May.MOTION else set()
-    allowed |= (
-        {f".{name}" for name, is_state in known.own.items() if is_state} if may is May.STATES else set()
-    )
-    free = {*part.motion} if may is May.OWN_JOINT else set()
-    if isinstance(part, Sensing):
+    allowed, free = {*arm.parameter_values()}, set[str]()
+    if may in (May.POSITION, May.MOTION):
+        allowed |= {*arm.coordinates}
+    if may is May.MOTION:
+        allowed |= {*arm.rates}
+    if may is May.STATES:
+        allowed |= {f".{name}" for name, is_state in known.own.items() if is_state}
+    if may is May.OWN_JOINT:
+        free |= {*part.motion}
+    if isinstance(part, hooks.Sensing):
         free |= {source for source in roots if source.startswith(".")}  # states of its effect
     more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
     if more and may is not May.ANYTHING:
@@ -451,22 +422,23 @@ def _check_function(field: str, rule: Rule, known: _Allowed) -> None:
                 "potential; give the part that is as a separate function, conservative="
             )
         raise ValueError(rule.refused.format(field=field, name=name, more=more, may=may.value))
-    if isinstance(part, Gap) and all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
+    if isinstance(part, hooks.Gap) and all(behind.isdisjoint(arm.coordinates) for behind in roots.values()):
         raise ValueError(f"{name} depends on no coordinate of the arm; a gap must move")
 
 
-def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterator[tuple[str, Set[str]]]:
+def _roots(field: str, known: _Allowed) -> Iterator[tuple[str, Set[str]]]:
     """What each quantity that a function takes depends on; refuses names that nothing has."""
     part, _, own, arm = known
     if not isinstance(part.bind, Mapping):
         raise ValueError(f"bind is {part.bind!r:.80}; give a mapping of arguments to names")
-    values = [getattr(x, field.name) for x in (part, *states_of(part)) for field in dataclasses.fields(x)]
-    takes = list(dict.fromkeys(a for f in values if callable(f) for a in arguments_of(f)))
+    every = [f for _, x in _parts([part]) for f in functions_of(x).values()]
+    takes = list(dict.fromkeys(a for f in every for a in arguments_of(f)))
     for name in part.bind:
         if name not in takes:
             raise ValueError(
                 f"bind has {name!r}, which no function here takes; they take {', '.join(takes) or 'nothing'}"
             )
+    function = getattr(part, field)
     label = f"{field} of the state {part.name!r}," if isinstance(part, State) else field
     for argument in arguments_of(function):
         source = part.bind.get(argument, argument)
@@ -476,52 +448,40 @@ def _roots(field: str, function: Callable[..., Any], known: _Allowed) -> Iterato
         if source.startswith("."):
             _check_own(where, source, own)
             yield source, {source} if own[source[1:]] else set()
-            continue
-        if DRAW.fullmatch(source):
+        elif DRAW.fullmatch(source):
             if not isinstance(part, State) or field not in TAKING_DRAWS:
                 raise ValueError(
                     f"{where}: {source!r} is a draw, which only the functions {' and '.join(TAKING_DRAWS)} "
                     "of a State take; keep it in a state, and bind that"
                 )
             yield source, set()
+        elif source == hooks.SPEED and isinstance(part, hooks.Friction):
             continue
-        if source == SPEED and isinstance(part, Friction):
-            continue
-        if source == ELAPSED and field == "closed":
+        elif source == hooks.CONTROL_DT or (source == hooks.ELAPSED and field == "closed"):
             yield source, set()
-            continue
-        if source in (PASSED, CONTROL_DT):
-            yield source, {source} - {CONTROL_DT}
-            continue
-        try:
-            yield source, _roots_of_side(source, field, known) or roots_of(source, arm)
-        except ValueError:
-            raise ValueError(
-                f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
-                "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
-                "s1, c1, m1, l1, or bind a number of the effect by '.name'"
-            ) from None
+        elif source == hooks.PASSED:
+            yield source, {source}
+        else:
+            try:
+                yield source, _roots_of_side(source, field, known) or roots_of(source, arm)
+            except ValueError:
+                raise ValueError(
+                    f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
+                    "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, tip_vx, "
+                    "s1, c1, m1, l1, or bind a number of the effect by '.name'"
+                ) from None
 
 
 def _roots_of_side(source: str, field: str, known: _Allowed) -> Set[str]:
     """What a side depends on, which says which law of a hook holds; nothing if a quantity is no side."""
     hook, arm = known.hook, known.arm
-    if source == SIDE and getattr(hook, "switch", None) is not None:
+    if source == hooks.SIDE and getattr(hook, "switch", None) is not None:
         return roots_of(hook.motion[0], arm)
     guard = getattr(hook, "guard", None)
-    if (
-        guard is None
-        or field == "guard"
-        or (field == "function" and _by_side(hook))
-        or source not in sides(dialect.check(guard))
-    ):
+    without_side = field == "guard" or (field == "function" and getattr(hook, "by_side", None) is not None)
+    if guard is None or without_side or source not in hooks.sides(dialect.check(guard)):
         return frozenset()
-    return frozenset().union(*(behind for _, behind in _roots("guard", guard, known._replace(part=hook))))
-
-
-def _by_side(hook: Any) -> bool:
-    """Whether another function than that of a link takes the sides of its guard."""
-    return getattr(hook, "by_side", None) is not None
+    return frozenset().union(*(behind for _, behind in _roots("guard", known._replace(part=hook))))
 
 
 def _check_own(where: str, source: Any, own: Collection[str]) -> None:

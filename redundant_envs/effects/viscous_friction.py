@@ -1,26 +1,16 @@
 """Viscous friction in the joints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, each_joint
-from redundant_envs.language.algebra import physics
-from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import not_negative
-from redundant_envs.support.values import Numbers
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.language.algebra import identity, physics
 
 
 @physics
 def force(rate, coefficient):
     """Opposes the rate of the joint, not that of the absolute angle."""
     return -coefficient * rate
-
-
-@physics
-def slope(coefficient):
-    return coefficient
 
 
 @dataclass(frozen=True)
@@ -37,8 +27,7 @@ class ViscousFriction(Effect):
 
     example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Force(k, force, {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}, damping=slope)
-            for k in range(len(arm.joints))
-        )
+    @at_each_joint
+    def hooks(self, k: int, arm: Arm) -> Hook:
+        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
+        return Force(k, force, bind, damping=identity("coefficient"))

@@ -169,10 +169,7 @@ def minimum(a: Any, b: Any) -> Any:
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of two numbers, ``a`` if they are equal or one is NaN.
-
-    Put the quantity first and the constant second: then a NaN is passed on.
-    """
+    """The larger of two numbers, ``a`` if they are equal or one is NaN; see :func:`minimum`."""
     return where(a < b, b, a)
 
 
@@ -238,6 +235,17 @@ def physics(
         return f
 
     return mark if function is None else mark(function)
+
+
+@functools.cache
+def identity(quantity: str) -> Callable[..., Any]:
+    """The marked function that takes a quantity, and returns it."""
+
+    @physics(takes=quantity)
+    def identity(value: Any) -> Any:
+        return value
+
+    return identity  # type: ignore[no-any-return]
 
 
 def is_physics(function: Any) -> bool:

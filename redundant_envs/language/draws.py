@@ -5,8 +5,7 @@ takes it, and its own number; from nothing else. So no draw depends on what else
 lanes, on threads, or on which draws were made before.
 """
 
-from __future__ import annotations
-
+import functools
 import hashlib
 import re
 from collections.abc import Iterable
@@ -69,18 +68,18 @@ def normals(first: Any, second: Any) -> Any:
 
 def drawn(draws: Iterable[Draw], interval: Any, key: list[Any]) -> dict[Draw, Any]:
     """Draws of a lane for the control interval of a number, from 0, and the key of the lane."""
-    groups: dict[float, tuple[Any, ...]] = {}
-    pairs: dict[tuple[float, int], tuple[Any, Any]] = {}
+
+    @functools.cache
+    def words(counter: float) -> tuple[Any, ...]:
+        return algebra.philox(counter, interval, *key)
+
+    @functools.cache
+    def pair(counter: float, k: int) -> Any:
+        return normals(*map(uniform, words(counter)[2 * k : 2 * k + 2]))
+
     made: dict[Draw, Any] = {}
     for draw in draws:
-        counter, word = draw.counter, draw.place % WORDS
-        if counter not in groups:
-            groups[counter] = algebra.philox(counter, interval, *key)
-        if not draw.normal:
-            made[draw] = uniform(groups[counter][word])
-            continue
-        at = counter, word // 2
-        if at not in pairs:
-            pairs[at] = normals(*map(uniform, groups[counter][2 * at[1] : 2 * at[1] + 2]))
-        made[draw] = pairs[at][word % 2]
+        word = draw.place % WORDS
+        own = pair(draw.counter, word // 2)[word % 2] if draw.normal else uniform(words(draw.counter)[word])
+        made[draw] = own
     return made

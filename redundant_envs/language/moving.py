@@ -8,7 +8,7 @@ sign there: the difference of two numbers that are compared, the argument of ``a
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 from redundant_envs.language import algebra
@@ -122,8 +122,7 @@ def _choice(x: Any) -> Choice:
 
 def kinks_in(results: Any) -> Kinks:
     """Kinks of the results of a function."""
-    values: Iterable[Any] = results if isinstance(results, tuple) else (results,)
-    return _union(*(moving(value).kinks for value in values))
+    return _union(*(moving(value).kinks for value in (results if isinstance(results, tuple) else (results,))))
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:

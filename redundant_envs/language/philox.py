@@ -1,7 +1,5 @@
 """Philox4x32-10: random words from a key and a counter, on any whole numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 ROUNDS = 10

@@ -1,7 +1,5 @@
 """Quantities by their names: computed by the functions that return them, when they are needed."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any

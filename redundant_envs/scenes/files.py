@@ -1,7 +1,5 @@
 """Files of users: YAML that is read as plain data, within bounds, with one clear message on a mistake."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 from collections.abc import Iterator

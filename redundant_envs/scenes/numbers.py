@@ -1,8 +1,6 @@
 """Numbers of a scene and of a task by their names, and whether many sets of them are valid: those of lanes,
 and the ends of ranges."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.effects import validate_hooks
+from redundant_envs.effects.numbers import fields_with
 from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.support.values import replaced, shown
@@ -56,13 +55,10 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        near = [name for name in changed if name.startswith(f"{effect.key}.")]
-        if near and not {*near}.isdisjoint(_own_names(effect)):
+        if not {*changed}.isdisjoint(_own_names(effect)):
             _check_effect(scene, effect, values)
-    known: dict[str, Any] = {**values, **scene.attached.states.initial}
-    for mass, loads in scene.attached.carried.items():
-        total = sum((known[name] for name in loads), values[mass])
-        _check_positive(f"{mass} with {', '.join(loads)}", total[:, None])
+    for mass, sums in scene.attached.moving_masses(values, scene.attached.states.initial).items():
+        _check_positive(f"{mass} with {', '.join(scene.attached.carried[mass])}", sums[:, None])
     scene.attached.check_inertias(scene.robot, values)
     if task is not None and task.parameters().keys() & changed:
         _check_task(task, values)
@@ -90,17 +86,9 @@ def _own_names(effect: Any) -> list[str]:
 def _check_effect(scene: Any, effect: Any, values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
     for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
-        fields: dict[str, Any] = {
-            f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.init
-        }
-        for name, number in numbers.items():
-            field, _, entry = name.partition("[")
-            if field in fields and entry:  # those that are no numbers, as ends without a stop, stay
-                kept, k = fields[field], int(entry[:-1])
-                fields[field] = (*kept[:k], number, *kept[k + 1 :])
-            elif field in fields:
-                fields[field] = number
-        made = replaced(effect, **fields)
+        fields = {f.name for f in dataclasses.fields(effect)}
+        own = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
+        made = replaced(effect, **fields_with(effect, own))
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
         validate_hooks.check_numbers(effect.key, made, scene.robot, hooks)
@@ -131,9 +119,6 @@ def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
                 f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
                 "numbers that it keeps, all of them that depend on each other"
             )
-
-
-# ---- ranges ----------------------------------------------------------------------------------------------
 
 
 def is_of_task(name: str) -> bool:

@@ -1,7 +1,5 @@
 """Ranges of numbers that every episode draws anew: their distributions, and plain data for them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -19,7 +17,6 @@ MIDDLE = 0.381966
 """The draw at which a number inside a range is tried: no simple fraction, so that a number that has to be
 whole is found to be none."""
 
-# ---- draws, from one that is uniform in (0, 1) ----------------------------------------------------------
 # They are clamped to their ends because a rounding must not pass these: the ends are what was checked.
 
 
@@ -84,51 +81,34 @@ def choice_of(count: int) -> Callable[..., Any]:
     return choice
 
 
-# ---- distributions ---------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Uniform:
+    """Every number between two ends is equally probable."""
 
+    low: float
+    high: float
 
-class Distribution:
-    """A distribution of a number, between two ends."""
-
-    kind: ClassVar[str]
+    kind: ClassVar[str] = "uniform"
+    formula = staticmethod(uniform)
+    """The number, from a uniform draw and :meth:`numbers`, in their order."""
 
     @property
     def ends(self) -> tuple[float, float]:
         """The least and the largest number that is drawn."""
-        raise NotImplementedError
+        return self.low, self.high
 
     @property
     def inside(self) -> tuple[float, ...]:
         """Other numbers that must be valid as the ends must."""
         return (float(self.formula(MIDDLE, *self.numbers().values())),)
 
-    @property
-    def formula(self) -> Callable[..., Any]:
-        """The number, from a uniform draw and :meth:`numbers`, in their order."""
-        raise NotImplementedError
-
     def numbers(self) -> dict[str, float]:
         """What the formula takes beside the draw."""
-        return dict(zip(("low", "high"), self.ends, strict=True))
+        return {"low": self.low, "high": self.high}
 
     def plain(self) -> dict[str, Any]:
         """Plain data that :func:`distribution` takes."""
         return {self.kind: list(self.ends)}
-
-
-@dataclass(frozen=True)
-class Uniform(Distribution):
-    """Every number between two ends is equally probable."""
-
-    low: float
-    high: float
-
-    kind = "uniform"
-    formula = staticmethod(uniform)
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        return self.low, self.high
 
 
 class LogUniform(Uniform):
@@ -169,12 +149,12 @@ class Normal(Uniform):
 
 
 @dataclass(frozen=True)
-class Choice(Distribution):
+class Choice:
     """Every one of some values is equally probable."""
 
     values: tuple[float, ...]
 
-    kind = "choice"
+    kind: ClassVar[str] = "choice"
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -195,6 +175,7 @@ class Choice(Distribution):
         return {self.kind: list(self.values)}
 
 
+Distribution = Uniform | Choice
 KINDS = ("uniform", "log_uniform", "normal", "choice")
 EXAMPLE = "give one, such as {'uniform': [0, 2]}, or a factor, {'scale': {'log_uniform': [0.8, 1.25]}}"
 
@@ -262,9 +243,6 @@ def _choices(field: str, data: Any) -> tuple[float, ...]:
             f"{field} has {twice[0]} more than once; all values are equally probable: name each once"
         )
     return values
-
-
-# ---- ranges of named numbers -----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,7 @@ from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.bound_hooks import Attachments, identifier
-from redundant_envs.effects.hooks import (
-    COMMAND,
-    MAX_INSTANTS,
-    Effect,
-    Impact,
-    State,
-    states_of,
-)
+from redundant_envs.effects.hooks import COMMAND, MAX_INSTANTS, Effect, Impact, State, states_of
 from redundant_envs.effects.validate_hooks import check_attached
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots import drawn
@@ -261,9 +254,6 @@ class Scene:
             travel = {k: (values[low], values[high]) for k, (low, high) in self.travel().items()}
             return drawn.schematic(self.robot, travel)
 
-        def effects() -> str:
-            return table(("effect", "number", "value", "unit"), self._effect_rows())
-
         def stepping() -> str:
             rows = [("integrator", self.integrator), ("control interval", f"{self.control_dt:g} s")]
             if self.tolerance is not None:
@@ -275,7 +265,9 @@ class Scene:
             rows += [(f"{name} of an episode", distribution) for name, distribution in drawn_numbers]
             return table(("stepped by", ""), rows)
 
-        return as_html(self, schematic, lambda: drawn.numbers(self.robot), effects, stepping)
+        titles = ("effect", "number", "value", "unit")
+        numbers = (lambda: drawn.numbers(self.robot)), (lambda: table(titles, self._effect_rows()))
+        return as_html(self, schematic, *numbers, stepping)
 
     def _effect_rows(self) -> list[tuple[str, str, str, str]]:
         """A row for each number of each effect, with one value for each joint where they differ."""

@@ -1,7 +1,5 @@
 """Runge-Kutta methods as data."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -106,10 +104,6 @@ class Tableau:
         return max((share for c, share in nodes if (c in (0.0, 1.0)) == at_ends), default=0.0)
 
 
-def _tuples(x: Any) -> Any:
-    return tuple(map(_tuples, x)) if isinstance(x, list) else x
-
-
 EULER = Tableau(name="euler", order=1, a=((),), b=(1.0,), c=(0.0,))
 """Semi-implicit: velocities first, positions with the new velocities. Not symplectic here,
 because the mass matrix depends on the pose."""
@@ -118,8 +112,7 @@ _ROWS = (), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)
 RK4 = Tableau("rk4", 4, _ROWS, (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 0.5, 0.5, 1.0))
 """The classical method of order 4."""
 
-_TABLE = {k: _tuples(x) for k, x in json.loads(Path(__file__).with_name("dop853.json").read_text()).items()}
-RK8 = Tableau("rk8", 8, **_TABLE)
+RK8 = Tableau("rk8", 8, **json.loads(Path(__file__).with_name("dop853.json").read_text()))
 """The twelve stages of DOP853, the method of order 8, with its estimates of order 5 and 3 (Hairer, Norsett,
 Wanner, Solving Ordinary Differential Equations I, 2nd ed.). ``error6`` is the sixth divided difference of the
 slopes over the stages 1 and 6 to 11, its largest weight 1 or -1, up to a factor the only estimate of order 6

@@ -1,8 +1,5 @@
 """Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
-from __future__ import annotations
-
-import copy
 import dataclasses
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +11,7 @@ from redundant_envs.effects.bound_hooks import identifier
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import check_declared
+from redundant_envs.support.values import check_declared, with_fields
 from redundant_envs.tasks.base import Task
 
 MAX_DRAWS = 64
@@ -95,11 +92,9 @@ def _check_captured(task: Task, scene: Scene) -> None:
     """ValueError if what a task says depends on numbers that are set per environment."""
 
     def described(task: Task, robot: Any, *effects: Any) -> Described:
-        other = copy.copy(scene)
+        other = with_fields(scene, robot=robot, effects=effects)
         for cached in ("_parameters", "loaded_robot"):
             vars(other).pop(cached, None)
-        object.__setattr__(other, "robot", robot)
-        object.__setattr__(other, "effects", effects)
         return task_described(task, other)
 
     def of_task(place: Place) -> str:

@@ -1,7 +1,5 @@
 """Reach a goal with the tip and hold it there: goal, start, observation, reward and success."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,8 +19,6 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.base import Task
 
-# ---- goal, from uniform draws in (0, 1) ----------------------------------------------------------
-
 
 @physics(gives="goal_radius goal_angle")
 def goal_polar(draw1, draw2, reach, inner, outer):
@@ -33,9 +29,6 @@ def goal_polar(draw1, draw2, reach, inner, outer):
 @physics(gives="goal_x goal_y")
 def goal_position(goal_radius, goal_s, goal_c):
     return goal_radius * goal_c, goal_radius * goal_s
-
-
-# ---- measures ------------------------------------------------------------------------------------
 
 
 @physics(gives="error_x error_y distance")
@@ -61,9 +54,6 @@ def hold_counter(hold, touched, distance, speed, reach, goal_tolerance, hold_spe
 @physics(gives="is_success")
 def success(hold_new, hold_steps):
     return where(hold_new >= hold_steps, 1.0, 0.0)
-
-
-# ---- reward: named terms, each from 0 to its weight; the weights sum to 1 ------------------------
 
 
 @physics(gives="far_term")
@@ -129,9 +119,6 @@ def reached_term(goal_reward):
     return goal_reward
 
 
-# ---- observation, bounded by construction --------------------------------------------------------
-
-
 def observed_rates(arm: Arm) -> Callable[..., Any]:
     n = len(arm.joints)
 
@@ -145,7 +132,6 @@ def observed_rates(arm: Arm) -> Callable[..., Any]:
 
 def observed_travel(arm: Arm) -> list[Callable[..., Any]]:
     """How far each slider is from the middle of its travel."""
-
     made = []
     for k in arm.sliders():
 

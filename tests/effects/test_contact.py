@@ -59,7 +59,7 @@ def test_a_point_that_is_torn_away_is_never_pulled():
 def test_friction_is_at_most_mu_times_the_normal_force():
     rng, mu = np.random.default_rng(1), 0.4
     for x, y, vx, vy in rng.normal(0.0, 0.3, (100, 4)):
-        fx, fy = disc.at_tip(x, y, vx, vy, 0.0, 0.0, 2.0, 1e3, 0.1, mu, 0.05, 1.0, 1.0)
+        fx, fy = disc.AT_TIP["function"](x, y, vx, vy, 0.0, 0.0, 2.0, 1e3, 0.1, mu, 0.05, 1.0, 1.0)
         r = np.hypot(x, y)
         normal, along = (fx * x + fy * y) / r, (fy * x - fx * y) / r
         slides = (vy * x - vx * y) / r
@@ -80,7 +80,7 @@ def test_the_shares_of_both_ends_are_the_force_at_the_point_of_contact():
         point, velocity = a + s * (b - a), va + s * (vb - va)
         distance = np.hypot(*(point - c))
         side = float(distance < 0.8 and 0.05 * (point - c) @ velocity < distance)
-        force = np.array(disc.at_tip(*point, *velocity, *c, 0.8, 1e3, 0.05, 0.5, 0.1, side, side))
+        force = np.array(disc.AT_TIP["function"](*point, *velocity, *c, 0.8, 1e3, 0.05, 0.5, 0.1, side, side))
         np.testing.assert_allclose(near + far, force, rtol=0.0, atol=1e-9)
         moment = np.cross(np.array([*a, 0.0]), [*near, 0.0]) + np.cross(np.array([*b, 0.0]), [*far, 0.0])
         np.testing.assert_allclose(moment, np.cross([*point, 0.0], [*force, 0.0]), atol=1e-8)
