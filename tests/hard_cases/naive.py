@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 
-from redundant_envs.effects import Lag, SmoothCoulombFriction
+from redundant_envs.effects import CoulombFriction, Lag, LuGre, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
+from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
 from tests.oracles.printed import misprints
@@ -45,7 +46,7 @@ class RegularisedMass(Subject):
 
 class InvertedJacobian(Subject):
     """Moves in Cartesian space: accelerations of two points of the arm, and from them by the inverse of
-    their Jacobian those of the joints. Dies where the arm is stretched or folded."""
+    their Jacobian those of the joints; J J^T for poses. Dies where the arm is stretched or folded."""
 
     name = "inverted Jacobian"
 
@@ -55,6 +56,13 @@ class InvertedJacobian(Subject):
         J = np.concatenate([np.where(np.arange(4) < 2, tip, 0.0), tip], axis=-2)
         forces = Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g)
         return solved(J, np.einsum("...ij,...j->...i", J, solved(arm.mass_matrix(q), forces)))
+
+    def pose_at(self, scene, start, goal):
+        q = np.array(start, float)
+        for _ in range(60):
+            J = scene.robot.jacobian(q)
+            q = q + J.T @ solved(J @ J.T, goal - scene.robot.forward_kinematics(q))
+        return q
 
 
 # ---- what is kept ---------------------------------------------------------------------------------------
@@ -79,6 +87,15 @@ class SinglePrecision(Subject):
 
     def keep(self, batch):
         batch.set_state(*(np.float64(np.float32(x)) for x in (batch.q, batch.qd)))
+
+
+class SummedClock(Subject):
+    """Adds dt to the time at every step: rounding adds up, too."""
+
+    name = "clock by addition"
+
+    def instants(self, count, dt):
+        return np.cumsum(np.r_[0.0, np.full(count - 1, dt)])
 
 
 # ---- steps ----------------------------------------------------------------------------------------------
@@ -154,6 +171,25 @@ class FixedSteps(EqualSteps):
     longest = 1e-2
 
 
+class EstimateWithoutFloor(EqualSteps):
+    """Takes twice the steps until two results agree, and trusts them from the first step on: what neither
+    has touched, no estimate sees."""
+
+    name = "estimate without a floor"
+    longest = 1e3
+
+    def step(self, acceleration, q, qd, h):
+        coarse = super().step(acceleration, q, qd, h)
+        for doublings in range(1, 11):
+            fine, count = (q, qd), 2**doublings
+            for _ in range(count):
+                fine = super().step(acceleration, *fine, h / count)
+            if np.abs(fine[0] - coarse[0]).max() <= 1e-6:
+                break
+            coarse = fine
+        return fine
+
+
 class PrintedReport(EqualSteps):
     """The report's five wrong terms, as printed."""
 
@@ -177,6 +213,12 @@ def stops_of(scene):
     return [(x.hook.joint, *(values[x.parameter(name)] for name in own)) for x, *own in names]
 
 
+def tell(motion, scene, k, time, speed, lane):
+    """Add an impact to the events of a motion."""
+    kind = "upper impact" if speed > 0.0 else "lower impact"
+    motion.events.append(Event(time, kind, scene.robot.joints[k], abs(speed), int(lane)))
+
+
 def impulse(arm, q, qd, k, restitution):
     """Velocities after an impact of slider k: the impulse moves the whole arm."""
     along = np.linalg.inv(arm.mass_matrix(q))[..., k]
@@ -194,8 +236,7 @@ class ImpulseAtStepEnd(EqualSteps):
             k, lower, upper, _ = stop
             outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
             for i in np.flatnonzero(outside):
-                kind, joint = "upper impact" if qd[i, k] > 0.0 else "lower impact", scene.robot.joints[k]
-                motion.events.append(Event(time + h, kind, joint, abs(qd[i, k]), int(i)))
+                tell(motion, scene, k, time + h, qd[i, k], i)
             self.strike(scene.robot, q, qd, stop, outside)
         return q, qd
 
@@ -216,15 +257,135 @@ class FlippedVelocity(ImpulseAtStepEnd):
         qd[outside, k] *= -restitution
 
 
-# ---- dry friction ---------------------------------------------------------------------------------------
+class CubicGuess(EqualSteps):
+    """The cubic through positions and velocities at both ends of a step says when the slider meets its stop:
+    its root is taken as the time, and a stop it does not reach as never met."""
+
+    name = "cubic event guess taken as truth"
+    longest = 2e-2
+
+    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+        ends = [self.lane(scene, acceleration, start, end, h, time, motion, i) for i in range(len(end[0]))]
+        return tuple(np.array(x) for x in zip(*ends, strict=True))
+
+    def lane(self, scene, acceleration, start, end, h, time, motion, i):
+        left = h
+        (q0, v0), (q1, v1) = ([x[[i]] for x in state] for state in (start, end))
+        for _ in range(100):
+            if not np.isfinite([*q1[0], *v1[0]]).all():
+                break
+            guesses = [
+                (tau, k, stop, restitution)
+                for k, lower, upper, restitution in stops_of(scene)
+                for side, stop in ((-1.0, lower), (1.0, upper))
+                for tau in self.roots(q0[0, k], v0[0, k], q1[0, k], v1[0, k], left, side, stop)
+            ]
+            if not guesses:
+                break
+            tau, k, stop, restitution = min(guesses)
+            q0, v0 = self.step(acceleration, q0, v0, tau)
+            q0[0, k] = stop
+            tell(motion, scene, k, time + h - left + tau, v0[0, k], i)
+            v0 = impulse(scene.robot, q0, v0, k, restitution)
+            left -= tau
+            q1, v1 = self.step(acceleration, q0, v0, left)
+        return q1[0], v1[0]
+
+    @staticmethod
+    def roots(q0, v0, q1, v1, h, side, stop):
+        """Times in (0, h] at which the cubic passes a stop outwards."""
+        if not np.isfinite(stop):
+            return []
+        cubic = [2.0 * (q0 - q1) + h * (v0 + v1), 3.0 * (q1 - q0) - h * (2.0 * v0 + v1), h * v0, q0 - stop]
+        found = np.roots(cubic)
+        times = h * found.real[np.abs(found.imag) < 1e-9]
+        slope = side * np.polyval(np.polyder(cubic), times / h)
+        return [t for t, s in zip(times, slope, strict=True) if 1e-9 * h < t <= h and s > 0.0]
 
 
-class SmoothedFriction(Subject):
+# ---- friction -------------------------------------------------------------------------------------------
+
+
+class OtherFriction(Subject):
+    """Has another friction in place of a scene's."""
+
+    def motion(self, scene, *motion):
+        (own,) = scene.effects
+        return super().motion(dataclasses.replace(scene, effects=(self.other(own),)), *motion)
+
+
+class SmoothedFriction(OtherFriction):
     """Makes the jump of dry friction at rest smooth, v / sqrt(v^2 + e^2): a loaded joint creeps."""
 
     name = "smoothed friction"
 
-    def motion(self, scene, *motion):
-        (dry,) = scene.effects
-        smooth = SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
-        return super().motion(dataclasses.replace(scene, effects=(smooth,)), *motion)
+    def other(self, dry):
+        return SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
+
+
+def bound(k):
+    return {"rate": f"phid{k + 1}", "level": f".level[{k}]"}
+
+
+@physics
+def against_rate(rate, level):
+    return where(rate > 0.0, -level, where(rate < 0.0, level, 0.0))
+
+
+@physics
+def against_load(rate, effort, level):
+    holding = minimum(maximum(-effort, -level), level)
+    return where(abs(rate) < 0.01, holding, where(rate > 0.0, -level, level))
+
+
+@dataclasses.dataclass(frozen=True)
+class SignOfRate(CoulombFriction):
+    """Opposes the sign of the rate, and does nothing at rest."""
+
+    def hooks(self, arm):
+        return tuple(Force(k, against_rate, bound(k)) for k in range(len(arm.joints)))
+
+
+@dataclasses.dataclass(frozen=True)
+class DeadBand(CoulombFriction):
+    """Opposes the rate outside a band of 0.01 rad/s, and balances the effort of the motor in it."""
+
+    def hooks(self, arm):
+        joints = range(len(arm.joints))
+        return tuple(Force(k, against_load, bound(k) | {"effort": f"command{k + 1}"}) for k in joints)
+
+
+class ChatteringFriction(OtherFriction):
+    """Takes the sign of the rate at each evaluation: a loaded joint trembles, and moves on."""
+
+    name = "sign of the rate"
+
+    def other(self, dry):
+        return SignOfRate(dry.level)
+
+
+class KarnoppFriction(OtherFriction):
+    """Takes small rates for none (Karnopp 1985): a joint that should have come to rest drifts on."""
+
+    name = "dead band of rates"
+
+    def other(self, dry):
+        return DeadBand(dry.level)
+
+
+class IntegratedLuGre(LuGre):
+    """The same without the closed form of its bristles."""
+
+    def hooks(self, arm):
+        hooks = super().hooks(arm)
+        opened = (tuple(dataclasses.replace(s, closed=None) for s in h.states) for h in hooks)
+        return tuple(dataclasses.replace(h, states=s) for h, s in zip(hooks, opened, strict=True))
+
+
+class ExplicitBristles(OtherFriction):
+    """Integrates bristles with the same steps as the arm."""
+
+    name = "explicit bristles"
+
+    def other(self, bristles):
+        return IntegratedLuGre(**vars(bristles))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import redundant_envs as rde
+from redundant_envs.control import pose_at
 
 
 @dataclass
@@ -56,6 +57,16 @@ class Subject:
     def accelerations(self, arm, q, qd, Q, g=0.0):
         """qdd, (..., joints), from generalized forces."""
         return arm.forward_dynamics(q, qd, Q, g)
+
+    def pose_at(self, scene, start, goal):
+        """A pose with the tip at a goal, by iteration from a start."""
+        return pose_at(scene, np.array([start]), goal[None])[0]
+
+    def instants(self, count, dt):
+        """The times at which a controller is called, s: ``count`` of them."""
+        asked, scene = [], rde.Scene(rde.Chain("R", (1.0,), (1.0,)), (), "euler", control_dt=dt)
+        rde.simulate(scene, [0.0], [0.0], [count * dt], lambda t, q, qd: asked.append(t) or np.zeros(1))
+        return np.array(asked[:count])
 
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""
