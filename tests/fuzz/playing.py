@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 import gymnasium as gym
 import numpy as np
 
-import redundant_envs  # noqa: F401, registers its environments
+import redundant_envs as rde
 
 from .cases import lanes_of, taken
+
+SINGLES = 3
+"""Most lanes that are played by single environments."""
 
 
 @dataclass
@@ -33,16 +36,16 @@ class Player:
     """A vector of a case, and what its calls need; its methods are the calls."""
 
     def __init__(self, case):
-        self.case, self.kind = case, case["scene"]["robot"]["type"]
+        self.case = case
+        self.id = f"redundant_envs/{case['scene']['robot']['type']}{'Goal' * case['goal']}Reach-v0"
+        of_case = ("scene", "on_bad_action", "max_episode_steps", "task")
+        self.arguments = {name: case[name] for name in of_case}
         self.env, self.saved = self.made(), None
         self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)  # lanes whose episode ended
 
     def made(self):
-        env_id = f"redundant_envs/{self.kind}{'Goal' * self.case['goal']}Reach-v0"
-        names = (
-            "scene", "on_bad_action", "max_episode_steps", "task", "num_envs", "threads", "autoreset_mode"
-        )  # fmt: skip
-        return gym.make_vec(env_id, **{name: self.case[name] for name in names})
+        of_vector = {name: self.case[name] for name in ("num_envs", "threads", "autoreset_mode")}
+        return gym.make_vec(self.id, **self.arguments, **of_vector)
 
     def play(self, call):
         """Make a call; any exception is kept."""
@@ -105,17 +108,10 @@ class Player:
         return may, None if not found else found[0] if len(found) == 1 else ""
 
     def step(self, call):
-        actions = call["actions"]
-        if actions.dtype.kind == "f" and not call.get("float64"):
-            actions = actions.astype(np.float32)
-        obs, reward, terminated, truncated, infos = self.env.step(actions)
-        self.ended = terminated | truncated
-        found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
-        for name, table in named(obs).items():  # the last observations of episodes, where another has begun
-            ends = found[f"last {name}"] = np.array(table)
-            for lane in np.flatnonzero(infos.get("_final_obs", ())):
-                ends[lane] = named(infos["final_obs"][lane])[name]
-        return found | now_told(obs)
+        *result, infos = self.env.step(actions_of(call))
+        self.ended = result[2] | result[3]
+        begun = np.flatnonzero(infos.get("_final_obs", ()))
+        return step_told(*result, {lane: infos["final_obs"][lane] for lane in begun})
 
     def reset(self, call):
         count, lanes, options = self.case["num_envs"], lanes_of(self.case, call), call.get("options", {})
@@ -128,6 +124,69 @@ class Player:
         return now_told(obs)
 
 
+class StableBaselines(Player):
+    """A vector of stable-baselines3; every call is for all lanes."""
+
+    def made(self):
+        return rde.make_sb3(self.id, self.case["num_envs"], threads=self.case["threads"], **self.arguments)
+
+    def now(self):
+        return {}
+
+    def step(self, call):
+        obs, reward, dones, infos = self.env.step(actions_of(call))
+        truncated = np.array([info["TimeLimit.truncated"] for info in infos])
+        begun = {lane: infos[lane]["terminal_observation"] for lane in np.flatnonzero(dones)}
+        return step_told(obs, reward, dones & ~truncated, truncated, begun)
+
+    def reset(self, call):
+        lanes, options = range(self.case["num_envs"]), call.get("options", {})
+        self.env.set_options([of_lane(options, lane) for lane in lanes])
+        if "seed" in call:
+            self.env._seeds = call["seed"].tolist()  # seed(s) gives s, s + 1, ...
+        return now_told(self.env.reset())
+
+
+class Singles(Player):
+    """Single environments in place of the first lanes, which begin the next episode at the end of one."""
+
+    def made(self):
+        count = min(self.case["num_envs"], SINGLES)
+        return [gym.make(self.id, disable_env_checker=True, **self.arguments) for _ in range(count)]
+
+    def now(self):
+        return {}
+
+    def step(self, call):
+        results = [env.step(action) for env, action in zip(self.env, actions_of(call), strict=False)]
+        obs, *result = ([*column] for column in zip(*(x[:4] for x in results), strict=True))
+        begun = {lane: obs[lane] for lane, x in enumerate(results) if x[2] or x[3]}
+        for lane in begun:
+            obs[lane], _ = self.env[lane].reset()
+        return step_told(together(obs), *map(np.array, result), begun)
+
+    def reset(self, call):
+        seeds = call["seed"].tolist() if "seed" in call else [None] * self.case["num_envs"]
+        options = [of_lane(call.get("options", {}), lane) for lane in range(len(self.env))]
+        own = zip(self.env, seeds, options, strict=False)
+        return now_told(together([env.reset(seed=seed, options=some)[0] for env, seed, some in own]))
+
+
+def actions_of(call):
+    actions = call["actions"]
+    return actions.astype(np.float32) if actions.dtype.kind == "f" and not call.get("float64") else actions
+
+
+def step_told(obs, reward, terminated, truncated, begun):
+    """``begun``: last observations of lanes whose next episode has begun."""
+    found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
+    for name, table in named(obs).items():
+        ends = found[f"last {name}"] = np.array(table)
+        for lane, last in begun.items():
+            ends[lane] = named(last)[name]
+    return found | now_told(obs)
+
+
 def now_told(obs):
     return {f"now {name}": np.array(table) for name, table in named(obs).items()}
 
@@ -136,13 +195,25 @@ def named(obs):
     return obs if isinstance(obs, dict) else {"": obs}
 
 
+def together(rows):
+    """Observations of lanes as that of a vector."""
+    return (
+        {k: np.stack([x[k] for x in rows]) for k in rows[0]} if isinstance(rows[0], dict) else np.stack(rows)
+    )
+
+
+def of_lane(options, lane):
+    """The rows of one lane of options."""
+    return {name: of_lane(x, lane) if isinstance(x, dict) else x[lane] for name, x in options.items()}
+
+
 def arrays(rows):
     return {name: arrays(x) if isinstance(x, dict) else np.array(x) for name, x in rows.items()}
 
 
-def play(case):
+def play(case, face=Player):
     """All calls of a case."""
-    player = Player(case)
+    player = face(case)
     return [player.play(call) for call in case["calls"]]
 
 
