@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from redundant_envs.effects import CoulombFriction, Lag, LuGre, SmoothCoulombFriction
+from redundant_envs.effects import CoulombFriction, Lag, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
@@ -87,15 +87,6 @@ class SinglePrecision(Subject):
 
     def keep(self, batch):
         batch.set_state(*(np.float64(np.float32(x)) for x in (batch.q, batch.qd)))
-
-
-class SummedClock(Subject):
-    """Adds dt to the time at every step: rounding adds up, too."""
-
-    name = "clock by addition"
-
-    def instants(self, count, dt):
-        return np.cumsum(np.r_[0.0, np.full(count - 1, dt)])
 
 
 # ---- steps ----------------------------------------------------------------------------------------------
@@ -310,8 +301,8 @@ class OtherFriction(Subject):
     """Has another friction in place of a scene's."""
 
     def motion(self, scene, *motion):
-        (own,) = scene.effects
-        return super().motion(dataclasses.replace(scene, effects=(self.other(own),)), *motion)
+        (dry,) = scene.effects
+        return super().motion(dataclasses.replace(scene, effects=(self.other(dry.level),)), *motion)
 
 
 class SmoothedFriction(OtherFriction):
@@ -319,8 +310,8 @@ class SmoothedFriction(OtherFriction):
 
     name = "smoothed friction"
 
-    def other(self, dry):
-        return SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
+    def other(self, level):
+        return SmoothCoulombFriction(level, 0.05)  # rad/s: its own steps would be unstable at less
 
 
 def bound(k):
@@ -359,33 +350,11 @@ class ChatteringFriction(OtherFriction):
     """Takes the sign of the rate at each evaluation: a loaded joint trembles, and moves on."""
 
     name = "sign of the rate"
-
-    def other(self, dry):
-        return SignOfRate(dry.level)
+    other = SignOfRate
 
 
 class KarnoppFriction(OtherFriction):
     """Takes small rates for none (Karnopp 1985): a joint that should have come to rest drifts on."""
 
     name = "dead band of rates"
-
-    def other(self, dry):
-        return DeadBand(dry.level)
-
-
-class IntegratedLuGre(LuGre):
-    """The same without the closed form of its bristles."""
-
-    def hooks(self, arm):
-        hooks = super().hooks(arm)
-        opened = (tuple(dataclasses.replace(s, closed=None) for s in h.states) for h in hooks)
-        return tuple(dataclasses.replace(h, states=s) for h, s in zip(hooks, opened, strict=True))
-
-
-class ExplicitBristles(OtherFriction):
-    """Integrates bristles with the same steps as the arm."""
-
-    name = "explicit bristles"
-
-    def other(self, bristles):
-        return IntegratedLuGre(**vars(bristles))
+    other = DeadBand

@@ -62,12 +62,6 @@ class Subject:
         """A pose with the tip at a goal, by iteration from a start."""
         return pose_at(scene, np.array([start]), goal[None])[0]
 
-    def instants(self, count, dt):
-        """The times at which a controller is called, s: ``count`` of them."""
-        asked, scene = [], rde.Scene(rde.Chain("R", (1.0,), (1.0,)), (), "euler", control_dt=dt)
-        rde.simulate(scene, [0.0], [0.0], [count * dt], lambda t, q, qd: asked.append(t) or np.zeros(1))
-        return np.array(asked[:count])
-
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""
         q, qd = started(q, qd)

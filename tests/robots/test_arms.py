@@ -79,7 +79,7 @@ def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind
 @KINDS
 @FIELDS
 def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
-    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, "1", True, None, [1.0])):
+    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, np.inf, "1", True, None, [1.0])):
         values = [*GOOD[kind][field]]
         values[i] = value
         refused(kind, field, values, f"{field}[{i}]", f"is {value!r}")
