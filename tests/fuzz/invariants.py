@@ -106,26 +106,22 @@ def in_another_order(case, steps, order):
 
 
 def every_face_has_the_same_bits(case, steps):
-    """Vectors of stable-baselines3 and single environments play the same episodes to the same bits."""
+    """Single environments and vectors of stable-baselines3 play the same episodes to the same bits."""
     every, kept = [*range(case["num_envs"])], {**case, "autoreset_mode": "same_step"}
-    left_out = [
-        k
-        for k, step in enumerate(steps)
-        if step.error is not None
-        or step.call["call"] in ("save", "restore")
-        or lanes_of(case, step.call) != every
-    ]
-    for _ in range(2):  # without what was refused, or is refused now that other calls are left out
-        kept = without_calls(kept, left_out)
-        own = play(kept)
-        left_out = [k for k, step in enumerate(own) if step.error is not None]
-    for face in (StableBaselines, Singles):
-        for k, (step, twin) in enumerate(zip(own, play(kept, face), strict=True)):
-            lanes = every[: len(next(iter(twin.told.values()), ()))]
+
+    def plain(step):
+        """Whether a call was made of all lanes, and has no options."""
+        wanted = step.call["call"] in ("reset", "step", "copy", "pickle") and "options" not in step.call
+        return wanted and step.error is None and lanes_of(case, step.call) == every
+
+    for _ in range(2):  # what is left may be refused now
+        kept = without_calls(kept, [k for k, step in enumerate(steps) if not plain(step)])
+        steps = play(kept)
+    for face in (Singles, StableBaselines):
+        for k, (step, twin) in enumerate(zip(steps, play(kept, face), strict=True)):
             told = {name: step.told[name].astype(x.dtype) for name, x in twin.told.items()}
-            apart = differing(told, twin.told, lanes)
-            if apart or twin.error is not step.error:
-                yield k, (*apart, -1)[0], f"other bits by {face.__name__}: {twin.error}"
+            if twin.error is not None or (apart := differing(told, twin.told, every)):
+                yield k, -1 if twin.error else apart[0], f"other bits by {face.__name__}: {twin.error}"
                 break
 
 

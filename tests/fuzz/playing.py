@@ -1,18 +1,17 @@
 """Playing cases: every call of an environment, its results, and the lanes before and after."""
 
 import copy
+import functools
 import pickle
 from dataclasses import dataclass, field
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import redundant_envs as rde
 
 from .cases import lanes_of, taken
-
-SINGLES = 3
-"""Most lanes that are played by single environments."""
 
 
 @dataclass
@@ -124,52 +123,37 @@ class Player:
         return now_told(obs)
 
 
-class StableBaselines(Player):
-    """A vector of stable-baselines3; every call is for all lanes."""
+class Singles(Player):
+    """Single environments, which begin their next episode at the end of one."""
 
     def made(self):
-        return rde.make_sb3(self.id, self.case["num_envs"], threads=self.case["threads"], **self.arguments)
+        make = functools.partial(gym.make, self.id, disable_env_checker=True, **self.arguments)
+        return SyncVectorEnv([make] * self.case["num_envs"], autoreset_mode=AutoresetMode.SAME_STEP)
 
     def now(self):
         return {}
+
+
+class StableBaselines(Player):
+    """A vector of stable-baselines3; every call is for all lanes."""
+
+    now = Singles.now
+
+    def made(self):
+        return rde.make_sb3(self.id, self.case["num_envs"], threads=self.case["threads"], **self.arguments)
 
     def step(self, call):
         obs, reward, dones, infos = self.env.step(actions_of(call))
         truncated = np.array([info["TimeLimit.truncated"] for info in infos])
         begun = {lane: infos[lane]["terminal_observation"] for lane in np.flatnonzero(dones)}
-        return step_told(obs, reward, dones & ~truncated, truncated, begun)
+        found = step_told(obs, reward, dones & ~truncated, truncated, begun)
+        del found["truncated"]  # false where a fault ends an episode
+        return found
 
     def reset(self, call):
-        lanes, options = range(self.case["num_envs"]), call.get("options", {})
-        self.env.set_options([of_lane(options, lane) for lane in lanes])
         if "seed" in call:
             self.env._seeds = call["seed"].tolist()  # seed(s) gives s, s + 1, ...
         return now_told(self.env.reset())
-
-
-class Singles(Player):
-    """Single environments in place of the first lanes, which begin the next episode at the end of one."""
-
-    def made(self):
-        count = min(self.case["num_envs"], SINGLES)
-        return [gym.make(self.id, disable_env_checker=True, **self.arguments) for _ in range(count)]
-
-    def now(self):
-        return {}
-
-    def step(self, call):
-        results = [env.step(action) for env, action in zip(self.env, actions_of(call), strict=False)]
-        obs, *result = ([*column] for column in zip(*(x[:4] for x in results), strict=True))
-        begun = {lane: obs[lane] for lane, x in enumerate(results) if x[2] or x[3]}
-        for lane in begun:
-            obs[lane], _ = self.env[lane].reset()
-        return step_told(together(obs), *map(np.array, result), begun)
-
-    def reset(self, call):
-        seeds = call["seed"].tolist() if "seed" in call else [None] * self.case["num_envs"]
-        options = [of_lane(call.get("options", {}), lane) for lane in range(len(self.env))]
-        own = zip(self.env, seeds, options, strict=False)
-        return now_told(together([env.reset(seed=seed, options=some)[0] for env, seed, some in own]))
 
 
 def actions_of(call):
@@ -193,18 +177,6 @@ def now_told(obs):
 
 def named(obs):
     return obs if isinstance(obs, dict) else {"": obs}
-
-
-def together(rows):
-    """Observations of lanes as that of a vector."""
-    return (
-        {k: np.stack([x[k] for x in rows]) for k in rows[0]} if isinstance(rows[0], dict) else np.stack(rows)
-    )
-
-
-def of_lane(options, lane):
-    """The rows of one lane of options."""
-    return {name: of_lane(x, lane) if isinstance(x, dict) else x[lane] for name, x in options.items()}
 
 
 def arrays(rows):
