@@ -260,11 +260,8 @@ class CubicGuess(EqualSteps):
         return tuple(np.array(x) for x in zip(*ends, strict=True))
 
     def lane(self, scene, acceleration, start, end, h, time, motion, i):
-        left = h
-        (q0, v0), (q1, v1) = ([x[[i]] for x in state] for state in (start, end))
+        (q0, v0), (q1, v1), left = (x[[i]] for x in start), (x[[i]] for x in end), h
         for _ in range(100):
-            if not np.isfinite([*q1[0], *v1[0]]).all():
-                break
             guesses = [
                 (tau, k, stop, restitution)
                 for k, lower, upper, restitution in stops_of(scene)
@@ -277,21 +274,18 @@ class CubicGuess(EqualSteps):
             q0, v0 = self.step(acceleration, q0, v0, tau)
             q0[0, k] = stop
             tell(motion, scene, k, time + h - left + tau, v0[0, k], i)
-            v0 = impulse(scene.robot, q0, v0, k, restitution)
-            left -= tau
+            v0, left = impulse(scene.robot, q0, v0, k, restitution), left - tau
             q1, v1 = self.step(acceleration, q0, v0, left)
         return q1[0], v1[0]
 
     @staticmethod
     def roots(q0, v0, q1, v1, h, side, stop):
         """Times in (0, h] at which the cubic passes a stop outwards."""
-        if not np.isfinite(stop):
-            return []
         cubic = [2.0 * (q0 - q1) + h * (v0 + v1), 3.0 * (q1 - q0) - h * (2.0 * v0 + v1), h * v0, q0 - stop]
-        found = np.roots(cubic)
+        found = np.roots(cubic) if np.isfinite(cubic).all() else np.array([])
         times = h * found.real[np.abs(found.imag) < 1e-9]
         slope = side * np.polyval(np.polyder(cubic), times / h)
-        return [t for t, s in zip(times, slope, strict=True) if 1e-9 * h < t <= h and s > 0.0]
+        return times[(times > 1e-9 * h) & (times <= h) & (slope > 0.0)]
 
 
 # ---- friction -------------------------------------------------------------------------------------------
