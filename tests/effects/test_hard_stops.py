@@ -177,11 +177,14 @@ def test_simulate_refuses_a_motion_with_too_many_impacts():
 def test_the_budget_of_impacts_is_that_of_the_interval_not_of_a_substep():
     qd = [0.0, 1.5e4, 0.0, 0.0]  # some thirteen impacts in each substep
     made = scene(gravity=0.0, integrator="rk4", substeps=64)
-    batch, status = advanced(made, FAST[0], qd, track_work=True)
-    assert status.numerics.tolist() == [OVER]
-    assert_same_bits([batch.q[0], batch.qd[0], batch.work], [FAST[0], qd, [0.0]])
-    assert status.events.tolist() == [0]
-    assert batch.events() == []
+    rates = [[0.0, 0.5, 0.0, 0.2], qd, [0.0, -0.5, 0.0, 0.0]]  # lane 1 has neighbours
+    batch, status = advanced(made, [FAST[0]] * 3, rates, track_work=True)
+    assert status.numerics.tolist() == [0, OVER, 0]
+    assert_same_bits([batch.q[1], batch.qd[1], batch.work[1]], [FAST[0], qd, 0.0])
+    assert status.events[1] == 0
+    assert not any(x.lane == 1 for x in batch.events())
+    alone, _ = advanced(made, [FAST[0]] * 2, rates[::2])
+    assert_same_bits([batch.q[::2], batch.qd[::2]], [alone.q, alone.qd])
 
 
 BETWEEN = [0.755, 0.0, 0.702, 0.42]

@@ -140,7 +140,9 @@ class Played:
         else:
             only = {} if self.kind == "single" else {"reset_mask": np.array([True, False])}
             infos = self.env.reset(options={**options, **only})[1]
-        return np.ravel(infos.get("beyond_limit", 0.0))[0] > 0.0
+        beyond = np.ravel(infos.get("beyond_limit", 0.0))[0]
+        assert beyond in (0.0, 0.5)  # rad, the depth
+        return beyond > 0.0
 
     def step(self, action):
         """Observation, whether a fault ended the episode, whether it ended at all, and info."""
@@ -224,6 +226,16 @@ def test_vectors_of_goal_environments_do_what_single_ones_do(what):
     (given,) = TROUBLES[what]
     for kind in ("next_step", "sb3"):
         assert outcome(kind, "redundant_envs/FourRGoalReach-v0", given) == ROWS[what]["goal"]
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
+def test_an_action_of_any_size_acts_as_the_nearest_inside(kind):
+    huge, ends = np.array([1e6, -1e300, 0.5, -1.0]), []
+    for action in (huge, np.clip(huge, -1.0, 1.0)):
+        env = made(kind, ID, 2)
+        begin(env, seed=0)
+        ends.append(env.step(action if kind == "single" else np.tile(action, (2, 1)))[0])
+    np.testing.assert_array_equal(*ends)
 
 
 def test_same_step_tells_the_fault_in_the_final_info():

@@ -46,11 +46,14 @@ def taken(rows, lanes):
 
 
 def with_lanes(case, order):
-    """The case with some of its lanes, in any order; calls for none of them are left out."""
-    calls, places = [], {lane: place for place, lane in enumerate(order)}
+    """The case with some of its lanes, in any order and each as often as it is there; calls for none of them
+    are left out."""
+    calls, places = [], {}
+    for place, lane in enumerate(order):
+        places.setdefault(lane, []).append(place)
     for call in case["calls"]:
         # A mask has no order: rows are those of ascending lanes.
-        if chosen := sorted(places[lane] for lane in lanes_of(case, call) if lane in places):
+        if chosen := sorted(place for lane in lanes_of(case, call) for place in places.get(lane, ())):
             lanes = None if call.get("lanes") is None else chosen
             calls.append({**call, "lanes": lanes, "rows": taken(call.get("rows", {}), order)})
     return {**case, "num_envs": len(order), "calls": calls}

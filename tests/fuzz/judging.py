@@ -1,6 +1,7 @@
 """A case of a simulator is judged by ``verify``, at the states that its motion passes.
 
-What ``verify`` does not judge of a scene is here: flags, budgets, and the order of effects.
+What ``verify`` does not judge of a scene is here: flags, budgets, the order of effects, thousands of lanes,
+and ``torch_step``.
 """
 
 import dataclasses
@@ -9,11 +10,14 @@ import re
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import Actuation, Sensing
+from redundant_envs.compiler.backends.torch import number
+from redundant_envs.effects.hooks import Actuation, Friction, Impact, Sensing
+from redundant_envs.model.torch_step import torch_step
 from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.verify import Mode, Subject, Verdict, accuracy, bits, conservation, evaluators, impacts
 from redundant_envs.verify.checks import Sample, check, checks_of, enough, ratio
-from redundant_envs.verify.promises import NotApplicable, at_most
+from redundant_envs.verify.promises import EQUAL_BITS, NotApplicable, at_most
 
 from .cases import Violation
 
@@ -61,10 +65,45 @@ def effects_commute(trial):
     return trial.finding(gaps.max(axis=1), f"another motion, by {{:.1e}}, in the order {order}")
 
 
+MANY, MAX_EVALUATIONS = 4096, 1e6
+"""Lanes of a simulator that has as many as those of learners have, and most evaluations of an interval of so
+many."""
+
+
+@check("thousands have the same bits", EQUAL_BITS)
+def thousands(trial):
+    """Each of 4096 lanes has the bits that it has among few, noise included."""
+    few, many = np.arange(bits.LANES), np.arange(MANY) % bits.LANES
+    status = bits.batch_of(trial, few).advance(trial.states[2][few % trial.count])
+    if status.evaluations.mean() * MANY > MAX_EVALUATIONS:
+        raise NotApplicable("it takes too many steps")
+    found = bits.run(trial, bits.batch_of(trial, many, threads=2), many)
+    return bits.differing(trial, found, many, "among thousands")
+
+
+@check("torch_step agrees", evaluators.AGREE)
+def torch_step_agrees(trial):
+    """The differentiable interval is that of compiled code."""
+    scene, lanes, _, started = trial.shared(evaluators.compiled)
+    if scene.attached.of(Impact, Friction) or scene.integrator == "dop853":
+        raise NotApplicable("torch_step has no derivative of it")
+
+    def tensor(names):
+        return number(np.stack([started[n][lanes] for n in names], axis=1)) if names else None
+
+    dynamics = Dynamics(scene)
+    effects = tensor(tuple(dynamics.effect_states)), tensor(dynamics.draw_fields)
+    q, qd, *_ = torch_step(scene)(*(number(x[lanes]) for x in trial.states), None, *effects)
+    return evaluators.agreement(trial, np.hstack([q, qd]), "torch_step")
+
+
+OWN = (effects_commute, thousands, torch_step_agrees)
+
+
 OF_VERIFY = {
     re.sub(r"\W+", "_", one.name): one
     for one in (
-        accuracy.tolerance_kept, conservation.energy_book, impacts.inside, *checks_of(bits), effects_commute,
+        accuracy.tolerance_kept, conservation.energy_book, impacts.inside, *checks_of(bits), *OWN,
         evaluators.arrays, evaluators.singles,
     )
     if one is not bits.record

@@ -8,9 +8,12 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.envs.core import Core
+from redundant_envs.envs.env import ArmEnv
+from redundant_envs.envs.sb3 import SB3VecEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.verify import conservation
 
+from . import judging
 from .cases import plain
 from .drawing_calls import step
 from .invariants import NAMES, violations
@@ -24,10 +27,10 @@ Q = np.tile([0.3, 0.1, -0.4, 0.2], (10, 1)) + 0.02 * RNG.uniform(size=(10, 4))
 QD, EFFORTS = RNG.normal(size=(10, 4)), RNG.uniform(-15.0, 15.0, (3, 10, 4))
 
 
-def case_at(qd):
+def case_at(qd, scene=SCENE):
     calls = [{"call": "set_state", "rows": {"q": Q, "qd": qd}}]
     calls += [{"call": "advance", "rows": {"efforts": efforts}} for efforts in EFFORTS]
-    return plain({"face": "simulator", "scene": SCENE, "num_envs": 10, "threads": 1, "calls": calls})
+    return plain({"face": "simulator", "scene": scene, "num_envs": 10, "threads": 1, "calls": calls})
 
 
 def random_step():
@@ -60,7 +63,8 @@ def test_without_a_fault_no_promise_is_broken():
     for case in (case_at(QD), EPISODES, {**EPISODES, "goal": True}):
         assert violations(case, tally) == []
     assert tally["refused"] == 2
-    assert all(tally[f"{name} kept"] == 1 for name in OF_VERIFY)
+    assert tally["torch_step_agrees not applicable"] == 1  # because of its stops
+    assert all(tally[f"{name} kept"] == 1 for name in OF_VERIFY.keys() - {"torch_step_agrees"})
 
 
 def then(change):
@@ -92,6 +96,16 @@ def knows_the_first(batch, told):
         batch._memory.write(("theta1",), batch.q[:, :1] + 1e-8)
 
 
+def numbers_its_lanes(batch, told):
+    """The last digit of a lane follows from its number, far from the first."""
+    late = np.arange(1000, batch.num_envs)
+    batch._memory.write(("theta1",), np.nextafter(batch.q[late, :1], 9.0), late)
+
+
+def shows_its_number(env, found):
+    found[0][500:, 0] = np.nextafter(found[0][500:, 0], np.float32(9.0))
+
+
 def mixes_lanes(env, found):
     if len(found[0]) > 1:
         found[0][0, 0] += 1e-6 * np.sign(found[0][1, 0])
@@ -115,6 +129,10 @@ FAULTS = [
     (BATCH, "advance", with_part(1, 4, 840_000), FLAGS),
     (BATCH, "advance", with_part(4, 4, rde.Numerics.EVENT_BUDGET), FLAGS),
     (BATCH, "advance_partly", then(knows_the_first), "effects_commute"),
+    (BATCH, "advance", then(numbers_its_lanes), "thousands_have_the_same_bits"),
+    (VECTOR, "step", then(shows_its_number), "thousands_have_the_same_bits"),
+    (SB3VecEnv, "step_wait", with_part(1, 2, 0.5), "every_face_has_the_same_bits"),
+    (ArmEnv, "step", with_part(0, 2, 0.5), "every_face_has_the_same_bits"),
     (VECTOR, "step", raises, "only_documented_exceptions"),
     (Core, "checked", lambda core, checked, options, lanes: checked({}, lanes), "only_documented_exceptions"),
     (Core, "checked", draws_before_it_refuses, "a_refused_call_changes_nothing"),
@@ -133,8 +151,17 @@ def test_a_fault_is_seen(monkeypatch, kind, method, change, name):
     assert broken(case_at(QD) if kind is BATCH else EPISODES, (name,)) == {name}
 
 
+def test_another_motion_by_torch_step_is_seen(monkeypatch):
+    case, own, tally = case_at(QD, rde.load_scene("four_r_reach").to_dict()), judging.torch_step, Counter()
+    assert violations(case, tally, ("torch_step_agrees",)) == []
+    assert tally["torch_step_agrees kept"] == 1
+    monkeypatch.setattr(judging, "torch_step", lambda scene: lambda *x: [1e-7 + y for y in own(scene)(*x)])
+    assert broken(case, ("torch_step_agrees",)) == {"torch_step_agrees"}
+
+
 def test_every_promise_but_those_of_verify_is_seen_broken():
-    assert {name for *_, name in FAULTS} == NAMES - set(OF_VERIFY) | {"effects_commute"}
+    more = {"effects_commute", "thousands_have_the_same_bits"}
+    assert {name for *_, name in FAULTS} == NAMES - set(OF_VERIFY) | more
 
 
 def test_verify_judges_the_states_of_a_case(monkeypatch):

@@ -4,7 +4,9 @@
 """
 
 import math
+from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 
 import redundant_envs as rde
@@ -15,15 +17,19 @@ from redundant_envs.verify.promises import at_least, at_most
 
 from .hard_case import THEMES, Accelerations, Asked, Case, Figure, Run
 from .naive import stops_of
+from .subject import Subject
 
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
 SLIDING = rde.RPRP((1.0,) * 4, (0.5, 0.5))
 UNEQUAL = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5))
+HEAVY = rde.RPRP((1e6, 1.0, 1e-6, 1e-6), (1.0, 1.0))
+"""Slider 1 carries 1 kg and nothing else moves."""
 LIGHT = rde.FourR((1e-12, 1e-12, 1e-12, 1.0), (0.5,) * 4)
 PARTICLE = rde.RPRP((1e-12, 1.0, 1e-12, 1e-12), (0.5, 0.5))
 ZERO, UPRIGHT = np.zeros(4), np.full(4, np.pi / 2)
 BENT = (0.3, 1.2, -2.0, 0.8), (1.0, -2.0, 3.0, -4.0)
+FOLDED = (0.0, np.pi, 0.0, np.pi)
 STATE_B = (0.2, 1.0, -0.5, 2.0), (6.0, -4.0, 8.0, -10.0)
 """98 J: chaotic, a Lyapunov time of 0.16 s."""
 FIVE_IMPACTS = (0.3, 0.1, -0.4, 0.2), (1.0, 0.8, -2.0, -0.6)
@@ -78,6 +84,17 @@ def tip(name, reference, bound):
     return Asked(name, number, at_most(bound, "m off"))
 
 
+def pose(start, *goal):
+    """A pose of the lab arm with its tip at a goal, sought from a singular one."""
+
+    def sought(subject):
+        found = LAB.forward_kinematics(subject.pose_at(rde.Scene(LAB), start, np.array(goal)))
+        what = f"a pose {np.hypot(*goal):.2f} m from the base, sought from there,"
+        yield Figure(what, np.linalg.norm(found - goal), at_most(1e-6, "m off"))
+
+    return sought
+
+
 def rates(name, exact):
     return Asked(name, lambda run, motion: np.abs(motion.qd[-1] - exact).max(), at_most(0, "rad/s off"))
 
@@ -124,6 +141,14 @@ def flying_by(b):
     return Run(rde.Scene(PARTICLE, (), tolerance=1e-6), *start, 100, asked, name=f"passing at {b:g} m ")
 
 
+def off_unflagged(run, motion):
+    """Of starts that two references agree in, most of all."""
+    finer, coarser = (run.fine_end(steps).q for steps in (4096, 2048))
+    judged = tips_off(run, coarser, finer) <= 1e-7
+    missed = ~(tips_off(run, motion.q[-1], finer) <= 1e-6) & (motion.numerics == 0)
+    return np.mean(missed[judged]) if judged.sum() >= 300 else math.nan
+
+
 MASSES = {
     "1": (
         Accelerations(LAB, ZERO, ZERO, (0.5, -0.2, 0.1, 0.3), 9.81),
@@ -134,6 +159,12 @@ MASSES = {
             )
             for tolerance, most in ((1e-6, 1e-8), (1e-12, 1e-13))
         ),
+        pose(ZERO, 1.5, 0.9),
+    ),
+    "2": (
+        Accelerations(LAB, FOLDED, BENT[1], (0.1,) * 4, 9.81),
+        lambda _: [Figure("the manipulability", LAB.manipulability(np.array(FOLDED)), at_most(1e-15))],
+        pose(FOLDED, 0.3, 0.6),
     ),
     "3": tuple(
         Accelerations(LIGHT, *BENT, (0.1,) * 4, g, name=f"with g = {g:g} ") for g in (0.0, 9.81)
@@ -169,7 +200,10 @@ MASSES = {
     ),
     "10": tuple(flying_by(b) for b in (0.1, 0.01, 0.001)),
     "44": (
-        Run(VANISHING, *random_states(VANISHING, 64, 0)[:2], 1, (tip("the tip of 64 starts", 4096, 1e-6),)),
+        Run(VANISHING, *random_states(VANISHING, 512, 0)[:2], 1, (
+            Asked("the share of 512 starts that are off without a flag", off_unflagged, at_most(1e-3)),
+            Asked("the share of flagged ones", lambda _, m: np.mean(m.numerics != 0), at_most(4e-3)),
+        )),
     ),
 }  # fmt: skip
 
@@ -195,6 +229,26 @@ half of 1.2e-10 rad at most."""
 SPINNING = rde.Scene(LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
 
 
+def spinning_up(_):
+    """Ten episodes of full efforts without friction."""
+    scene = rde.load_scene("four_r_reach").to_dict()
+    scene["effects"] = [x for x in scene["effects"] if x["type"] != "ViscousFriction"]
+    env = gym.make("redundant_envs/FourRReach-v0", scene=scene, max_episode_steps=500)
+    flagged, unreal, returns = 0, 0, []
+    for seed in range(10):
+        env.reset(seed=seed)
+        total, terminated, truncated = 0.0, False, False
+        while not (terminated or truncated):
+            obs, reward, terminated, truncated, info = env.step(np.ones(4, np.float32))
+            total += reward
+            unreal += not (np.isfinite(obs).all() and np.isfinite(total))
+        flagged += terminated and bool(info["numerics"] & rde.Numerics.SPEED_BOUND)
+        returns.append(total)
+    yield Figure("the number of 10 episodes that end at the speed bound", flagged, at_least(10))
+    yield Figure("the number of steps with numbers that are not finite", unreal, at_most(0))
+    yield Figure("the largest return of those ends", max(returns), at_most(1e-9))
+
+
 def deviation(run, motion):
     return np.abs(motion.q[-1] - UPRIGHT).max()
 
@@ -213,6 +267,12 @@ CHAOS = {
     "11": tuple(
         Run(falling(tolerance=tolerance), *STATE_B, 1000, (energy_kept(most),), name=f"at {name} ")
         for name, tolerance, most in (("exact", 1e-12, 1e-9), ("standard", 1e-6, 1e-3))
+    ),
+    "12": (
+        Run(falling(tolerance=1e-12), STATE_B[0], 2.0 * np.array(STATE_B[1]), 250, (
+            energy_kept(1e-11, "of itself off", None, "the energy within 5 s"),
+            Asked("the most evaluations of an interval", lambda _, m: m.evaluations.max(), at_least(24)),
+        )),
     ),
     "48": (
         Run(
@@ -238,6 +298,7 @@ CHAOS = {
             Asked("the mean cost", lambda _, m: m.evaluations.mean() / 12, at_most(20, "steps of RK8")),
         ), lambda k: BANG_BANG[k]),
     ),
+    "17": (spinning_up,),
     "20": (
         Run(SPINNING, ZERO, SPIN, 1257, (
             Asked("the angle by the rate", lambda _, m: abs(m.q[-1] / SPIN - 6285).max(), at_most(7.5e-7)),
@@ -258,13 +319,19 @@ CHAOS = {
 # ---- stops and impacts ------------------------------------------------------------------------------------
 
 
-def five_impacts_keep_the_order(subject):
+def errors_of_five_impacts(subject, steps):
+    """Errors of the tip in steps of RK4, m; the run and the motion of the last of them."""
     exact, errors = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1], []
-    for step in (1e-2, 5e-3, 2.5e-3, 1e-3):
+    for step in steps:
         scene = stopped(integrator="rk4", control_dt=step)
         run = Run(scene, *FIVE_IMPACTS, round(0.5 / step), (), longest=step)
         motion = run.motion(subject)
         errors.append(tips_off(run, motion.q[-1], exact).max())
+    return errors, run, motion
+
+
+def five_impacts_keep_the_order(subject):
+    errors, run, motion = errors_of_five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))
     slopes = np.diff(np.log(errors)) / np.log((0.5, 0.5, 0.4))
     yield Figure("the largest distance beyond a stop", beyond(run, motion), at_most(0, "m"))
     yield Figure("the number of impacts less 5", abs(len(motion.impacts()) - 5), at_most(0))
@@ -273,6 +340,68 @@ def five_impacts_keep_the_order(subject):
     yield Figure("the energy at RK4 of 1 ms", energy_change(run, motion), at_most(1e-8, "J off"))
     cost = motion.evaluations.sum() / (4 * 500)
     yield Figure("the evaluations at RK4 of 1 ms", cost, at_most(1.05, "of those without stops"))
+
+
+def one_impact(subject):
+    """A thousand states in which slider 1 strikes its upper stop, and a nanosecond after it."""
+    rng = np.random.default_rng(3)
+    angle, other = rng.uniform(-3, 3, (2, 1000))
+    q = np.column_stack([angle, np.full(1000, 0.3), other, rng.uniform(0.05, 0.25, 1000)])
+    qd = rng.normal(0, 2, (1000, 4))
+    qd[:, 1] = np.abs(qd[:, 1]) + 0.05
+    mass, before = UNEQUAL.mass_matrix(q), UNEQUAL.kinetic_energy(q, qd)
+    for restitution in (0.0, 0.5, 1.0):
+        name = f"at restitution {restitution:g} the"
+        scene = stopped(UNEQUAL, restitution, 0.0, control_dt=1e-9, integrator="rk4")
+        end = subject.motion(scene, q, qd, 1)
+        lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * np.linalg.inv(mass)[:, 1, 1])
+        off = np.abs(before - lost - UNEQUAL.kinetic_energy(end.q[-1], end.qd[-1])) / before
+        yield Figure(f"{name} energy lost", off.max(), at_most(1e-12, "of the kinetic energy off"))
+        off = np.abs(end.qd[-1, :, 1] + restitution * qd[:, 1]).max()
+        yield Figure(f"{name} slider's velocity", off, at_most(1e-6, "m/s off"))
+        # Forces change momenta by some 1e-7 in the nanosecond.
+        jump = np.abs(np.einsum("nij,nj->ni", mass, end.qd[-1] - qd)[:, [0, 2, 3]]).max()
+        yield Figure(f"{name} change of other momenta", jump, at_most(1e-6, "kg m/s or kg m^2/s"))
+
+
+def pulled_back(gaps, asked, name="", longest=None, **how):
+    """At 1 m/s towards a stop, and pulled away from it by 200 m/s^2."""
+    q = np.tile((0.0, 0.3, 0.0, 0.1), (len(gaps), 1))
+    q[:, 1] -= gaps
+    scene, pull = stopped(HEAVY, gravity=0.0, **how), (0.0, -200.0002, 0.0, 0.0)
+    return Run(scene, q, (0.0, 1.0, 0.0, 0.0), 1, asked, pull, name, longest)
+
+
+def bounced_off(run, motion):
+    v = math.sqrt(1.0 - 2.0 * 200.0 * 0.002)
+    left = 0.02 - (1.0 - v) / 200.0
+    return abs(motion.q[-1, 0, 1] - (0.3 - v * left - 100.0 * left**2))
+
+
+def apex_energy(run, motion):
+    total = 0.5 * motion.qd[..., 1] ** 2 + 200.0 * motion.q[..., 1]  # of the mass of 1 kg
+    return np.abs(total[1] - total[0]).max()
+
+
+def most_impacts(run, motion):
+    return max(len(motion.impacts("r1", lane)) for lane in range(motion.q.shape[1]))
+
+
+def both_at_once(subject):
+    """Two sliders strike within 1e-15 s, in either order."""
+    late = 0.299 + 1e-15
+    q = np.array([[0.4, late, 0.4, 0.299], [0.4, 0.299, 0.4, late]])
+    run = Run(stopped(restitution=0.7, gravity=0.0, tolerance=1e-9), q, (0.0, 1.0, 0.0, 1.0), 1, ())
+    motion = run.motion(subject)
+    gained = np.diff(energy(run.scene, motion.q, motion.qd), axis=0).max()
+    order = np.abs(np.diff(motion.q[-1], axis=0)).max()
+    momenta = (motion.qd[-1] - motion.qd[0]) @ SLIDING.mass_matrix(q[0])
+    yield Figure("the largest distance beyond a stop", beyond(run, motion), at_most(0, "m"))
+    yield Figure("the fastest slider after it", motion.qd[-1][:, [1, 3]].max(), at_most(0, "m/s outwards"))
+    yield Figure("the energy gained", gained, at_most(0, "J"))
+    yield Figure("the difference that the order makes", order, at_most(1e-12, "rad or m"))
+    off = np.abs(momenta[:, [0, 2]]).max()
+    yield Figure("the momenta off the sliders", off, at_most(1e-9, "kg m^2/s changed"))
 
 
 WAYS = {"rk4": {"integrator": "rk4"}, "rk8": {}, "error control": {"tolerance": 1e-6}}
@@ -292,11 +421,42 @@ def hidden_impact(tolerance):
     )  # fmt: skip
 
 
+def random_intervals(subject):
+    """Sliders that strike stops which are near each other."""
+    rng = np.random.default_rng(43)
+    q = np.column_stack([rng.uniform(-3, 3, 100), rng.uniform(0.005, 0.045, 100)] * 2)
+    q[:, 3] = rng.uniform(0.005, 0.045, 100)
+    qd = rng.normal(0, (3.0, 0.5, 3.0, 0.5), (100, 4))
+    efforts = rng.uniform(-1, 1, (100, 4)) * (30.0, 100.0, 30.0, 100.0)
+    near = {"upper": (0.05, 0.05)}
+    found = subject.motion(stopped(tolerance=1e-6, **near), q, qd, 1, efforts)
+    fine = Subject().motion(stopped(substeps=160, **near), q, qd, 1, efforts)
+    others = sum(len(found.impacts(lane=k)) != len(fine.impacts(lane=k)) for k in range(100))
+    yield Figure("of 100 random intervals those with other impacts than in fine steps", others, at_most(0))
+    off = np.abs(found.q[-1] - fine.q[-1]).max()
+    yield Figure("the largest error of their ends", off, at_most(1e-6, "rad or m"))
+
+
 STOPS = {
     "23": (
         five_impacts_keep_the_order,
         Run(stopped(tolerance=1e-12), *FIVE_IMPACTS, 25, (energy_kept(1e-10),), name="at exact "),
     ),
+    "24": (one_impact,),
+    "27": tuple(
+        pulled_back((0.002,), (
+            Asked("the number of impacts less 1", lambda _, m: abs(len(m.impacts("r1")) - 1), at_most(0)),
+            Asked("the end", bounced_off, at_most(1e-7, "m off")),
+        ), f"with {name} ", 0.02, **how)
+        for name, how in (WAYS | {"dop853": {"integrator": "dop853"}}).items()
+    ),
+    "27b": (
+        pulled_back(0.0025 * (1.0 + np.array([0.0, 1e-14, -1e-14, 1e-12, -1e-12, 4e-7, -4e-7])), (
+            Asked("the largest number of impacts", most_impacts, at_most(1)),
+            Asked("the energy", apex_energy, at_most(1e-9, "J off")),
+        ), tolerance=1e-6),
+    ),
+    "28": (both_at_once,),
     "29": tuple(
         Run(stopped(gravity=0.0, **how), (0.3, 0.1, 0.3, 0.1), (0.0, 50.0, 0.0, 0.0), 1, (
             Asked("the number of impacts", lambda _, m: len(m.impacts()), at_least(3)),
@@ -305,7 +465,7 @@ STOPS = {
         ), None, f"with {name} ", 0.02)
         for name, how in WAYS.items()
     ),
-    "43": tuple(hidden_impact(tolerance) for tolerance in (1e-6, 1e-12, None)),
+    "43": (*(hidden_impact(tolerance) for tolerance in (1e-6, 1e-12, None)), random_intervals),
 }  # fmt: skip
 
 # ---- rest, release and springs ----------------------------------------------------------------------------
@@ -405,7 +565,7 @@ REST = {
             Run(dry(tuple(LEVELS), dt=dt), (0.3, -0.5, 1.0, 0.2), 0.0, round(10.0 / dt), (
                 Asked("the drift in 10 s", lambda _, m: np.abs(m.q[-1] - m.q[0]).max(), at_most(0.0, "rad")),
             ), 0.9 * LEVELS, f"under 0.9 of the friction, in steps of {1e3 * dt:g} ms, ")
-            for dt in (0.02, 0.001)
+            for dt in (0.02, 0.005, 0.001)
         ),
         *(
             Run(dry(ALONE), ZERO, 0.0, 50, (
@@ -435,6 +595,49 @@ def accelerations_from_rest(run, motion):
 
 def joint_2(run, motion):
     return np.abs(motion.q[..., 1] - motion.q[..., 0]).max()
+
+
+EXTREMES = {
+    "in steps of 1e-9 s ": (e.Gravity(9.81), 1e-9, 100, 50.0),
+    "without gravity ": (e.Gravity(0.0), 0.02, 50, 50.0),
+    "under 1000 m/s^2 ": (e.Gravity(1000.0), 0.02, 50, 5000.0),
+    "in a level plane ": (e.Gravity.on_plane(9.81, np.pi / 2), 0.02, 50, 50.0),
+}
+"""Gravity, control interval [s], intervals, scale of the energy [J]."""
+
+
+def picked_up(_):
+    """An arm picks up 100 kg after half a second: its balance begins again there."""
+    scene = falling(LAB, e.ViscousFriction(0.5), e.Payload(0.0), tolerance=1e-12)
+    batch = rde.BatchSimulator(scene, 1, track_work=True)
+    batch.set_state(*BENT)
+
+    def book(arm):
+        return (arm.kinetic_energy(batch.q, batch.qd) + arm.potential_energy(batch.q) - batch.work)[0]
+
+    for load in (0.0, 100.0):
+        arm, flags = rde.FourR((1.0, 1.0, 1.0, 1.0 + load), LAB.lengths), 0
+        batch.set_parameters({"payload.mass": load})
+        start = book(arm)
+        for k in range(25):
+            flags |= batch.advance([[2.0, 1.0, -1.0, 0.5 if k % 2 else -0.5]]).numerics[0]
+        off = abs(book(arm) - start)
+        yield Figure(f"with {load:g} kg energy less work", off, at_most(1e-9, "J off"))
+        yield Figure(f"with {load:g} kg flags", flags, at_most(0))
+
+
+def two_halves(subject):
+    """Sliders between their stops, every seventh at one; and a smooth motion."""
+    rng = np.random.default_rng(6)
+    q = np.column_stack([rng.uniform(-3, 3, 64), rng.uniform(0, 0.3, 64)] * 2)
+    q[::7, 1] = 0.3
+    start = q, rng.normal(0, 2, (64, 4))
+    efforts, how = rng.uniform(-20, 20, (64, 4)), {"integrator": "rk4", "control_dt": 0.01}
+    for name, one in (("stops", stopped(UNEQUAL, 0.5, **how)), ("a smooth scene", falling(**how))):
+        two = replace(one, substeps=2, control_dt=0.02)
+        ends = [subject.motion(x, *start, n, efforts) for x, n in ((one, 20), (two, 10))]
+        differing = np.count_nonzero(np.subtract(*(np.hstack([x.q[-1], x.qd[-1]]) for x in ends)))
+        yield Figure(f"with {name} the differing numbers, of 512,", differing, at_most(0))
 
 
 NUMBERS = {
@@ -468,6 +671,17 @@ NUMBERS = {
             (UNEQUAL, (0.2, 0.1, -0.5, 0.2)),
         )
     ),
+    "41": (
+        *(
+            Run(
+                rde.Scene(LAB, (field,), control_dt=dt, tolerance=1e-12), *BENT, intervals,
+                (energy_kept(1e-9, "of its scale off", scale),), name=name,
+            )
+            for name, (field, dt, intervals, scale) in EXTREMES.items()
+        ),
+        picked_up,
+    ),
+    "37": (two_halves,),
 }  # fmt: skip
 
 ROWS = MASSES | CHAOS | STOPS | REST | NUMBERS

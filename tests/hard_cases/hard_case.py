@@ -50,9 +50,10 @@ class Case:
     title: str
     hard: str
     naive: str
-    caught: tuple  # naive variants that fail it
     rows: tuple
+    caught: tuple = ()  # naive variants that fail it
     mujoco: str = ""
+    compared: bool = False  # also measured of MuJoCo
 
     @property
     def name(self):

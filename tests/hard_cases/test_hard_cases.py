@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from redundant_envs.support.figures import new_figure
 from redundant_envs.verify.promises import at_most
 
 from . import __main__ as page
@@ -20,7 +21,7 @@ PAIRS = [
 
 
 @pytest.mark.quick(
-    "1", "3", "4", "5", "6", "8", "9", "10", "11", "48", "13", "14", "18", "19", "25", "32",
+    "1", "2", "3", "4", "5", "6", "8", "9", "10", "11", "12", "48", "13", "14", "18", "19", "25", "32",
     "40",
 )  # fmt: skip
 @pytest.mark.parametrize("number", BY_NUMBER)
@@ -44,3 +45,15 @@ def test_the_page_has_every_case_in_order_and_marks_missed_promises():
     assert re.findall(r"^### .*$", text, re.M) == [page.heading(case) for case in CASES]
     assert re.findall(r"^## (.*)$", text, re.M) == list(THEMES)
     assert text.count("| an error | at most 2 m | 1 | **3** |") == len(CASES)
+    pictures = re.findall(r"\(hard_cases/(\w+)\.png\)", text)
+    assert sorted(pictures) == sorted(draw.__name__ for draw, _ in page.PICTURES.values())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", page.PICTURES)
+def test_a_picture_of_the_page_is_drawn_again(number):
+    pytest.importorskip("matplotlib", reason="pictures need the extra 'plot'")
+    draw, _ = page.PICTURES[number]
+    axes = new_figure(6.4, 3.6, 120).subplots()
+    draw(axes, False)
+    assert "this package" in " ".join(axes.get_legend_handles_labels()[1])

@@ -160,6 +160,7 @@ REFUSED = [
     (lambda b: b.set_parameters({"masses": (1, 2, -1, 1)}), "masses .*-1"),
     (lambda b: b.set_parameters({"masses": 2.0, "gravity.g": np.nan}), "gravity.g .*finite"),
     (lambda b: b.set_parameters({"masses": 2.0, STOPS_AT: (-1.0, 0.2)}, [1]), "PrismaticStop|prismatic_stop"),
+    (lambda b: b.set_parameters({STOPS_AT: (1e-3, 1e-3)}), "its stops are at 0 and 0.001 m"),
     (lambda b: b.set_parameters(3), "parameters is 3; give a mapping"),
     (lambda b: b.set_parameters({"masses": 1.0, "m1": 2.0}), "set m1 twice, by 'masses' and 'm1'; leave"),
     (lambda b: b.advance(Z((COUNT, 3))), rf"efforts has shape \({COUNT}, 3\)"),

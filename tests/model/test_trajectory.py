@@ -112,8 +112,8 @@ def test_bad_arguments_are_named(q, qd, times, efforts, said):
 
 def test_the_floats_beside_a_control_instant_are_not_it():
     dt, asked = SCENE.control_dt, []
-    for k in (3, 7, 29):
-        times = [np.nextafter(k * dt, 0.0), k * dt, np.nextafter(k * dt, 1.0)]
+    for k in (3, 7, 29, 500):
+        times = [np.nextafter(k * dt, 0.0), k * dt, np.nextafter(k * dt, np.inf)]
         for count, calls in ((1, k), (2, k), (3, k + 1)):  # no call for an interval that is not entered
             asked.clear()
             rde.simulate(SCENE, Q0, QD0, times[:count], lambda t, q, qd: asked.append(t) or np.zeros(4))

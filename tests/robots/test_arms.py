@@ -97,7 +97,7 @@ def test_scales_of_30_decades_and_ratios_of_12_are_allowed_and_none_beyond(kind,
 @KINDS
 @FIELDS
 def test_what_is_no_positive_number_or_one_too_few_is_named(kind, field):
-    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, "1", True, None, [1.0])):
+    for i, value in itertools.product((0, 1), (0.0, -0.5, np.nan, np.inf, "1", True, None, [1.0])):
         values = [*GOOD[kind][field]]
         values[i] = value
         refused(kind, field, values, f"{field}[{i}]", f"is {value!r}")
