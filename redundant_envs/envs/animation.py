@@ -11,17 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, TRAIL, Drawing, stated_limits
+from redundant_envs.envs.rendering import MARGIN, Drawing, stated_limits
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
 from redundant_envs.support.values import shown
 
 FRAMES_PER_SECOND = 25
 TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
 BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
-KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
-SLIDERS = ("#34496e", "#7c9dcd")
+KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = map(
+    palette.css, (palette.KINETIC, palette.POTENTIAL, palette.TOTAL, palette.ERROR, palette.LEFT_OUT)
+)
+SLIDERS = [palette.css(color) for color in palette.ARMS[0]]
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
@@ -113,16 +116,16 @@ class Animation:
         canvas = self._drawing.begun(found, self._farthest, BORDER)
         start = int(np.searchsorted(self._t, self._t[row] - TRAIL_SECONDS))
         way = np.unique(np.linspace(start, row, TRAIL_POINTS).round().astype(int))
-        canvas.trail(self._tips[way], 3.0, TRAIL, faint=0.1, strong=0.8)
+        canvas.trail(self._tips[way], 3.0, palette.TRAIL, faint=0.1, strong=0.8)
         self._drawing.arm(canvas, arm, self._q[row], known, found)
         for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):
             # The area of a disc shows the mass of the point.
-            canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
-        canvas.disc(base, 8.0, JOINT)
-        canvas.disc(base, 4.0, BACKGROUND)
+            canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), palette.JOINT)
+        canvas.disc(base, 8.0, palette.JOINT)
+        canvas.disc(base, 4.0, palette.BACKGROUND)
         if self._limits.all() and self._limits.size:
             canvas.bars((self._efforts[row] / self._limits).tolist())
-        canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, INK)
+        canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, palette.INK)
         return canvas.pixels
 
 

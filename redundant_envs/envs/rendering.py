@@ -23,30 +23,15 @@ from redundant_envs.model import parameters
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.files import read_yaml
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.support import palette
 from redundant_envs.support.extras import INSTALL
+from redundant_envs.support.palette import Color
 from redundant_envs.tasks.base import hard_stops
 
 Points = NDArray[np.float64]
 Pair = tuple[float, float]
-Color = tuple[int, int, int]
 
 SIZE = 480  # of a picture, px; sizes of letters and lines are for this one, and others have all in proportion
-BACKGROUND = (250, 250, 248)
-REACH = (228, 231, 236)
-GOAL = (46, 160, 103)
-TRAIL = (240, 140, 60)
-LINKS = ((52, 73, 110), (86, 118, 168), (124, 157, 205), (168, 192, 226))
-RAIL = (198, 204, 214)
-JOINT = (28, 36, 52)
-OBSTACLE, EDGE = (241, 236, 227), (176, 164, 146)
-CABLE, SLACK = (150, 74, 130), (214, 184, 206)
-LOAD, WAITING = (122, 84, 62), (190, 168, 152)
-GRID = (216, 219, 224)
-BAR_TRACK = (226, 229, 234)
-BAR_PLUS = (70, 120, 190)
-BAR_MINUS = (205, 92, 92)
-INK = (74, 84, 104)
-SOFT = (160, 166, 178)
 MARGIN = 16  # distance of texts from the border of the picture, px
 LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
@@ -79,7 +64,7 @@ class Canvas:
         background: NDArray[np.uint8] | None = None,
     ) -> None:  # fmt: skip
         if background is None:
-            background = np.full((height, width, 3), BACKGROUND, dtype=np.uint8)
+            background = np.full((height, width, 3), palette.BACKGROUND, dtype=np.uint8)
         self.pixels = background.copy()
         self.width, self.height = width, height
         self.unit = min(width, height) / SIZE
@@ -160,7 +145,7 @@ class Canvas:
             weights.append(np.clip(0.5 + 0.5 * self.unit * size - away, 0.0, 1.0))
         index = np.ix_(*(np.flatnonzero(weight) for weight in weights))
         patch = self.pixels[index]
-        weight = (weights[0][:, None] * weights[1])[index] * (patch == BACKGROUND).all(axis=2)
+        weight = (weights[0][:, None] * weights[1])[index] * (patch == palette.BACKGROUND).all(axis=2)
         mix(patch, weight.astype(np.float32), color)
         self.pixels[index] = patch
 
@@ -226,7 +211,7 @@ class Canvas:
         """Values in [-1, 1] as horizontal bars in the lower left corner, numbered from 1, with a heading."""
         pitch, unit = BAR_HEIGHT + BAR_GAP, self.unit
         top = -MARGIN - len(values) * pitch  # from the bottom
-        self.text(BARS, MARGIN - 2, top - 18, INK, SMALL_LETTERS)
+        self.text(BARS, MARGIN - 2, top - 18, palette.INK, SMALL_LETTERS)
         left = MARGIN + (14 if len(values) < 10 else 22)
         middle = left + BAR_WIDTH // 2
 
@@ -236,13 +221,13 @@ class Canvas:
 
         for k, value in enumerate(values):
             upper, lower = top + k * pitch, top + k * pitch + BAR_HEIGHT
-            self.text(str(k + 1), MARGIN - 2, upper - 3, INK, SMALL_LETTERS)
-            box(left, left + BAR_WIDTH, upper, lower)[...] = BAR_TRACK
+            self.text(str(k + 1), MARGIN - 2, upper - 3, palette.INK, SMALL_LETTERS)
+            box(left, left + BAR_WIDTH, upper, lower)[...] = palette.BAR_TRACK
             value = value if np.isfinite(value) else 0.0
             end = middle + round(float(np.clip(value, -1.0, 1.0)) * BAR_WIDTH / 2)
-            color = BAR_PLUS if value >= 0 else BAR_MINUS
+            color = palette.BAR_PLUS if value >= 0 else palette.BAR_MINUS
             box(min(middle, end), max(middle, end), upper, lower)[...] = color
-            box(middle, middle + 1, upper - 1, lower + 1)[...] = JOINT
+            box(middle, middle + 1, upper - 1, lower + 1)[...] = palette.JOINT
 
 
 def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
@@ -298,7 +283,7 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
     arm, q, ends = pose.arm, pose.q, np.array(pose.ends)
     if not pose.shows_joints:
         for k, (a, b) in enumerate(itertools.pairwise(ends)):
-            canvas.capsule(a, b, max(17.0 - 3.0 * k, 7.0), LINKS[k % len(LINKS)])
+            canvas.capsule(a, b, max(17.0 - 3.0 * k, 7.0), palette.LINKS[k % len(palette.LINKS)])
         return
     points = ends[1:]
     for k, stops in travel.items():
@@ -308,7 +293,7 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
     link = -1
     for k, slides in enumerate(arm.prismatic):
         link += not slides
-        color = LINKS[k % len(LINKS)]
+        color = palette.LINKS[k % len(palette.LINKS)]
         if k + 1 in along and k + 1 in travel:
             _rail(canvas, ends[k + 2] - q[k + 1] * along[k + 1], along[k + 1], travel[k + 1])
         if slides:
@@ -317,21 +302,21 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
             across = 7.0 / canvas.scale * along[k]
             canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
             sides, carriage = (ends[k + 1] - across, ends[k + 1] + across), max(13.0 - 2.0 * link, 7.0)
-            canvas.capsule(*sides, carriage, LINKS[max(k - 1, 0) % len(LINKS)])
+            canvas.capsule(*sides, carriage, palette.LINKS[max(k - 1, 0) % len(palette.LINKS)])
         else:
             width = 17.0 - 5.0 * link if any(arm.prismatic) else 17.0 - 3.0 * k + (k > 2)
             canvas.capsule(ends[k], ends[k + 1], max(width, 7.0), color)
     for k, slides in enumerate(arm.prismatic):
         if not slides:
-            canvas.disc(ends[k], 4.5, JOINT)
+            canvas.disc(ends[k], 4.5, palette.JOINT)
 
 
 def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
     stops = [start + limit * along for limit in travel if np.isfinite(limit)]
-    canvas.capsule(stops[0], stops[-1], 7.0, RAIL)
+    canvas.capsule(stops[0], stops[-1], 7.0, palette.RAIL)
     across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
     for stop in stops:
-        canvas.capsule(stop - across, stop + across, 3.0, RAIL)
+        canvas.capsule(stop - across, stop + across, 3.0, palette.RAIL)
 
 
 def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
@@ -348,9 +333,11 @@ def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
     way /= length[:, None]
     at, px = ends[0, joint], 1.0 / canvas.scale
     if len(stops) == 2:
-        canvas.trail(at + ARC * px * way, 4.0, RAIL, faint=1.0, strong=1.0)
+        canvas.trail(at + ARC * px * way, 4.0, palette.RAIL, faint=1.0, strong=1.0)
     for direction in way[:: len(way) - 1][: len(stops)]:
-        canvas.capsule(at + (ARC - TICK) * px * direction, at + (ARC + TICK) * px * direction, 3.0, RAIL)
+        canvas.capsule(
+            at + (ARC - TICK) * px * direction, at + (ARC + TICK) * px * direction, 3.0, palette.RAIL
+        )
 
 
 def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
@@ -402,18 +389,20 @@ class Drawing:
             canvas = Canvas(half_width, self.width, self.height)
             for shape in behind:
                 if isinstance(shape, shapes.HalfPlane):
-                    canvas.half_plane(shape.point, shape.normal, OBSTACLE, EDGE)
-            canvas.disc((0.0, 0.0), canvas.scale * reach, REACH, ring=2.0)
+                    canvas.half_plane(shape.point, shape.normal, palette.OBSTACLE, palette.EDGE)
+            canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
             for shape in behind:
                 if isinstance(shape, shapes.Circle):
                     radius = canvas.scale * shape.radius
-                    canvas.disc(shape.centre, max(radius, 4.0), OBSTACLE if radius > 4.0 else EDGE)
-                    canvas.disc(shape.centre, max(radius, 4.0), EDGE, ring=2.4)
+                    canvas.disc(
+                        shape.centre, max(radius, 4.0), palette.OBSTACLE if radius > 4.0 else palette.EDGE
+                    )
+                    canvas.disc(shape.centre, max(radius, 4.0), palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
         canvas = Canvas(half_width, self.width, self.height, self._background[1])
         moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
         if moved:
-            canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, GRID)
+            canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, palette.GRID)
         return canvas
 
     def arm(
@@ -424,16 +413,16 @@ class Drawing:
         for shape in found:
             if isinstance(shape, shapes.Line):
                 for a, b in itertools.pairwise(shape.points):
-                    canvas.capsule(a, b, 3.0, CABLE if shape.taut else SLACK)
+                    canvas.capsule(a, b, 3.0, palette.CABLE if shape.taut else palette.SLACK)
         held: dict[Pair, float] = {}
         for load in (x for x in found if isinstance(x, shapes.Load)):
             total = held.get(load.place, 0.0) + load.mass
             if load.held:
                 held[load.place] = total
             else:
-                canvas.disc(load.place, _radius(total, arm) + 2.0, WAITING, ring=2.5)
+                canvas.disc(load.place, _radius(total, arm) + 2.0, palette.WAITING, ring=2.5)
         for place, mass in held.items():
-            canvas.disc(place, _radius(mass, arm), LOAD)
+            canvas.disc(place, _radius(mass, arm), palette.LOAD)
 
 
 def _radius(mass: float, arm: Arm) -> float:
@@ -586,26 +575,26 @@ class Renderer:
         found = self._drawing.surroundings(own_arm, q, known)
         # Environments with other lengths are drawn to the same scale, unless theirs are larger.
         canvas = self._drawing.begun(found, reach, least=core.reach if np.isfinite(core.reach) else 0.0)
-        canvas.trail(self.trail(lane), 3.0, TRAIL, faint=0.15, strong=0.9)
+        canvas.trail(self.trail(lane), 3.0, palette.TRAIL, faint=0.15, strong=0.9)
         self._drawing.arm(canvas, own_arm, q, known, found)
-        canvas.disc(base, 9.0, JOINT)
-        canvas.disc(base, 4.0, BACKGROUND)
-        canvas.disc(tip, 6.5, TRAIL)
+        canvas.disc(base, 9.0, palette.JOINT)
+        canvas.disc(base, 4.0, palette.BACKGROUND)
+        canvas.disc(tip, 6.5, palette.TRAIL)
         if core.goal_fields:
             goal, name = read(core.goal_fields), "goal_tolerance"
             radius = canvas.scale * reach * (read([name])[0] if name in core.memory else 0.0)
-            canvas.disc(goal, max(radius, 3.0), GOAL)
-            canvas.disc(goal, radius + 8.0, GOAL, ring=2.5)
+            canvas.disc(goal, max(radius, 3.0), palette.GOAL)
+            canvas.disc(goal, radius + 8.0, palette.GOAL, ring=2.5)
         if not written:
             return canvas.pixels
         canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
         dt = scene.control_dt
-        canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, INK)
+        canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, palette.INK)
         if {*core.task.memory, *core.task.metrics} >= HOLDING:
             hold, success = read(("hold", "is_success"))
             if hold > 0:
                 held = f"held {hold * dt:.2f} s"
-                canvas.text(held, MARGIN, MARGIN, GOAL if success else SOFT, from_right=True)
+                canvas.text(held, MARGIN, MARGIN, palette.GOAL if success else palette.FAINT, from_right=True)
         return canvas.pixels
 
     def show(self, lane: int) -> None:
