@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from redundant_envs import __version__
-from redundant_envs.support.disk import add_force, check_kept
+from redundant_envs.support.disk import add_force, check_kept, write_text
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.support.modules import OPTION, status_of, take_imports
 from redundant_envs.support.values import say
@@ -111,7 +111,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
-    p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
+    p.add_argument("--drawing", type=Path, metavar="SVG", help="draw its arm instead")
     p.set_defaults(handler=show_scene)
     add_force(p)
 
@@ -250,10 +250,14 @@ def show_scene(options: argparse.Namespace) -> None:
         rows = cost.costs(cost.parts(scene))
         say(table(cost.COLUMNS, (row.values() for row in rows)))
     elif options.drawing is not None:
-        from redundant_envs.envs.schematic import save_schematic
+        from redundant_envs.envs.rendering import stated_limits
+        from redundant_envs.robots.drawn import schematic
 
+        if options.drawing.suffix != ".svg":
+            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg")
         check_kept([options.drawing], options.force, [Path(options.scene)])
-        say(save_schematic(options.drawing, [scene.robot.kind]))
+        write_text(options.drawing, schematic(scene.robot, stated_limits(scene)))
+        say(options.drawing)
     else:
         import yaml
 
