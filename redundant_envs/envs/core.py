@@ -50,10 +50,8 @@ class EpisodeKeys:
         self._generators: list[np.random.Generator | None] = [None] * count
         self.seeds = [-1] * count
         """The seed of each lane's generator; -1 if it is unknown."""
-        self._ready: dict[int, tuple[np.random.Generator, int]] = {}
-        """Generators of lanes that were asked for before a first episode needed them."""
-        self._unmade: dict[int, int] = {}
-        """Seeds of lanes whose keys were drawn without a generator, which is made when it is needed."""
+        self._unmade: set[int] = set()
+        """Lanes whose keys were drawn without a generator, which is made when it is needed."""
         self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
         self._left = np.zeros(count, dtype=np.int64)
 
@@ -71,9 +69,8 @@ class EpisodeKeys:
 
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
-        ready = self._ready.pop(lane, None)
-        generator, used = ready if seed is None and ready else seeding.np_random(seed)
-        self._unmade.pop(lane, None)
+        generator, used = seeding.np_random(seed)
+        self._unmade.discard(lane)
         self._generators[lane], self.seeds[lane] = generator, used
         self._left[lane] = 0
         return used
@@ -87,40 +84,33 @@ class EpisodeKeys:
         words = first_words(seeds, 2 * AHEAD).astype("<u8")
         self._drawn[lanes] = words.view("<u4").reshape(len(lanes), *self._drawn.shape[1:])
         self._left[lanes] = AHEAD
+        self._unmade.update(lanes)
         for lane, seed in zip(lanes, seeds, strict=True):
-            self._ready.pop(lane, None)
-            self._unmade[lane] = self.seeds[lane] = seed
+            self.seeds[lane] = seed
 
     def _make(self, lane: int) -> None:
         """Make the generator of a lane whose keys were drawn without it."""
-        generator, _ = seeding.np_random(self._unmade.pop(lane))
+        self._unmade.remove(lane)
+        generator, _ = seeding.np_random(self.seeds[lane])
         generator.bit_generator.advance(2 * AHEAD)  # type: ignore[attr-defined]
         self._generators[lane] = generator
 
     def own(self) -> list[np.random.Generator]:
         """The generator of each lane, also before its first episode."""
-        found = []
         for lane, generator in enumerate(self.generators):
             if generator is None:
-                if lane not in self._ready:
-                    self._ready[lane] = seeding.np_random(None)
-                generator, self.seeds[lane] = self._ready[lane]
-            found.append(generator)
-        return found
+                self.seed(lane, None)
+        return [generator for generator in self._generators if generator is not None]
 
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
         out = lanes[self._left[lanes] == 0].tolist()
-        made, waiting, ready = self._generators, self._unmade, self._ready
-        new = [k for k in out if made[k] is None and k not in waiting and k not in ready]
-        if len(new) >= MANY:
+        new = [lane for lane in out if self._generators[lane] is None and lane not in self._unmade]
+        if new:
             self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
-            out = [lane for lane in out if self._left[lane] == 0]
-        for lane in out:
+        for lane in (lane for lane in out if self._left[lane] == 0):
             if lane in self._unmade:
                 self._make(lane)
-            if self._generators[lane] is None:
-                self.seed(lane, None)
             generator, drawn = self._generators[lane], self._drawn[lane]
             assert generator is not None
             bits = generator.bit_generator
@@ -200,7 +190,7 @@ class Core(Copied):
         self.actions = episode.actions
         self.columns = Columns(episode, info_keys)
         self.goal_fields = episode.goal
-        self._episode_keys = EpisodeKeys(num_envs)
+        self.episode_keys = EpisodeKeys(num_envs)
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(episode.observed)
@@ -231,46 +221,33 @@ class Core(Copied):
         fields = map(Dynamics(simulated).parameters.field_of, variation.entries(scene, task))
         return environment_simulator(simulated, task, tuple(fields))
 
-    def start_ranges(self) -> list[tuple[float, float]]:
-        """Range of the starts of each joint in the scene, inside its limits."""
-        return start_ranges(self.scene, self.task)
-
     # ---- randomness ------------------------------------------------------------------------------
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
         """Generators of the lanes: the next keys are the next words of each."""
-        return self._episode_keys.generators
-
-    def own_generators(self) -> list[np.random.Generator]:
-        """The same, also of lanes without an episode yet."""
-        return self._episode_keys.own()
-
-    @property
-    def seeds(self) -> list[int]:
-        """The seeds of these."""
-        return self._episode_keys.seeds
+        return self.episode_keys.generators
 
     @property
     def begun_all(self) -> bool:
-        """Whether every lane has had a reset."""
-        return None not in self.generators
+        """Whether every lane has had a reset, and so a key."""
+        return bool(self.keys.any(axis=1).all())
 
     def seed(self, lane: int, seed: int | None) -> int:
         """Give a lane a new generator; returns the seed used."""
         self.waiting[lane] = False
-        return self._episode_keys.seed(lane, seed)
+        return self.episode_keys.seed(lane, seed)
 
     def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
         """Give lanes new generators."""
         self.waiting[lanes] = False
-        self._episode_keys.seed_all(lanes, seeds)
+        self.episode_keys.seed_all(lanes, seeds)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
-            self.keys[lanes] = self._episode_keys.take(lanes)
+            self.keys[lanes] = self.episode_keys.take(lanes)
             self.waiting[lanes] = True
 
     # ---- stepping --------------------------------------------------------------------------------
@@ -464,7 +441,7 @@ class Core(Copied):
         for name in OF_KEYS:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
-        self.seeds[:] = [-1] * self.num_envs
+        self.episode_keys.seeds[:] = [-1] * self.num_envs
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:

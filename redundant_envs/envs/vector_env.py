@@ -129,13 +129,13 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(self.core.own_generators())
+        return tuple(self.core.episode_keys.own())
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        self.core.own_generators()
-        return tuple(self.core.seeds)
+        self.core.episode_keys.own()
+        return tuple(self.core.episode_keys.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute, once for each environment; q, qd, tip, goal, parameters and each of these by its name
