@@ -33,7 +33,7 @@ from redundant_envs.tasks.base import is_confined
 
 class Moment:
     """The numbers of an environment when it is pickled or copied: InUse where another thread has changed them
-    until the rest of it is written, so that a copy is of one moment. In the copy it is None."""
+    until the rest of it is written. In the copy it is None."""
 
     def __init__(self, core: Core) -> None:
         self._core, self._numbers = core, core.numbers()
@@ -56,8 +56,6 @@ PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
-
-
 COPIES = (
     "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
     "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
@@ -141,11 +139,9 @@ def parameters_of(core: Core) -> Parameters:
     named.update({name: [name] for name in task.parameters()})
     found = {}
     for name, entries in named.items():
-        fields = [core.memory.dynamics.parameters.field_of(entry) for entry in entries]
-        value = core.memory.read(fields)
+        value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, entries)])
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
-        alone = entries == [name]
-        value = Copy.of(value[:, 0].copy() if alone else value)
+        value = Copy.of(value[:, 0].copy() if entries == [name] else value)
         found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
     return Parameters(found)
 
@@ -168,18 +164,21 @@ class EnvBase:
         self, on_bad_action: str, render_mode: str | None, render_width: int, render_height: int
     ) -> None:
         """Take arguments, or refuse them before a core is made."""
-        _check_bad_action(on_bad_action)
-        self._check_render_mode(render_mode)
+        self._check_choice("on_bad_action", on_bad_action)
+        self._check_choice("render_mode", render_mode)
         for name, given in (("render_width", render_width), ("render_height", render_height)):
             if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
                 raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
 
-    def _check_render_mode(self, render_mode: Any) -> None:
+    def _check_choice(self, name: str, value: Any) -> None:
+        """ValueError unless a value is one of those that an attribute can have."""
         modes = (None, *type(self).metadata["render_modes"])
-        if render_mode not in modes:
-            raise ValueError(f"render_mode is {shown(render_mode)}; choose {' or '.join(map(repr, modes))}")
+        if name == "on_bad_action" and value not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {shown(value)}; choose {', '.join(ON_BAD_ACTION)}")
+        if name == "render_mode" and value not in modes:
+            raise ValueError(f"render_mode is {shown(value)}; choose {' or '.join(map(repr, modes))}")
 
     def _core_of(
         self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
@@ -199,7 +198,10 @@ class EnvBase:
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
         self._renderer: Any = None
-        seen: spaces.Space[Any] = _box(core)
+        # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
+        of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
+        low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
+        seen: spaces.Space[Any] = spaces.Box(low, high, dtype=np.float32)
         if self.goal_conditioned:
             far = 2.0 * core.reach if is_confined(core.scene) else np.inf
             place = spaces.Box(-far, far, (2,), np.float64)
@@ -222,11 +224,8 @@ class EnvBase:
         way to ask, and slow down every attribute.)"""
         if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
             return getattr(self, name)
-        core = self.core
-        fields = map(
-            core.memory.dynamics.parameters.field_of, names_of(core.scene, name, core.task.parameters())
-        )
-        value = core.memory.read([*fields])
+        entries, memory = names_of(self.scene, name, self.core.task.parameters()), self.core.memory
+        value = memory.read([*map(memory.dynamics.parameters.field_of, entries)])
         return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -244,11 +243,10 @@ class EnvBase:
 
     def _is_number(self, name: str) -> bool:
         """Whether a name is that of numbers of the arm, of an effect or of the task."""
-        core = self.__dict__.get("core")
-        if core is None or name.startswith("_"):
+        if "core" not in self.__dict__ or name.startswith("_"):
             return False
         try:
-            return bool(names_of(core.scene, name, core.task.parameters()))
+            return bool(names_of(self.scene, name, self.core.task.parameters()))
         except ValueError:
             return False
 
@@ -257,12 +255,8 @@ class EnvBase:
 
         They are in force when the next episode begins. Its reset may have options of its own, which replace
         those of the same name. A start or a goal is that of one episode; parameters stay until options give
-        "parameters" again. Options that wait are none of :meth:`get_state`.
-
-        Raises
-        ------
-        ValueError
-            If the next episode could not begin with them; nothing changes.
+        "parameters" again. Options that wait are none of :meth:`get_state`. A ValueError says why the next
+        episode could not begin with them; nothing changes then.
         """
         self.core.let_wait(checked_options(options), np.arange(self.core.num_envs))
 
@@ -398,10 +392,7 @@ class VectorEnvBase(EnvBase):
                 f"set_attr({name!r}) is for some environments only, and all share the attribute; set it for "
                 "all, or use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
             )
-        if name == "on_bad_action":
-            _check_bad_action(value)
-        if name == "render_mode":
-            self._check_render_mode(value)
+        self._check_choice(name, value)
         setattr(self, name, value)
 
     @first
@@ -487,20 +478,6 @@ def frames_per_second(control_dt: float) -> float:
     """Pictures in a second of real time, one for each control step; a whole number where it is one."""
     exact = 1.0 / control_dt
     return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
-
-
-def _check_bad_action(choice: Any) -> None:
-    if choice not in ON_BAD_ACTION:
-        raise ValueError(f"on_bad_action is {shown(choice)}; choose {', '.join(ON_BAD_ACTION)}")
-
-
-def _box(core: Core) -> spaces.Box:
-    """Observations of one environment: quantities within -1 to 1, then numbers within their ranges."""
-    if not core.bounds:
-        return spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
-    of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
-    low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
-    return spaces.Box(low, high, dtype=np.float32)
 
 
 def observation_of(batch: Any, lane: int) -> Any:
