@@ -20,14 +20,8 @@ from redundant_envs.support.values import say
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Returns
-    -------
-    int
-        0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
-        missing package; 130 for Ctrl-C; 141 if the reader of a pipe is gone.
-    """
+    """Run a command: 0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the
+    command or a missing package; 130 for Ctrl-C; 141 if the reader of a pipe is gone."""
 
     def run() -> int | None:
         words = take_imports(list(sys.argv[1:] if arguments is None else arguments))

@@ -12,7 +12,7 @@ import gzip
 import hashlib
 import itertools
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -192,7 +192,7 @@ def _switches(scene: Scene) -> list[dict[str, Any]]:
     return made
 
 
-def _bills(scene: Scene, keys: list[str]) -> dict[str, Mapping[str, Operations]]:
+def _bills(scene: Scene, keys: list[str]) -> dict[str, Any]:
     """Bills of the scene without each subset of the effects that can be off, by their keys."""
     bills = {}
     for off in (off for count in range(len(keys) + 1) for off in itertools.combinations(keys, count)):
