@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,7 @@ from redundant_envs.envs import options
 from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
+from redundant_envs.envs.variation import bounds, observed, simulated
 from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.language.draws import KEY_WORDS
 from redundant_envs.language.quantities import Quantities
@@ -152,9 +152,7 @@ class Core(Copied):
     of the episode follows from that key inside the compiled code.
     """
 
-    made_anew = (
-        "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single",
-    )  # fmt: skip
+    made_anew = "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single"
 
     def __init__(
         self,
@@ -165,16 +163,18 @@ class Core(Copied):
         accuracy: str | float | None = None,
         env_id: str | None = None,
         threads: int = 1,
-        variation: Variation = AS_IN_THE_SCENE,
+        randomize: bool = True,
+        observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
     ) -> None:
-        self.scene, self.variation = scene_at(scene, accuracy), variation
+        self.scene = scene_at(scene, accuracy)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
-        variation.check(self.scene, task)
-        self.bounds = variation.bounds(self.scene, task)
+        self.simulated = simulated(self.scene, task, randomize)
+        self.observed = observed(self.scene, task, observe_parameters)
+        self.bounds = bounds(self.scene, task, self.observed)
         """Bounds of the numbers that observations show."""
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
@@ -186,14 +186,12 @@ class Core(Copied):
         """Lanes that began a new episode in the last step, if any did."""
         self.waiting_options: options.Given = {}
         """Options of episodes that have not begun yet."""
-        episode = self.episode
-        self.actions = episode.actions
-        self.columns = Columns(episode, info_keys)
-        self.goal_fields = episode.goal
+        self.actions, self.goal_fields = self.episode.actions, self.episode.goal
+        self.columns = Columns(self.episode, info_keys)
         self.episode_keys = EpisodeKeys(num_envs)
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self.obs_size = len(episode.observed)
+        self.obs_size = len(self.episode.observed)
         self.reach = reach_of(self.scene, self.scene.parameters())
         self._connect()
 
@@ -216,12 +214,8 @@ class Core(Copied):
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
-        scene, task, variation = state["scene"], state["task"], state["variation"]
-        simulated = variation.simulated(scene)
-        fields = map(Dynamics(simulated).parameters.field_of, variation.entries(scene, task))
-        return environment_simulator(simulated, task, tuple(fields))
-
-    # ---- randomness ------------------------------------------------------------------------------
+        fields = map(Dynamics(state["simulated"]).parameters.field_of, state["observed"])
+        return environment_simulator(state["simulated"], state["task"], tuple(fields))
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
@@ -250,8 +244,6 @@ class Core(Copied):
             self.keys[lanes] = self.episode_keys.take(lanes)
             self.waiting[lanes] = True
 
-    # ---- stepping --------------------------------------------------------------------------------
-
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
         """One control step of all lanes; with autoreset NEXT_STEP those that were reset have no reward and no
         flags."""
@@ -274,10 +266,9 @@ class Core(Copied):
         found = options.within(self.waiting_options, lanes)
         if not found:
             return
-        self.waiting_options = options.without(self.waiting_options, lanes)
+        self.waiting_options = options.within(self.waiting_options, lanes, others=True)
         some = np.zeros(self.num_envs, np.bool_)
-        for part in found.values():
-            some[part.lanes] = True
+        some[np.concatenate([part.lanes for part in found.values()])] = True
         lanes = np.flatnonzero(some)
         found = options.checked_reset(self.episode, self.memory, {}, lanes, found)
         self.waiting[lanes] = True  # their keys are those of the last draw
@@ -323,25 +314,23 @@ class Core(Copied):
         """Begin new episodes in the lanes of a mask, with options that :meth:`checked` returned for some of
         them; ``run`` replaces the default way of running the kernel for all lanes.
 
-        Options are checked before a generator is seeded or a number is set, so a refused reset
-        changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
-        give equal episodes.
+        Parameters are set before start and goal are drawn: equal seeds and options give equal episodes.
         """
+        run = run or self._run
         index = np.flatnonzero(lanes)
         starts = [part for key, part in given.items() if key != options.PARAMETERS]
         if options.PARAMETERS in given:
             names, some, table = given[options.PARAMETERS]
             parameters.write(self.scene, self.memory, some, dict(zip(names, table.T, strict=True)))
-        if self.waiting_options:
-            self.waiting_options = options.without(self.waiting_options, index)
+        self.waiting_options = options.within(self.waiting_options, index, others=True)
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        (run or self._run)(KernelCall.RESET)
+        run(KernelCall.RESET)
         for names, some, table in starts:
             self.memory.write(names, table, some)
         if starts and self.simulator.dynamics.effect_states.computed:
-            (run or self._run)(KernelCall.BEGIN_STATES)
+            run(KernelCall.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
 
@@ -362,7 +351,7 @@ class Core(Copied):
             found = self.checked(given, lanes)
             self.waiting_options = options.over(self.waiting_options, found)
         else:
-            self.waiting_options = options.without(self.waiting_options, lanes)
+            self.waiting_options = options.within(self.waiting_options, lanes, others=True)
 
     @alone
     def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
@@ -370,8 +359,6 @@ class Core(Copied):
         waiting = self.waiting_options
         found = options.checked_number(self.episode, self.memory, name, value, lanes, waiting)
         self.waiting_options = options.over(waiting, found)
-
-    # ---- goals and snapshots ---------------------------------------------------------------------
 
     def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
@@ -431,11 +418,8 @@ class Core(Copied):
 
     @alone
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit.
-
-        If the state belongs to another scene, task, episode limit or number of environments, a ValueError
-        names the difference, and nothing changes.
-        """
+        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit. ValueError if
+        it is of another scene, task, episode limit or number of environments."""
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
         for name in OF_KEYS:
@@ -454,14 +438,14 @@ class Core(Copied):
         for lane in lanes.tolist():
             if self.generators[lane] is None:
                 self.seed(lane, None)
-        fields = self.memory.layout.fields.items()
-        names = [name for name, field in fields if field.lifetime in KEPT and name != "limit"]
+        fields = self.memory.layout.fields
+        names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
         self.memory.write(names, single.memory.read(names), lanes)
         self.mask[lanes] = 0
 
     @cached_property
     def _single(self) -> Core:
-        return Core(self.scene, 1, self.task, variation=self.variation)
+        return Core(self.simulated, 1, self.task, observe_parameters=self.observed)
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -478,7 +462,7 @@ class Core(Copied):
         if not isinstance(generators, list) or len(generators) != self.num_envs:
             raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
         for given in generators:
-            if not (given is None or isinstance(given, np.random.Generator)):
+            if not isinstance(given, np.random.Generator | None):
                 raise ValueError(f"state['generators'] has {given!r}; give NumPy generators or None")
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -18,7 +18,6 @@ from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import InUse, alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scenes.numbers import names_of
@@ -27,7 +26,6 @@ from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.simulator.lane.episode import TIP
 from redundant_envs.support.tables import table
 from redundant_envs.support.values import plain_data, shown, whole_number
-from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
 
 
@@ -82,21 +80,16 @@ class Copy(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A number of an environment, or several with one name: ``value`` and ``unit``.
-
-    In a vector the value is (num_envs,), or (num_envs, entries) of several; a single environment's has no
-    first axis. There is one unit, or one for each entry where they differ; "" if none is declared.
-    """
+    """A number of an environment, or several with one name."""
 
     value: Any
+    """(num_envs,), or (num_envs, entries) of several; a single environment's has no first axis."""
     unit: str | tuple[str, ...]
+    """One, or one for each entry where they differ; "" if none is declared."""
 
 
 class Parameters(Mapping[str, Parameter]):
-    """Numbers by name, in the order of arm, effects and task; ``print`` shows a table.
-
-    They are copies. Options of a reset take them by the same names.
-    """
+    """Copies of numbers by name, in the order of arm, effects and task; ``print`` shows a table."""
 
     def __init__(self, found: Mapping[str, Parameter]) -> None:
         self._found = dict(found)
@@ -147,12 +140,8 @@ def parameters_of(core: Core) -> Parameters:
 
 
 class EnvBase:
-    """A core as users see it: its scene, and coordinates, velocities, tips, goals and numbers of its lanes.
-
-    The values are copies. To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a
-    reset, or to :meth:`set_options`. A number set as an attribute, such as ``goal_tolerance``, is that
-    of the next episode.
-    """
+    """A core as users see it: its scene, and copies of coordinates, velocities, tips, goals and numbers of
+    its lanes. Options of a reset set them; a number set as an attribute is that of the next episode."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
@@ -180,18 +169,6 @@ class EnvBase:
         if name == "render_mode" and value not in modes:
             raise ValueError(f"render_mode is {shown(value)}; choose {' or '.join(map(repr, modes))}")
 
-    def _core_of(
-        self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
-        variation: Variation, info_keys: Any, max_episode_steps: int | None = None, threads: int = 1,
-    ) -> Core:  # fmt: skip
-        """The core of the class's task, for a scene in the form that the spec of an environment can hold."""
-        if isinstance(scene, Scene):
-            raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-        made = make_task(task, self.task_name)
-        return Core(
-            scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads, variation, info_keys
-        )
-
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
         self.core, self._memory = core, core.memory
@@ -210,11 +187,8 @@ class EnvBase:
 
     @first
     def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name != "_moment"}
+        kept = {name: value for name, value in self.__dict__.items() if name not in ("_moment", "_lane")}
         return {**kept, "_renderer": None, "_moment": Moment(self.core)}  # which is written last
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update({name: value for name, value in state.items() if name != "_moment"})
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -337,10 +311,8 @@ class VectorEnvBase(EnvBase):
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
         """Options of the next episode of each environment, as ``reset`` takes them.
 
-        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
-        have options of its own, which replace those of the same name. A start or a goal is that of one
-        episode; parameters stay until options give "parameters" again. Options that wait are none of
-        :meth:`get_state`.
+        They are in force when an environment begins its next episode, by a reset or an autoreset; all else is
+        as in the method of a single environment.
 
         Parameters
         ----------
@@ -349,11 +321,6 @@ class VectorEnvBase(EnvBase):
             or one mapping for each. An empty one, or None, forgets those that wait.
         index : array_like, optional
             Numbers of environments, or a mask (num_envs,); None is all.
-
-        Raises
-        ------
-        ValueError
-            If an episode could not begin with them; nothing changes.
         """
         core, lanes = self.core, lanes_of(index, self.core.num_envs)
         if not isinstance(options, list | tuple):
@@ -382,16 +349,13 @@ class VectorEnvBase(EnvBase):
         if self._is_number(name) and name not in self.__dict__:
             self.core.let_number_wait(name, value, lanes)
             return
+        fix = "use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
         if name not in SHARED:
-            raise ValueError(
-                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
-                f"'parameters', or name one of these: {', '.join((*self.parameters, *SHARED))}"
-            )
+            valid = ", ".join((*self.parameters, *SHARED))
+            raise ValueError(f"set_attr({name!r}) would have no effect; {fix}, or name one of these: {valid}")
         if len(lanes) != self.core.num_envs:
-            raise ValueError(
-                f"set_attr({name!r}) is for some environments only, and all share the attribute; set it for "
-                "all, or use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
-            )
+            what = f"set_attr({name!r}) is for some environments only, and all share the attribute"
+            raise ValueError(f"{what}; set it for all, or {fix}")
         self._check_choice(name, value)
         setattr(self, name, value)
 
@@ -420,8 +384,7 @@ class VectorEnvBase(EnvBase):
         """Whether a state is that of a single environment, and not of this vector."""
         if not isinstance(state, Mapping) or {*state} != {*STATE_KEYS} or self.core.num_envs == 1:
             return False
-        generators = state["generators"]
-        return isinstance(generators, list) and len(generators) == 1
+        return isinstance(state["generators"], list) and len(state["generators"]) == 1
 
     def _set_states(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot of all environments."""
@@ -439,8 +402,14 @@ class VectorEnvBase(EnvBase):
             refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
         return actions
 
-    def _observed(self) -> tuple[Any, Outputs]:
-        """Observations and outputs after a reset."""
+    def _begun(
+        self, mask: NDArray[np.bool_], seeds: Sequence[int | None], options: Mapping[str, Any]
+    ) -> tuple[Any, Outputs]:
+        """Begin episodes in the environments of a mask; observations and outputs."""
+        checked = self.core.checked(options, np.flatnonzero(mask))
+        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
+        self.core.seed_all([*seeded], [*seeded.values()])
+        self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ready = True
         if self.render_mode is not None:
@@ -456,13 +425,12 @@ class VectorEnvBase(EnvBase):
         obs, out, last_obs, last_out = core.step(actions, autoreset)
         ended = columns.of(out, "terminated") | columns.of(out, "truncated")
         last = observation = core.observation(obs, out)
-        reward = columns.of(out, "reward")
         if autoreset == Autoreset.SAME_STEP and ended.any():
             last = core.observation(last_obs, last_out)
+        reward = columns.of(out, "reward")
         if self.goal_conditioned:
             pair = ("achieved_goal", "desired_goal")
-            told = (np.where(ended[:, None], last[name], observation[name]) for name in pair)
-            reward = core.goal_reward(*told)
+            reward = core.goal_reward(*(np.where(ended[:, None], last[g], observation[g]) for g in pair))
         if self.render_mode is not None:
             self._see(out)
         return observation, reward, ended, out, last, last_out
@@ -472,6 +440,12 @@ class VectorEnvBase(EnvBase):
         if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
+
+
+def check_plain(scene: Any) -> None:
+    """Refuse a scene in a form that the spec of an environment cannot hold."""
+    if isinstance(scene, Scene):
+        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
 
 
 def frames_per_second(control_dt: float) -> float:

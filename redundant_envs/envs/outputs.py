@@ -49,10 +49,9 @@ class Outputs(NamedTuple):
 
 
 class Columns:
-    """Rows of the quantities of an episode in :class:`Outputs`."""
+    """Rows of the quantities of an episode in :class:`Outputs`; ``info_keys`` as in :func:`checked_keys`."""
 
     def __init__(self, episode: Episode, info_keys: Any = None) -> None:
-        """``info_keys`` as :func:`checked_keys` takes them."""
         self.tables = episode.tables
         self.heights = [len(names) for names in self.tables.values()]
         self.goal = episode.goal
@@ -108,15 +107,10 @@ class Columns:
 
     def info(self, out: Outputs, lane: int) -> dict[str, Any]:
         """Values for a lane's ``info``, as Python numbers."""
-        tables = [table[:, lane].tolist() for table in out]
-        values = (tables[table][row] for _, table, row in self.places_shown)
-        found = dict(zip(self.names, values, strict=False))
-        if self.shows_drawn:
-            found[DRAWN] = self.drawn_of(float(self.of(out, field)[lane]) for field in self.drawn_fields)
-        return found
+        return self.all_info(out.lanes([lane]))[0]
 
     def all_info(self, out: Outputs) -> list[dict[str, Any]]:
-        """:meth:`info` of every lane, in a fraction of the time."""
+        """:meth:`info` of every lane."""
         rows = [out[table][row].tolist() for _, table, row in self.places_shown]
         count = out.flags.shape[1]
         lanes = zip(*rows, strict=True) if rows else [()] * count
@@ -134,15 +128,16 @@ def _together(row: list[Any]) -> Any:
 
 
 def checked_keys(info_keys: Any, valid: Sequence[str]) -> Sequence[str]:
-    """Names of ``info`` that a user asked for: a list of them, "all", or None for those that are always of
-    use. Sums of reward terms are not among these: they would take a third of the time of all."""
+    """Names of ``info`` that a user asked for: a list of them, "all", or None for all but the sums of reward
+    terms, which would take a third of the time of all."""
     if info_keys is None:
         return [name for name in valid if not name.startswith(RETURN)]
     if isinstance(info_keys, str) and info_keys == ALL:
         return valid
     if not isinstance(info_keys, list | tuple):  # what a spec keeps
-        fix = "give a list of names, such as ['is_success'], or 'all'"
-        raise ValueError(f"info_keys is {shown(info_keys)}; {fix}")
+        raise ValueError(
+            f"info_keys is {shown(info_keys)}; give a list of names, such as ['is_success'], or 'all'"
+        )
     for key in info_keys:
         if key not in valid:
             raise ValueError(f"info_keys has {shown(key)}; valid: {', '.join(valid)}")

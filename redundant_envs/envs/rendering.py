@@ -39,7 +39,7 @@ BARS = "effort / limit"  # heading of the bars: each motor's effort as a fractio
 TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
-FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
+FARTHEST = 1e9  # px: farther away nothing is drawn, so that squares are finite in single precision
 MIN_LETTERS = 5.0  # px: lower ones cannot be read
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
@@ -81,19 +81,10 @@ class Canvas:
         cover = np.float32(0.5) - distance(self._columns[x0:x1], self._rows[y0:y1, None])
         mix(self.pixels[y0:y1, x0:x1], np.clip(cover, 0.0, 1.0), color)
 
-    def _near(self, a: Pair, b: Pair) -> tuple[Pair, Pair]:
-        """A segment in pixels without what is beyond :data:`FARTHEST` from its end that is nearer."""
-        length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        if not length > FARTHEST:
-            return a, b
-        far_first = abs(a[0]) + abs(a[1]) > abs(b[0]) + abs(b[1])
-        (x, y), (xb, yb) = (b, a) if far_first else (a, b)
-        return (x, y), (x + FARTHEST * ((xb - x) / length), y + FARTHEST * ((yb - y) / length))
-
     def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._near(self._pixel(a), self._pixel(b))
-        if ax + ay + bx + by != ax + ay + bx + by:
+        (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
+        if not all(abs(v) < FARTHEST for v in (ax, ay, bx, by)):
             return
         r = self.unit * width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
@@ -138,10 +129,8 @@ class Canvas:
         self.pixels[index] = patch
 
     def trail(self, points: Points, width: float, color: Color, faint: float, strong: float) -> None:
-        """A line through points (n, 2) that fades towards the first; width in pixels.
-
-        Where segments overlap the stronger one shows.
-        """
+        """A line through points (n, 2) that fades towards the first; width in pixels. Where segments overlap
+        the stronger one shows."""
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             return
@@ -211,12 +200,7 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 @lru_cache(maxsize=512)
 def cover(text: str, height: float) -> NDArray[np.float32]:
     """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
-
-    ``height`` is that of a digit, px. ValueError if a character has no glyph.
-    """
-    lacking = sorted(set(text) - GLYPHS.keys())
-    if lacking:
-        raise ValueError(f"text is {text!r}; there is no glyph for {''.join(lacking)!r} in GLYPHS")
+    ``height`` is that of a digit, px."""
     unit, left = height / CAPITAL, 2.0
     width = sum(GLYPHS[c][0] + GAP for c in text) - GAP
     rows, columns = int(np.ceil(height + 0.4 * height)) + 4, int(np.ceil(unit * width)) + 5
@@ -311,10 +295,7 @@ def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
 
 def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
     """Travel of the joints that have any, from the numbers of the scene, or of one environment: joint ->
-    (lower, upper), m or rad; an end without a stop is infinite.
-
-    The report's centring spring names limits too, although it does not enforce them.
-    """
+    (lower, upper), m or rad; an end without a stop is infinite. The report's centring spring names limits."""
     values = scene.parameters() if known is None else known
     names = {joint: (low, high) for joint, low, high in hard_stops(scene)} | scene.travel()
     for effect in scene.effects:
@@ -493,10 +474,8 @@ class Renderer:
         self._last[:] = -1.0
 
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
-        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
-
-        A trail starts again with each episode.
-        """
+        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,): a trail
+        starts again with each episode."""
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
         same = (steps == self._last) & (np.abs(self._tips[:, -1] - tips) < 1e-9).all(axis=1)
         self._count[~(stepped | same)] = 0
@@ -509,10 +488,8 @@ class Renderer:
         return self._tips[lane, TRAIL_LENGTH - self._count[lane] :]
 
     def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
-        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held.
-
-        ``written=False`` leaves these out.
-        """
+        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held
+        if these are to be ``written``."""
         core, scene, arm = self.core, self.core.scene, self.core.scene.robot
         index = np.array([lane])
 
