@@ -43,8 +43,7 @@ Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 
 
 class EpisodeKeys:
-    """The generators of lanes and keys of episodes, 128 bits each: a lane's are the successive words of its
-    generator, whether they were drawn ahead or not."""
+    """The generators of lanes; keys of episodes, of 128 bits, are successive words of a lane's generator."""
 
     def __init__(self, count: int) -> None:
         self._generators: list[np.random.Generator | None] = [None] * count
@@ -61,19 +60,16 @@ class EpisodeKeys:
         for lane in [*self._unmade]:
             self._make(lane)
         for lane in np.flatnonzero(self._left).tolist():
-            generator = self._generators[lane]
-            assert generator is not None
-            generator.bit_generator.advance(-2 * int(self._left[lane]))  # type: ignore[attr-defined]
+            generator: Any = self._generators[lane]
+            generator.bit_generator.advance(-2 * int(self._left[lane]))
         self._left[:] = 0
         return self._generators
 
-    def seed(self, lane: int, seed: int | None) -> int:
-        """Give a lane a new generator; returns the seed used."""
-        generator, used = seeding.np_random(seed)
+    def seed(self, lane: int, seed: int | None) -> None:
+        """Give a lane a new generator."""
         self._unmade.discard(lane)
-        self._generators[lane], self.seeds[lane] = generator, used
+        self._generators[lane], self.seeds[lane] = seeding.np_random(seed)
         self._left[lane] = 0
-        return used
 
     def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
         """Give lanes new generators, as :meth:`seed` does; many are made only when they are needed."""
@@ -91,8 +87,8 @@ class EpisodeKeys:
     def _make(self, lane: int) -> None:
         """Make the generator of a lane whose keys were drawn without it."""
         self._unmade.remove(lane)
-        generator, _ = seeding.np_random(self.seeds[lane])
-        generator.bit_generator.advance(2 * AHEAD)  # type: ignore[attr-defined]
+        generator: Any = seeding.np_random(self.seeds[lane])[0]
+        generator.bit_generator.advance(2 * AHEAD)
         self._generators[lane] = generator
 
     def own(self) -> list[np.random.Generator]:
@@ -111,9 +107,8 @@ class EpisodeKeys:
         for lane in (lane for lane in out if self._left[lane] == 0):
             if lane in self._unmade:
                 self._make(lane)
-            generator, drawn = self._generators[lane], self._drawn[lane]
-            assert generator is not None
-            bits = generator.bit_generator
+            generator: Any = self._generators[lane]
+            drawn, bits = self._drawn[lane], generator.bit_generator
             if type(bits) is np.random.PCG64:
                 drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
                 self._left[lane] = len(drawn)
@@ -227,11 +222,6 @@ class Core(Copied):
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
 
-    def seed(self, lane: int, seed: int | None) -> int:
-        """Give a lane a new generator; returns the seed used."""
-        self.waiting[lane] = False
-        return self.episode_keys.seed(lane, seed)
-
     def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
         """Give lanes new generators."""
         self.waiting[lanes] = False
@@ -245,8 +235,7 @@ class Core(Copied):
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
-        """One control step of all lanes; with autoreset NEXT_STEP those that were reset have no reward and no
-        flags."""
+        """One control step of all lanes; those that NEXT_STEP resets have no reward and no flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(KernelCall.STEP, actions, autoreset)
@@ -261,8 +250,7 @@ class Core(Copied):
         return tables
 
     def _begin_with_options(self, tables: Tables, lanes: NDArray[np.int64]) -> None:
-        """Let episodes that an autoreset has begun begin with the options that waited for them instead, and
-        with the same draws otherwise."""
+        """Begin episodes that an autoreset has begun anew, with the options that waited for them."""
         found = options.within(self.waiting_options, lanes)
         if not found:
             return
@@ -285,10 +273,8 @@ class Core(Copied):
         """An operation on all lanes."""
         if actions is None:
             actions = np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
-        obs, out, places = self._tables(np.empty)
-        last_obs, last_out, last = obs, out, places
-        if autoreset == Autoreset.SAME_STEP:
-            last_obs, last_out, last = self._tables(np.zeros)
+        obs, out, places = now = self._tables(np.empty)
+        last_obs, last_out, last = self._tables(np.zeros) if autoreset == Autoreset.SAME_STEP else now
         starts = [address(actions), *places, self.memory.blocks * LANES, *last, self._key_address]
         starts += operation, autoreset, int(np.count_nonzero(self.mask))
         memory = self.memory
@@ -429,15 +415,12 @@ class Core(Copied):
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
-        """Continue the episode of one environment's state in some lanes, which keep their generators and the
-        limits of their episodes."""
+        """Continue the episode of one environment in some lanes, which keep their generators and limits."""
         single = self._single
         single.set_state(state)
         if single.memory.read(("terminated",)).any():
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
-        for lane in lanes.tolist():
-            if self.generators[lane] is None:
-                self.seed(lane, None)
+        self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
         fields = self.memory.layout.fields
         names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
         self.memory.write(names, single.memory.read(names), lanes)

@@ -128,8 +128,7 @@ class Timed:
 
 
 def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
-    """The environment of a scene with sensors, and that without them; none without the motors and limits that
-    an environment needs."""
+    """The environment of a scene with sensors, and that without them; none where a scene can be none."""
     sensors = scene.attached.keys_of(Sensing)
     if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
         return ()

@@ -195,7 +195,6 @@ class SingleLane:
         obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
         self._copied_obs = obs[0].copy
         self._seen: Callable[[], Any] = self._goals_seen if core.task.goal_conditioned else self._copied_obs
-        """The observation of the last step."""
         # Tables for the lanes of a block side by side in memory, so that one call reads all of them.
         kinds = [(table, FORMATS[table], (len(names), LANES)) for table, names in columns.tables.items()]
         rows: Any = np.zeros(1, kinds)
@@ -204,7 +203,6 @@ class SingleLane:
         self.read, self.told = self._telling(columns)
         """Numbers of the last step; from these whether the episode was terminated, reward, and ``info``."""
         self._points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
-        """Tip and goal, m."""
         self._memory = core.memory
         self._operation, self._version = -1, -1  # those of the last call
         self._call = self._team if self._team.is_long else functools.partial(part.entry, part.address)
@@ -251,8 +249,7 @@ class SingleLane:
         return self._seen()
 
     def step(self, action: Any, operation: int) -> tuple[Any, Any]:
-        """One control step, by the operation STEP or CHECKED_STEP; returns the observation, and what
-        :attr:`told` returns."""
+        """One control step, by STEP or CHECKED_STEP; gives the observation, and what :attr:`told` returns."""
         memory = self._memory
         if self._version != memory.free or operation != self._operation:
             return self._step_otherwise(action, operation)

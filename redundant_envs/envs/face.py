@@ -1,5 +1,4 @@
-"""What all kinds of environments share: some arguments, values of lanes that users may read, their numbers
-by name with units, pictures."""
+"""What all kinds of environments share: values that users may read, numbers with units, pictures."""
 
 from __future__ import annotations
 

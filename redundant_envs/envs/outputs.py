@@ -20,14 +20,10 @@ INFO_NAMES = {
     "events_sum": "events",
     "error_most": "error_estimate",
 }
-ALL = "all"
-"""The value of ``info_keys`` that asks for every name."""
-RETURN = "return_"
-"""First letters of the names in ``info`` of sums over the episode, of terms of the reward."""
-DRAWN = "parameters"
-"""Name in ``info`` of the numbers that the episode has drawn."""
-SUM = re.compile(r"(.*?)(?:_term)?_sum$")
-"""Names of sums over the episode, of terms of the reward."""
+ALL = "all"  # the value of info_keys that asks for every name
+RETURN, SUM = "return_", re.compile(r"(.*?)(?:_term)?_sum$")
+"""How sums of terms of the reward begin in ``info``, and how the quantities are named."""
+DRAWN = "parameters"  # in info, the numbers that the episode has drawn
 
 
 class Outputs(NamedTuple):
@@ -86,8 +82,7 @@ class Columns:
         return np.stack([self.of(out, name) for name in names], axis=1)
 
     def infos(self, out: Outputs, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Values of all lanes for the ``infos`` of a vector environment, and with each a mask of the lanes
-        that have it."""
+        """Values of all lanes for the ``infos`` of a vector, and with each a mask of lanes that have it."""
         infos: dict[str, Any] = {}
         for name, masked, table, row in self._of_vectors:
             infos[name] = out[table][row]
@@ -99,8 +94,7 @@ class Columns:
         return infos
 
     def drawn_of(self, values: Iterable[Any]) -> dict[str, Any]:
-        """The numbers that episodes have drawn, by name, from the values of their fields, of one lane or of
-        all: of a lane as Python numbers and lists."""
+        """The numbers that episodes have drawn, by name, from values of their fields, of one lane or all."""
         rest = iter(values)
         rows = {name: [*itertools.islice(rest, count)] for name, count in self.drawn.items()}
         return {name: row[0] if len(row) == 1 else _together(row) for name, row in rows.items()}

@@ -31,7 +31,7 @@ from redundant_envs.tasks.base import hard_stops
 Points = NDArray[np.float64]
 Pair = tuple[float, float]
 
-SIZE = 480  # of a picture, px; sizes of letters and lines are for this one, and others have all in proportion
+SIZE = 480  # of a picture, px; sizes of letters and lines are for this one
 MARGIN = 16  # distance of texts from the border of the picture, px
 LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
@@ -70,8 +70,7 @@ class Canvas:
         return self.width / 2 + scale * float(point[0]), self.height / 2 - scale * float(point[1])
 
     def _blend(self, low: Pair, high: Pair, color: Color, distance: Callable[[Any, Any], Any]) -> None:
-        """Colour the inside of a shape, given by its signed distance [px] at x, y and corners of what it
-        covers; nothing is drawn at a place without numbers, as after a fault."""
+        """Colour the inside of a shape from its signed distance [px]; nothing at a place without numbers."""
         if not np.isfinite((*low, *high)).all():
             return
         x0, y0 = (max(0, int(v) - 2) for v in low)
@@ -113,8 +112,7 @@ class Canvas:
         self._blend(low, high, edge, lambda x, y: np.abs(nx * x + ny * y - at) - half)
 
     def grid(self, place: Points, step: float, size: float, color: Color) -> None:
-        """Dots at a place and every ``step`` [m] from it in both directions, behind all that has been drawn;
-        their size in pixels."""
+        """Dots every ``step`` [m] from a place, behind all that has been drawn; their size in pixels."""
         pitch, (x, y) = self.unit * self.scale * step, self._pixel(place)
         if not (np.isfinite((x, y)).all() and pitch > 2.0):
             return
@@ -330,8 +328,7 @@ class Drawing:
     def begun(
         self, found: Sequence[shapes.Shape], reach: float, border: float = BORDER, least: float = 0.0
     ) -> Canvas:
-        """A canvas for an arm of a reach, with ground, obstacles and the reach; it shows ``least`` [m] around
-        the base at least."""
+        """A canvas with ground, obstacles and the reach of an arm, ``least`` [m] around the base at least."""
         half_width = border * (max(shapes.seen_with(found, reach), least) or 1.0)
         canvas = Canvas(half_width, self.width, self.height)
         behind = tuple(x for x in found if isinstance(x, shapes.Circle | shapes.HalfPlane))
@@ -373,8 +370,7 @@ class Drawing:
 
 
 def _radius(mass: float, arm: Arm) -> float:
-    """Radius of a load, px: beyond the dot of the tip its square shows the mass, up to four times the arm's
-    heaviest."""
+    """Radius of a load, px: beyond the tip's dot its square shows the mass, up to 4 of the arm's heaviest."""
     return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
 
 
@@ -428,10 +424,8 @@ class NoDisplay(Error, OSError):
 
 
 class Window:
-    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next.
-
-    A process has one window of pygame: environments share it, and it closes with the last of them.
-    """
+    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next. The
+    environments of a process share one, which closes with the last of them."""
 
     _open: ClassVar[set[Window]] = set()
 

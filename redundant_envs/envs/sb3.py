@@ -127,8 +127,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for; q, qd, tip, goal, parameters and each of these by its
-        name are an environment's own."""
+        """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
         each = self._each(attr_name)
         return [each[lane] for lane in self._get_indices(indices)]
 

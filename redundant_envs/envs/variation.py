@@ -1,5 +1,4 @@
-"""Numbers that differ from episode to episode: whether the ranges of a scene are drawn, and which numbers
-observations show."""
+"""Numbers that differ from episode to episode: those that are drawn, and those that observations show."""
 
 from __future__ import annotations
 

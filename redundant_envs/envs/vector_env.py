@@ -133,8 +133,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         return tuple(self.core.episode_keys.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute, once for each environment; q, qd, tip, goal, parameters and each of these by its name
-        are an environment's own."""
+        """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
         return tuple(self._each(name))
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -148,8 +147,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self._set_for(name, values, np.arange(self.num_envs))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method of this object once, or get an attribute; the result is repeated for each
-        environment."""
+        """Call a method of this object once, or get an attribute, with a result for each environment."""
         value = self._attribute(name)
         return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 

@@ -27,8 +27,7 @@ HALF, MASK = np.uint64(32), np.uint64(BITS)
 
 
 def first_words(seeds: Sequence[int], count: int) -> Words:
-    """The first ``count`` words of ``np.random.PCG64(seed)`` of each seed up to :data:`LARGEST_SEED`,
-    (seeds, count)."""
+    """The first words of ``np.random.PCG64(seed)`` of seeds up to :data:`LARGEST_SEED`, (seeds, count)."""
     high, low, above, below = _states(np.array(seeds, dtype=np.uint64))
     one = np.uint64(1)
     increment = above << one | below >> np.uint64(63), below << one | one

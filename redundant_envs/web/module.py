@@ -32,10 +32,8 @@ from redundant_envs.support.disk import write_bytes, write_text
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
 
-HOST = Path(__file__).with_name("kernel.js")
-"""The host of the modules, for browsers and Node."""
-FORMAT = 1
-"""Of the description; a host refuses others."""
+HOST = Path(__file__).with_name("kernel.js")  # of the modules, for browsers and Node
+FORMAT = 1  # of the description; a host refuses others
 
 
 class Module(NamedTuple):

@@ -32,19 +32,14 @@ from redundant_envs.tasks import ReachTask
 from redundant_envs.web.module import HOST, as_json, environment_module
 
 SOURCES = (Path(__file__).parent / "site" / "index.html", HOST, Path(__file__).parent / "site" / "page.js")
-"""Files of the page beside its data."""
 DATA = "data.js"
 ARMS = ("RPRP", "FourR")
-LEARNERS = ("sac", "ppo")
-"""Learners whose policies the page takes, from folders such as RPRPReach-v0-sac."""
+LEARNERS = ("sac", "ppo")  # whose policies the page takes, from folders such as RPRPReach-v0-sac
 POLICIES = Path(__file__).parents[2] / "policies"  # of the source tree; a wheel has none
 LARGEST_PUSH = 100.0  # N
-CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)
-"""Control steps whose digest is compared, and the key of their episode."""
-FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64
-"""Of the digest: FNV-1a on words of 64 bits."""
-HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")
-"""What layers of policies apply, between them and at the end."""
+CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)  # whose digest is compared
+FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64  # FNV-1a on words of 64 bits
+HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")  # what policies apply after layers, at the end
 FAULTS = {
     Fault.NON_FINITE: "a state is no finite number",
     Fault.BAD_ACTION: "the action was no finite number",
@@ -101,8 +96,7 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
 
 
 def _content(policies: Path | None) -> tuple[bytes, list[str]]:
-    """The data of the page: the length of a JSON text, this text, and the bytes to which it refers; and names
-    of the policies in it."""
+    """The data of the page: length of a JSON text, the text, bytes to which it refers; and its policies."""
     parts: list[bytes] = []
 
     def kept(part: bytes) -> list[int]:
