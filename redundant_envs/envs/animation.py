@@ -45,8 +45,7 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         raise ValueError("trajectory has no times; simulate some to draw")
     chosen = () if index is None else index if isinstance(index, tuple) else (index,)
     whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
-    inside = whole and all(-n <= k < n for k, n in zip(chosen, shape, strict=False))
-    if len(chosen) != len(shape) or not inside:
+    if len(chosen) != len(shape) or not whole or not all(-n <= chosen[i] < n for i, n in enumerate(shape)):
         motions = f"motions of shape {shape}" if shape else "one motion"
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
         raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")

@@ -1,7 +1,5 @@
-"""A checker of vector environments, for Gymnasium's VectorEnv and stable-baselines3's VecEnv.
-
-Each rule has a name and one sentence; a violation raises :class:`BrokenRule` with both.
-"""
+"""A checker of vector environments, for Gymnasium's VectorEnv and stable-baselines3's VecEnv: each rule has a
+name and one sentence, and a violation raises :class:`BrokenRule` with both."""
 
 from __future__ import annotations
 

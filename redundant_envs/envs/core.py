@@ -141,11 +141,8 @@ def first_memory(
 
 
 class Core(Copied):
-    """Lanes of a scene, with a task.
-
-    Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key from it, and all else
-    of the episode follows from that key inside the compiled code.
-    """
+    """Lanes of a scene, with a task. Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key
+    from it, and all else of the episode follows from that key inside the compiled code."""
 
     made_anew = "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single"
 
@@ -298,10 +295,8 @@ class Core(Copied):
         self, lanes: NDArray[np.bool_], given: options.Given, run: Callable[[int], Any] | None = None
     ) -> None:
         """Begin new episodes in the lanes of a mask, with options that :meth:`checked` returned for some of
-        them; ``run`` replaces the default way of running the kernel for all lanes.
-
-        Parameters are set before start and goal are drawn: equal seeds and options give equal episodes.
-        """
+        them; ``run`` replaces the default way of running the kernel for all lanes. Parameters are set before
+        start and goal are drawn: equal seeds and options give equal episodes."""
         run = run or self._run
         index = np.flatnonzero(lanes)
         starts = [part for key, part in given.items() if key != options.PARAMETERS]

@@ -25,18 +25,15 @@ from redundant_envs.tasks.base import hard_stops, narrowed
 
 BARE = (EffortLimits, Gravity, ViscousFriction)
 """Effects of a bare arm: those of the environments, but for the ends of travel that only some arms have."""
-TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}
-"""What a control step is measured with: a single step, or the tolerance of "standard"."""
+TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}  # the second is that of "standard"
 COLUMNS = ("at", "of", "ns", "ns_without", "times_bare", "evaluations", "operations", "bytes", "faults")
 LANES = 4096
 FEWEST_LANES = 64
 """Lanes of a slow scene: a call then still costs far more than its 12 us of Python."""
 WARM, TIMED = 3, 8
 """Control intervals of a motion: those in which caches fill and rates grow from rest, and timed ones."""
-TIMES_WEIGHT = 2.0
-"""Commands of motors without limits, as multiples of the efforts that hold the arm."""
-START_ANGLE, START_TRAVEL = 1.5, 0.25
-"""Angles at the start are uniform in +- the first, rad, sliders from 0 to the second, m; inside limits."""
+TIMES_WEIGHT = 2.0  # commands of motors without limits, as multiples of the efforts that hold the arm
+START_ANGLE, START_TRAVEL = 1.5, 0.25  # rad and m: starts are within +- the first, and from 0 to the second
 
 Array = NDArray[np.float64]
 

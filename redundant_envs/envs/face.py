@@ -44,10 +44,8 @@ class Moment:
         self.__reduce__()
 
 
-LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
-"""Properties of :class:`EnvBase` that lanes have each for itself."""
-SHARED = ("on_bad_action", "render_mode", "metadata")
-"""Attributes of all environments together that ``set_attr`` sets."""
+LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
+SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
@@ -381,9 +379,8 @@ class VectorEnvBase(EnvBase):
 
     def _is_of_one(self, state: Any) -> bool:
         """Whether a state is that of a single environment, and not of this vector."""
-        if not isinstance(state, Mapping) or {*state} != {*STATE_KEYS} or self.core.num_envs == 1:
-            return False
-        return isinstance(state["generators"], list) and len(state["generators"]) == 1
+        of_core = isinstance(state, Mapping) and {*state} == {*STATE_KEYS} and self.core.num_envs > 1
+        return of_core and isinstance(state["generators"], list) and len(state["generators"]) == 1
 
     def _set_states(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot of all environments."""

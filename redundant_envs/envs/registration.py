@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
-
 ARGUMENTS = (
     "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
     "info_keys",
@@ -34,8 +33,7 @@ class Made(NamedTuple):
     task: str
 
 
-SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
-"""Scene of each arm in its environments."""
+SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}  # of arms in their environments
 TASKS = ["Reach", "GoalReach"]
 IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
@@ -142,7 +140,8 @@ def _check_name(what: str, name: Any) -> None:
 
 
 def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = None) -> None:
-    """Let scenes name an arm, and ``gymnasium.make`` its environments.
+    """Let scenes name an arm, and ``gymnasium.make`` its environments; ValueError if another arm has the name
+    or one of the ids, or the scene is not one of this arm.
 
     Parameters
     ----------
@@ -150,8 +149,6 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         Its ``kind``, by default the name of the class, is its name in scenes and ids.
     scene : mapping or path of a YAML file, optional
         For its environments ``redundant_envs/<kind><task>-v0``, one per task; without a scene it has none.
-
-    ValueError if another arm has the name or one of the ids, or the scene is not one of this arm.
     """
     from redundant_envs import robots
     from redundant_envs.scenes.scene import load_scene

@@ -378,8 +378,7 @@ NO_DISPLAY = (
     "render_mode='human' needs a display, and there is none here; make the environment with "
     "render_mode='rgb_array', or write a clip: redundant-envs-train play ... --clip file.gif"
 )
-CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
-"""Variables with which a user chooses a driver, such as "dummy", that may have no display."""
+CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")  # by which users choose a driver, such as "dummy"
 
 
 def display() -> Any:

@@ -1,7 +1,5 @@
-"""The first words of NumPy's generators of many seeds at a time: to make the generators takes 10 us each.
-
-The algorithms are those of ``numpy.random.SeedSequence`` and ``PCG64``, whose streams NumPy keeps (NEP 19).
-"""
+"""The first words of NumPy's generators of many seeds at a time: to make the generators takes 10 us each. The
+algorithms are those of ``numpy.random.SeedSequence`` and ``PCG64``, whose streams NumPy keeps (NEP 19)."""
 
 from __future__ import annotations
 

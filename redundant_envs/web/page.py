@@ -117,16 +117,21 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
 def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
     scene = page_scene(arm)
     code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
+    switches, given = _switches(scene), {}
+    for learner in LEARNERS if policies is not None else ():
+        path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
+        if path.is_file():
+            given[learner.upper()] = policy(path, len(description["observation"]), description["actions"])
     return {
         "id": id_of(arm, "Reach"),
         "description": description,
         "code": kept(code),
         "policies": {
-            name.upper(): {**about, "weights": kept(_planes(weights.astype("<f4")))}
-            for name, about, weights in _policies(arm, policies, description)
+            name: {**about, "weights": kept(_planes(weights.astype("<f4")))}
+            for name, (about, weights) in given.items()
         },
         "sliders": [slider._asdict() for slider in _sliders(scene)],
-        "switches": (switches := _switches(scene)),
+        "switches": switches,
         "bills": _bills(scene, [switch["key"] for switch in switches]),
         "check": {"key": CHECKED_KEY, "steps": CHECKED_STEPS, "digest": digest(scene)},
     }
@@ -212,20 +217,7 @@ def digest(scene: Scene) -> str:
     return f"{found:016x}"
 
 
-Weights = NDArray[np.float64]
-
-
-def _policies(
-    arm: str, folder: Path | None, description: dict[str, Any]
-) -> Iterator[tuple[str, dict[str, Any], Weights]]:
-    """Name, structure and all numbers of the policies of an arm in a folder."""
-    for learner in LEARNERS if folder is not None else ():
-        path = folder / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
-        if path.is_file():
-            yield learner, *policy(path, len(description["observation"]), description["actions"])
-
-
-def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], Weights]:
+def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Structure and numbers of a ``policy.npz`` with layers from some inputs to some actions."""
     try:
         found = read_arrays(path, "policy")
