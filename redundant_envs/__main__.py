@@ -6,12 +6,12 @@ import argparse
 import dataclasses
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from redundant_envs import __version__
-from redundant_envs.support.disk import add_force, check_kept
+from redundant_envs.support.disk import add_force, check_kept, write_text
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.support.modules import OPTION, status_of, take_imports
 from redundant_envs.support.values import say
@@ -20,24 +20,18 @@ from redundant_envs.support.values import say
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command: 0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the
+    command or a missing package; 130 for Ctrl-C; 141 if the reader of a pipe is gone."""
 
-    Returns
-    -------
-    int
-        0, or 1 if verify found a broken promise; 2, after a message, for a mistake in the command or a
-        missing package; 130 for Ctrl-C; 141 if the reader of a pipe is gone.
-    """
-    return status_of(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)), "redundant_envs")
+    def run() -> int | None:
+        words = take_imports(list(sys.argv[1:] if arguments is None else arguments))
+        if not words:
+            parser().print_help(sys.stderr)
+            return 2
+        options = parser().parse_args(words)
+        return options.handler(options)  # type: ignore[no-any-return]
 
-
-def _run(arguments: list[str]) -> int | None:
-    words = take_imports(arguments)
-    if not words:
-        parser().print_help(sys.stderr)
-        return 2
-    options = parser().parse_args(words)
-    return options.handler(options)  # type: ignore[no-any-return]
+    return status_of(run, "redundant_envs")
 
 
 def verify(options: argparse.Namespace) -> int:
@@ -74,17 +68,27 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"redundant-envs {__version__}")
     commands = top.add_subparsers(dest="command", required=True)
 
-    p = commands.add_parser("simulate", help="simulate arms without motors; record and plot their energies")
+    def command(handler: Callable[[Any], Any], name: str, text: str) -> argparse.ArgumentParser:
+        p: argparse.ArgumentParser = commands.add_parser(name, help=text)
+        p.set_defaults(handler=handler)
+        return p
+
+    def of_scene(handler: Callable[[Any], Any], name: str, text: str) -> argparse.ArgumentParser:
+        p = command(handler, name, text)
+        p.add_argument("scene", metavar="NAME_OR_PATH")
+        add_force(p)
+        return p
+
+    p = command(simulate, "simulate", "simulate arms without motors; record and plot their energies")
     p.add_argument("--scene", nargs="+", metavar="NAME_OR_PATH", help="default: the report's runs")
     p.add_argument("--seconds", type=float, default=5.0)
     p.add_argument("--q", nargs="+", type=float, metavar="Q", help="coordinates at the start, rad and m")
     p.add_argument("--qd", nargs="+", type=float, metavar="QD", help="velocities, 1/s, m/s; none is rest")
     p.add_argument("--out", type=Path, default=Path("runs/simulate"), metavar="FOLDER")
     p.add_argument("--clip", type=Path, metavar="FILE", help="draw one --scene, too: .gif or .mp4")
-    p.set_defaults(handler=simulate)
     add_force(p)
 
-    p = commands.add_parser("verify", help="check correctness: values found beside those promised")
+    p = command(verify, "verify", "check correctness: values found beside those promised")
     p.add_argument(
         "subject", nargs="*", metavar="SUBJECT",
         help="scene, file of one, id, arm, effect, task or module:object; default: all named scenes",
@@ -99,56 +103,36 @@ def parser() -> argparse.ArgumentParser:
         "--bits", nargs="?", const="short", choices=("short", "all"),
         help="instead, check that recorded motions have the same bits on this machine",
     )  # fmt: skip
-    p.set_defaults(handler=verify)
     add_force(p)
 
-    p = commands.add_parser("study", help="say where the studies are")
+    p = command(no_studies, "study", "say where the studies are")
     p.add_argument("study", nargs=argparse.REMAINDER)
-    p.set_defaults(handler=no_studies)
 
-    p = commands.add_parser("scene", help="print or draw a scene")
-    p.add_argument("scene", metavar="NAME_OR_PATH")
+    p = of_scene(show_scene, "scene", "print or draw a scene")
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
-    p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
-    p.set_defaults(handler=show_scene)
-    add_force(p)
+    p.add_argument("--drawing", type=Path, metavar="SVG", help="draw its arm instead")
 
-    p = commands.add_parser(
-        "export", help="write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
-    )
-    p.add_argument("scene", metavar="NAME_OR_PATH")
+    text = "write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
+    p = of_scene(export, "export", text)
     p.add_argument("--format", required=True, metavar="mjcf|urdf|casadi|c")
     p.add_argument("--out", type=Path, required=True, metavar="FILE")
-    p.add_argument(
-        "--approximate", action="store_true",
-        help="leave out what the format cannot express, or write the nearest equivalent, and say so",
-    )  # fmt: skip
-    p.set_defaults(handler=export)
-    add_force(p)
+    text = "leave out what the format cannot express, or write the nearest equivalent, and say so"
+    p.add_argument("--approximate", action="store_true", help=text)
 
-    p = commands.add_parser("wasm", help="write the Reach environment of a scene for JavaScript")
-    p.add_argument("scene", metavar="NAME_OR_PATH")
+    p = of_scene(write_wasm, "wasm", "write the Reach environment of a scene for JavaScript")
     p.add_argument("--out", type=Path, default=Path("runs/wasm"), metavar="FOLDER")
-    p.set_defaults(handler=write_wasm)
-    add_force(p)
 
-    p = commands.add_parser("page", help="write a page in which the arms move, to be opened as a file")
+    p = command(write_page, "page", "write a page in which the arms move, to be opened as a file")
     p.add_argument("--out", type=Path, default=Path("runs/page"), metavar="FOLDER")
-    p.add_argument(
-        "--policies", type=Path, metavar="FOLDER",
-        help="with policies as agents export writes them; default: those of the source tree",
-    )  # fmt: skip
-    p.set_defaults(handler=write_page)
+    text = "with policies as agents export writes them; default: those of the source tree"
+    p.add_argument("--policies", type=Path, metavar="FOLDER", help=text)
     add_force(p)
 
-    p = commands.add_parser("list", help="ids, scenes, effects, integrators")
-    p.set_defaults(handler=list_names)
-
-    p = commands.add_parser("cache", help="where the compiled simulators are kept, and how large they are")
+    command(list_names, "list", "ids, scenes, effects, integrators")
+    p = command(show_cache, "cache", "where the compiled simulators are kept, and how large they are")
     p.add_argument("--clear", action="store_true", help="delete them; they are compiled again when needed")
-    p.set_defaults(handler=show_cache)
     return top
 
 
@@ -229,31 +213,30 @@ def show_cache(options: argparse.Namespace) -> None:
 
 def show_scene(options: argparse.Namespace) -> None:
     """Print a scene as YAML, its traced program or its costs, or draw its arm."""
-    from redundant_envs import load_scene
+    from redundant_envs import bill, listing, load_scene
+    from redundant_envs.support.tables import table
 
     scene = load_scene(options.scene)
     if options.listing:
-        from redundant_envs.model.listing import listing
-
         say(listing(scene), end="")
     elif options.bill:
-        from redundant_envs.model.listing import bill
-        from redundant_envs.support.tables import table
-
         found = bill(scene)
         head = ("of", *next(iter(found.values()))._fields)
         say(table(head, ((owner, *counts) for owner, counts in found.items())))
     elif options.cost:
         from redundant_envs.envs import cost
-        from redundant_envs.support.tables import table
 
         rows = cost.costs(cost.parts(scene))
         say(table(cost.COLUMNS, (row.values() for row in rows)))
     elif options.drawing is not None:
-        from redundant_envs.envs.schematic import save_schematic
+        from redundant_envs.envs.rendering import stated_limits
+        from redundant_envs.robots.drawn import schematic
 
+        if options.drawing.suffix != ".svg":
+            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg")
         check_kept([options.drawing], options.force, [Path(options.scene)])
-        say(save_schematic(options.drawing, [scene.robot.kind]))
+        write_text(options.drawing, schematic(scene.robot, stated_limits(scene)))
+        say(options.drawing)
     else:
         import yaml
 

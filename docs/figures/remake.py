@@ -15,7 +15,9 @@ from PIL import Image
 
 import redundant_envs as rde
 from redundant_envs.control import ComputedTorque
-from redundant_envs.envs.schematic import save_schematic
+from redundant_envs.envs.rendering import stated_limits
+from redundant_envs.robots import drawn
+from redundant_envs.support.disk import write_text
 from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs_train.evidence.curves import curves
 from redundant_envs_train.evidence.table import brief_table
@@ -174,5 +176,7 @@ if __name__ == "__main__":
         save_figure(estimates.figure(list(csv.DictReader(file))), FIGURES / "estimates.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
-    save_schematic(FIGURES / "arms.svg")
+    arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach")]
+    pictures = [drawn.schematic(scene.robot, stated_limits(scene)) for scene in arms]
+    write_text(FIGURES / "arms.svg", drawn.side_by_side(pictures))
     main(["accuracy", "--redraw", str(RESULTS / "accuracy")])

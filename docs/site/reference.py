@@ -20,11 +20,13 @@ import redundant_envs as rde
 from redundant_envs import control
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, SCENES, id_of
-from redundant_envs.envs.schematic import save_schematic
+from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.model.listing import Operations
+from redundant_envs.robots.drawn import schematic
 from redundant_envs.scenes.files import config_folder
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
 from studies.effects import Study, load_study
 
@@ -78,8 +80,9 @@ def pictures(site: Path) -> None:
         imageio.imwrite(
             site / "environments" / f"{env_id.partition('/')[2]}.gif", frames, duration=1000 // FPS, loop=0
         )
-    for kind in sorted({rde.load_scene(name).robot.kind for name in scene_names()}):
-        save_schematic(site / "scenes" / f"{kind}.svg", [kind])
+    scenes = [rde.load_scene(name) for name in scene_names()]
+    for kind, scene in {scene.robot.kind: scene for scene in scenes}.items():
+        write_text(site / "scenes" / f"{kind}.svg", schematic(scene.robot, stated_limits(scene)))
 
 
 # ---- environments and tasks ----------------------------------------------------------------------------

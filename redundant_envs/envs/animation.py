@@ -11,24 +11,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import BACKGROUND, INK, JOINT, MARGIN, TRAIL, Drawing, stated_limits
+from redundant_envs.envs.rendering import MARGIN, Drawing, stated_limits
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
 from redundant_envs.support.values import shown
 
 FRAMES_PER_SECOND = 25
 TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
 BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
-KINETIC, POTENTIAL, TOTAL, ERROR, LEFT_OUT = "#34496e", "#d9822b", "#2e8b66", "#8c3b3b", "#a9adb5"
-SLIDERS = ("#34496e", "#7c9dcd")
+SLIDERS = [palette.css(color) for color in palette.ARMS[0]]
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
     """A moving picture of a motion, in real time.
 
     Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many
-    times a second, or more.
+    times a second, or more. It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")``
+    writes it. Both need the extra ``plot``. ValueError if nothing is to be drawn, or index chooses no motion.
 
     Parameters
     ----------
@@ -36,17 +37,6 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         What ``simulate`` gave.
     index : int or tuple of ints, optional
         Which motion of a batch; a single motion has none.
-
-    Returns
-    -------
-    Animation
-        It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")`` writes it. Both need the
-        extra ``plot``.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to draw, or the index chooses no motion.
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
@@ -55,8 +45,7 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         raise ValueError("trajectory has no times; simulate some to draw")
     chosen = () if index is None else index if isinstance(index, tuple) else (index,)
     whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
-    inside = whole and all(-n <= k < n for k, n in zip(chosen, shape, strict=False))
-    if len(chosen) != len(shape) or not inside:
+    if len(chosen) != len(shape) or not whole or not all(-n <= chosen[i] < n for i, n in enumerate(shape)):
         motions = f"motions of shape {shape}" if shape else "one motion"
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
         raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
@@ -91,10 +80,8 @@ class Animation:
         return f'<video controls autoplay loop muted src="data:video/mp4;base64,{video}"></video>'
 
     def save(self, path: str | Path) -> Path:
-        """Write it as a GIF or an MP4, by the ending of the file's name; gives the path.
-
-        A ValueError if the name ends in neither; a MissingPackage if the extra ``plot`` is not installed.
-        """
+        """Write it as a GIF or an MP4, by the ending of the file's name; ValueError if it ends in neither.
+        Gives the path."""
         path = Path(path)
         check_clip(path)
         times = np.arange(self._t[0], self._t[-1] + 1e-9, 1.0 / FRAMES_PER_SECOND)
@@ -113,31 +100,28 @@ class Animation:
         canvas = self._drawing.begun(found, self._farthest, BORDER)
         start = int(np.searchsorted(self._t, self._t[row] - TRAIL_SECONDS))
         way = np.unique(np.linspace(start, row, TRAIL_POINTS).round().astype(int))
-        canvas.trail(self._tips[way], 3.0, TRAIL, faint=0.1, strong=0.8)
+        canvas.trail(self._tips[way], 3.0, palette.TRAIL, faint=0.1, strong=0.8)
         self._drawing.arm(canvas, arm, self._q[row], known, found)
-        for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):
-            # The area of a disc shows the mass of the point.
-            canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), JOINT)
-        canvas.disc(base, 8.0, JOINT)
-        canvas.disc(base, 4.0, BACKGROUND)
+        for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):  # areas show masses
+            canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), palette.JOINT)
+        canvas.disc(base, 8.0, palette.JOINT)
+        canvas.disc(base, 4.0, palette.BACKGROUND)
         if self._limits.all() and self._limits.size:
             canvas.bars((self._efforts[row] / self._limits).tolist())
-        canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, INK)
+        canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, palette.INK)
         return canvas.pixels
-
-
-# ---- energies -------------------------------------------------------------------------------------------
 
 
 def energies_figure(motion: Trajectory, name: str) -> Any:
     """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
     sliders = motion.scene.robot.sliders()
-    figure = new_figure(7.0, 5.4 if sliders else 3.6)
-    ratios = [3, 2] if sliders else [1]
+    figure, ratios = new_figure(7.0, 5.4 if sliders else 3.6), [3, 2] if sliders else [1]
     panels = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     energy = panels[0]
-    energy.plot(motion.t, motion.kinetic_energy, color=KINETIC, lw=1.4, label="kinetic")
-    energy.plot(motion.t, motion.potential_energy, color=POTENTIAL, lw=1.4, label="potential")
+    energy.plot(motion.t, motion.kinetic_energy, color=palette.css(palette.KINETIC), lw=1.4, label="kinetic")
+    energy.plot(
+        motion.t, motion.potential_energy, color=palette.css(palette.POTENTIAL), lw=1.4, label="potential"
+    )
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{literal(name)}: kinetic and potential energy", loc="left")
     limits = stated_limits(motion.scene)
@@ -161,13 +145,22 @@ def total_figure(motion: Trajectory, name: str) -> Any:
     energy.update_datalim([(motion.t[0], part) for part in parts])
     book = motion.without_springs
     if book is not None:
-        energy.plot(motion.t, book, color=LEFT_OUT, lw=1.0, label="springs left out")
-    energy.plot(motion.t, motion.total, color=TOTAL, lw=2.0, label="total")
+        energy.plot(motion.t, book, color=palette.css(palette.LEFT_OUT), lw=1.0, label="springs left out")
+    energy.plot(motion.t, motion.total, color=palette.css(palette.TOTAL), lw=2.0, label="total")
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
-        energy.plot(motion.t, motion.balance, color=ERROR, lw=1.4, ls="--", label="total minus work")
+        energy.plot(
+            motion.t,
+            motion.balance,
+            color=palette.css(palette.ERROR),
+            lw=1.4,
+            ls="--",
+            label="total minus work",
+        )
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{literal(name)}: total energy, relative drift {motion.drift:.1e}", loc="left")
-    error.plot(motion.t, motion.relative_error, color=ERROR, lw=1.2, label="relative error")
+    error.plot(
+        motion.t, motion.relative_error, color=palette.css(palette.ERROR), lw=1.2, label="relative error"
+    )
     error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
     _finish((energy, error), motion.t)
@@ -185,7 +178,7 @@ def _finish(panels: Any, t: NDArray[np.float64]) -> None:
 
 
 FIGURES = {"energies": energies_figure, "total": total_figure}
-"""Pictures of a motion, by what is between its name and the ending of the file."""
+"""By what is between the name of the motion and the ending of the file."""
 
 
 def save_figures(motion: Trajectory, name: str, folder: Path) -> list[Path]:

@@ -14,7 +14,6 @@ from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
 
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
-FLOAT32 = np.dtype(np.float32)  # a singleton: comparing by identity is quicker
 
 
 def reach_of(scene: Scene, values: Mapping[str, Any]) -> Any:
@@ -39,11 +38,12 @@ def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
     for name in (n for n in given if isinstance(n, str)):
         entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
         if name in ("lengths", *of_reward) or fixed & entries:
-            what = name if name in of_reward else "lengths and travel"
+            kept, fix = "lengths and travel", ""
+            if name in of_reward:
+                kept, fix = name, f": make one with task={{{name!r}: ...}}"
             raise ValueError(
-                f"parameter is {name!r}; goal environments keep {what}, because compute_reward is a "
-                "function of the two goals alone"
-                + (f": make one with task={{{what!r}: ...}}" if name in of_reward else "")
+                f"parameter is {name!r}; goal environments keep {kept}, because compute_reward is a "
+                f"function of the two goals alone{fix}"
             )
 
 
@@ -58,7 +58,7 @@ def checked_seed(name: str, seed: Any) -> int | None:
 
 def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Actions as float32, or a ValueError about their shape or dtype."""
-    of_floats = type(actions) is np.ndarray and actions.dtype is FLOAT32
+    of_floats = type(actions) is np.ndarray and actions.dtype == np.float32
     if of_floats and actions.shape == shape and actions.flags.carray:
         return actions  # type: ignore[no-any-return]
     array = np.asarray(actions)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,7 @@ from redundant_envs.envs import options
 from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.envs.variation import AS_IN_THE_SCENE, Variation
+from redundant_envs.envs.variation import bounds, observed, simulated
 from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.language.draws import KEY_WORDS
 from redundant_envs.language.quantities import Quantities
@@ -43,17 +43,14 @@ Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 
 
 class EpisodeKeys:
-    """The generators of lanes and keys of episodes, 128 bits each: a lane's are the successive words of its
-    generator, whether they were drawn ahead or not."""
+    """The generators of lanes; keys of episodes, of 128 bits, are successive words of a lane's generator."""
 
     def __init__(self, count: int) -> None:
         self._generators: list[np.random.Generator | None] = [None] * count
         self.seeds = [-1] * count
         """The seed of each lane's generator; -1 if it is unknown."""
-        self._ready: dict[int, tuple[np.random.Generator, int]] = {}
-        """Generators of lanes that were asked for before a first episode needed them."""
-        self._unmade: dict[int, int] = {}
-        """Seeds of lanes whose keys were drawn without a generator, which is made when it is needed."""
+        self._unmade: set[int] = set()
+        """Lanes whose keys were drawn without a generator, which is made when it is needed."""
         self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
         self._left = np.zeros(count, dtype=np.int64)
 
@@ -63,20 +60,16 @@ class EpisodeKeys:
         for lane in [*self._unmade]:
             self._make(lane)
         for lane in np.flatnonzero(self._left).tolist():
-            generator = self._generators[lane]
-            assert generator is not None
-            generator.bit_generator.advance(-2 * int(self._left[lane]))  # type: ignore[attr-defined]
+            generator: Any = self._generators[lane]
+            generator.bit_generator.advance(-2 * int(self._left[lane]))
         self._left[:] = 0
         return self._generators
 
-    def seed(self, lane: int, seed: int | None) -> int:
-        """Give a lane a new generator; returns the seed used."""
-        ready = self._ready.pop(lane, None)
-        generator, used = ready if seed is None and ready else seeding.np_random(seed)
-        self._unmade.pop(lane, None)
-        self._generators[lane], self.seeds[lane] = generator, used
+    def seed(self, lane: int, seed: int | None) -> None:
+        """Give a lane a new generator."""
+        self._unmade.discard(lane)
+        self._generators[lane], self.seeds[lane] = seeding.np_random(seed)
         self._left[lane] = 0
-        return used
 
     def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
         """Give lanes new generators, as :meth:`seed` does; many are made only when they are needed."""
@@ -87,43 +80,35 @@ class EpisodeKeys:
         words = first_words(seeds, 2 * AHEAD).astype("<u8")
         self._drawn[lanes] = words.view("<u4").reshape(len(lanes), *self._drawn.shape[1:])
         self._left[lanes] = AHEAD
+        self._unmade.update(lanes)
         for lane, seed in zip(lanes, seeds, strict=True):
-            self._ready.pop(lane, None)
-            self._unmade[lane] = self.seeds[lane] = seed
+            self.seeds[lane] = seed
 
     def _make(self, lane: int) -> None:
         """Make the generator of a lane whose keys were drawn without it."""
-        generator, _ = seeding.np_random(self._unmade.pop(lane))
-        generator.bit_generator.advance(2 * AHEAD)  # type: ignore[attr-defined]
+        self._unmade.remove(lane)
+        generator: Any = seeding.np_random(self.seeds[lane])[0]
+        generator.bit_generator.advance(2 * AHEAD)
         self._generators[lane] = generator
 
     def own(self) -> list[np.random.Generator]:
         """The generator of each lane, also before its first episode."""
-        found = []
         for lane, generator in enumerate(self.generators):
             if generator is None:
-                if lane not in self._ready:
-                    self._ready[lane] = seeding.np_random(None)
-                generator, self.seeds[lane] = self._ready[lane]
-            found.append(generator)
-        return found
+                self.seed(lane, None)
+        return [generator for generator in self._generators if generator is not None]
 
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
         """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
         out = lanes[self._left[lanes] == 0].tolist()
-        made, waiting, ready = self._generators, self._unmade, self._ready
-        new = [k for k in out if made[k] is None and k not in waiting and k not in ready]
-        if len(new) >= MANY:
+        new = [lane for lane in out if self._generators[lane] is None and lane not in self._unmade]
+        if new:
             self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
-            out = [lane for lane in out if self._left[lane] == 0]
-        for lane in out:
+        for lane in (lane for lane in out if self._left[lane] == 0):
             if lane in self._unmade:
                 self._make(lane)
-            if self._generators[lane] is None:
-                self.seed(lane, None)
-            generator, drawn = self._generators[lane], self._drawn[lane]
-            assert generator is not None
-            bits = generator.bit_generator
+            generator: Any = self._generators[lane]
+            drawn, bits = self._drawn[lane], generator.bit_generator
             if type(bits) is np.random.PCG64:
                 drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
                 self._left[lane] = len(drawn)
@@ -156,15 +141,10 @@ def first_memory(
 
 
 class Core(Copied):
-    """Lanes of a scene, with a task.
+    """Lanes of a scene, with a task. Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key
+    from it, and all else of the episode follows from that key inside the compiled code."""
 
-    Lane i owns ``np_random(seed + i)``; each episode draws one 128-bit key from it, and all else
-    of the episode follows from that key inside the compiled code.
-    """
-
-    made_anew = (
-        "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single",
-    )  # fmt: skip
+    made_anew = "keys", "mask", "_key_address", "_offsets", "_team", "_goal_rewards", "_facts", "_single"
 
     def __init__(
         self,
@@ -175,16 +155,18 @@ class Core(Copied):
         accuracy: str | float | None = None,
         env_id: str | None = None,
         threads: int = 1,
-        variation: Variation = AS_IN_THE_SCENE,
+        randomize: bool = True,
+        observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
     ) -> None:
-        self.scene, self.variation = scene_at(scene, accuracy), variation
+        self.scene = scene_at(scene, accuracy)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
-        variation.check(self.scene, task)
-        self.bounds = variation.bounds(self.scene, task)
+        self.simulated = simulated(self.scene, task, randomize)
+        self.observed = observed(self.scene, task, observe_parameters)
+        self.bounds = bounds(self.scene, task, self.observed)
         """Bounds of the numbers that observations show."""
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
@@ -196,14 +178,12 @@ class Core(Copied):
         """Lanes that began a new episode in the last step, if any did."""
         self.waiting_options: options.Given = {}
         """Options of episodes that have not begun yet."""
-        episode = self.episode
-        self.actions = episode.actions
-        self.columns = Columns(episode, info_keys)
-        self.goal_fields = episode.goal
-        self._episode_keys = EpisodeKeys(num_envs)
+        self.actions, self.goal_fields = self.episode.actions, self.episode.goal
+        self.columns = Columns(self.episode, info_keys)
+        self.episode_keys = EpisodeKeys(num_envs)
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
-        self.obs_size = len(episode.observed)
+        self.obs_size = len(self.episode.observed)
         self.reach = reach_of(self.scene, self.scene.parameters())
         self._connect()
 
@@ -226,58 +206,33 @@ class Core(Copied):
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
-        scene, task, variation = state["scene"], state["task"], state["variation"]
-        simulated = variation.simulated(scene)
-        fields = map(Dynamics(simulated).parameters.field_of, variation.entries(scene, task))
-        return environment_simulator(simulated, task, tuple(fields))
-
-    def start_ranges(self) -> list[tuple[float, float]]:
-        """Range of the starts of each joint in the scene, inside its limits."""
-        return start_ranges(self.scene, self.task)
-
-    # ---- randomness ------------------------------------------------------------------------------
+        fields = map(Dynamics(state["simulated"]).parameters.field_of, state["observed"])
+        return environment_simulator(state["simulated"], state["task"], tuple(fields))
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
         """Generators of the lanes: the next keys are the next words of each."""
-        return self._episode_keys.generators
-
-    def own_generators(self) -> list[np.random.Generator]:
-        """The same, also of lanes without an episode yet."""
-        return self._episode_keys.own()
-
-    @property
-    def seeds(self) -> list[int]:
-        """The seeds of these."""
-        return self._episode_keys.seeds
+        return self.episode_keys.generators
 
     @property
     def begun_all(self) -> bool:
-        """Whether every lane has had a reset."""
-        return None not in self.generators
-
-    def seed(self, lane: int, seed: int | None) -> int:
-        """Give a lane a new generator; returns the seed used."""
-        self.waiting[lane] = False
-        return self._episode_keys.seed(lane, seed)
+        """Whether every lane has had a reset, and so a key."""
+        return bool(self.keys.any(axis=1).all())
 
     def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
         """Give lanes new generators."""
         self.waiting[lanes] = False
-        self._episode_keys.seed_all(lanes, seeds)
+        self.episode_keys.seed_all(lanes, seeds)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
-            self.keys[lanes] = self._episode_keys.take(lanes)
+            self.keys[lanes] = self.episode_keys.take(lanes)
             self.waiting[lanes] = True
 
-    # ---- stepping --------------------------------------------------------------------------------
-
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
-        """One control step of all lanes; with autoreset NEXT_STEP those that were reset have no reward and no
-        flags."""
+        """One control step of all lanes; those that NEXT_STEP resets have no reward and no flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(KernelCall.STEP, actions, autoreset)
@@ -292,15 +247,13 @@ class Core(Copied):
         return tables
 
     def _begin_with_options(self, tables: Tables, lanes: NDArray[np.int64]) -> None:
-        """Let episodes that an autoreset has begun begin with the options that waited for them instead, and
-        with the same draws otherwise."""
+        """Begin episodes that an autoreset has begun anew, with the options that waited for them."""
         found = options.within(self.waiting_options, lanes)
         if not found:
             return
-        self.waiting_options = options.without(self.waiting_options, lanes)
+        self.waiting_options = options.within(self.waiting_options, lanes, others=True)
         some = np.zeros(self.num_envs, np.bool_)
-        for part in found.values():
-            some[part.lanes] = True
+        some[np.concatenate([part.lanes for part in found.values()])] = True
         lanes = np.flatnonzero(some)
         found = options.checked_reset(self.episode, self.memory, {}, lanes, found)
         self.waiting[lanes] = True  # their keys are those of the last draw
@@ -317,10 +270,8 @@ class Core(Copied):
         """An operation on all lanes."""
         if actions is None:
             actions = np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
-        obs, out, places = self._tables(np.empty)
-        last_obs, last_out, last = obs, out, places
-        if autoreset == Autoreset.SAME_STEP:
-            last_obs, last_out, last = self._tables(np.zeros)
+        obs, out, places = now = self._tables(np.empty)
+        last_obs, last_out, last = self._tables(np.zeros) if autoreset == Autoreset.SAME_STEP else now
         starts = [address(actions), *places, self.memory.blocks * LANES, *last, self._key_address]
         starts += operation, autoreset, int(np.count_nonzero(self.mask))
         memory = self.memory
@@ -344,27 +295,23 @@ class Core(Copied):
         self, lanes: NDArray[np.bool_], given: options.Given, run: Callable[[int], Any] | None = None
     ) -> None:
         """Begin new episodes in the lanes of a mask, with options that :meth:`checked` returned for some of
-        them; ``run`` replaces the default way of running the kernel for all lanes.
-
-        Options are checked before a generator is seeded or a number is set, so a refused reset
-        changes nothing. Parameters are set before start and goal are drawn: equal seeds and options
-        give equal episodes.
-        """
+        them; ``run`` replaces the default way of running the kernel for all lanes. Parameters are set before
+        start and goal are drawn: equal seeds and options give equal episodes."""
+        run = run or self._run
         index = np.flatnonzero(lanes)
         starts = [part for key, part in given.items() if key != options.PARAMETERS]
         if options.PARAMETERS in given:
             names, some, table = given[options.PARAMETERS]
             parameters.write(self.scene, self.memory, some, dict(zip(names, table.T, strict=True)))
-        if self.waiting_options:
-            self.waiting_options = options.without(self.waiting_options, index)
+        self.waiting_options = options.within(self.waiting_options, index, others=True)
         self.provide_keys(index)
         due = self.mask.copy()
         self.mask[:] = lanes
-        (run or self._run)(KernelCall.RESET)
+        run(KernelCall.RESET)
         for names, some, table in starts:
             self.memory.write(names, table, some)
         if starts and self.simulator.dynamics.effect_states.computed:
-            (run or self._run)(KernelCall.BEGIN_STATES)
+            run(KernelCall.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
         self.waiting[lanes] = False
 
@@ -385,7 +332,7 @@ class Core(Copied):
             found = self.checked(given, lanes)
             self.waiting_options = options.over(self.waiting_options, found)
         else:
-            self.waiting_options = options.without(self.waiting_options, lanes)
+            self.waiting_options = options.within(self.waiting_options, lanes, others=True)
 
     @alone
     def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
@@ -393,8 +340,6 @@ class Core(Copied):
         waiting = self.waiting_options
         found = options.checked_number(self.episode, self.memory, name, value, lanes, waiting)
         self.waiting_options = options.over(waiting, found)
-
-    # ---- goals and snapshots ---------------------------------------------------------------------
 
     def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
@@ -454,37 +399,31 @@ class Core(Copied):
 
     @alone
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit.
-
-        If the state belongs to another scene, task, episode limit or number of environments, a ValueError
-        names the difference, and nothing changes.
-        """
+        """Return to a state of :meth:`get_state`; the continuation is the same to the last bit. ValueError if
+        it is of another scene, task, episode limit or number of environments."""
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
         for name in OF_KEYS:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
-        self.seeds[:] = [-1] * self.num_envs
+        self.episode_keys.seeds[:] = [-1] * self.num_envs
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
-        """Continue the episode of one environment's state in some lanes, which keep their generators and the
-        limits of their episodes."""
+        """Continue the episode of one environment in some lanes, which keep their generators and limits."""
         single = self._single
         single.set_state(state)
         if single.memory.read(("terminated",)).any():
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
-        for lane in lanes.tolist():
-            if self.generators[lane] is None:
-                self.seed(lane, None)
-        fields = self.memory.layout.fields.items()
-        names = [name for name, field in fields if field.lifetime in KEPT and name != "limit"]
+        self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
+        fields = self.memory.layout.fields
+        names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
         self.memory.write(names, single.memory.read(names), lanes)
         self.mask[lanes] = 0
 
     @cached_property
     def _single(self) -> Core:
-        return Core(self.scene, 1, self.task, variation=self.variation)
+        return Core(self.simulated, 1, self.task, observe_parameters=self.observed)
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -501,7 +440,7 @@ class Core(Copied):
         if not isinstance(generators, list) or len(generators) != self.num_envs:
             raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
         for given in generators:
-            if not (given is None or isinstance(given, np.random.Generator)):
+            if not isinstance(given, np.random.Generator | None):
                 raise ValueError(f"state['generators'] has {given!r}; give NumPy generators or None")
 
     @cached_property

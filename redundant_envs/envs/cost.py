@@ -4,7 +4,6 @@ effect. A scene is compared with its bare arm: that with the effects of :data:`B
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,20 +25,15 @@ from redundant_envs.tasks.base import hard_stops, narrowed
 
 BARE = (EffortLimits, Gravity, ViscousFriction)
 """Effects of a bare arm: those of the environments, but for the ends of travel that only some arms have."""
-TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}
-"""What a control step is measured with: a single step, or the tolerance of "standard"."""
+TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}  # the second is that of "standard"
 COLUMNS = ("at", "of", "ns", "ns_without", "times_bare", "evaluations", "operations", "bytes", "faults")
 LANES = 4096
 FEWEST_LANES = 64
-"""Lanes of a scene that is so slow that more would take too long: a call then still costs far more than its
-12 us of Python."""
+"""Lanes of a slow scene: a call then still costs far more than its 12 us of Python."""
 WARM, TIMED = 3, 8
-"""Control intervals of a motion before the timed ones, in which caches fill and rates grow from rest, and
-timed ones."""
-TIMES_WEIGHT = 2.0
-"""Commands of motors without limits, as multiples of the efforts that hold the arm."""
-START_ANGLE, START_TRAVEL = 1.5, 0.25
-"""Angles at the start are uniform in +- the first, rad, sliders from 0 to the second, m; inside limits."""
+"""Control intervals of a motion: those in which caches fill and rates grow from rest, and timed ones."""
+TIMES_WEIGHT = 2.0  # commands of motors without limits, as multiples of the efforts that hold the arm
+START_ANGLE, START_TRAVEL = 1.5, 0.25  # rad and m: starts are within +- the first, and from 0 to the second
 
 Array = NDArray[np.float64]
 
@@ -52,8 +46,7 @@ class Pair(NamedTuple):
 
 
 def fixed(scene: Scene, effects: Iterable[Effect]) -> Scene:
-    """A scene with these effects, and without ranges: those of effects that are left out would name nothing,
-    and what is timed draws no numbers."""
+    """A scene with these effects, and without ranges: what is timed draws no numbers."""
     return dataclasses.replace(scene, effects=tuple(effects), randomize={})
 
 
@@ -64,18 +57,16 @@ def bare(scene: Scene) -> Scene:
 
 def alone(arm: Scene, effect: Effect) -> Pair:
     """A bare arm with one effect more, and without it; an effect that the arm has replaces its own."""
-    own = tuple(e for e in arm.effects if e.key != effect.key)
-    effects = tuple(effect if e.key == effect.key else e for e in arm.effects)
-    if len(own) == len(effects):
-        effects = (*own, effect)
-    return Pair(fixed(arm, effects), fixed(arm, own))
+    effects = {e.key: e for e in arm.effects}
+    own = (e for e in arm.effects if e.key != effect.key)
+    return Pair(fixed(arm, {**effects, effect.key: effect}.values()), fixed(arm, own))
 
 
 def parts(scene: Scene) -> dict[str, Pair]:
     """The bare arm of a scene, each of its effects alone, and the whole scene."""
     arm = bare(scene)
-    found = {"bare": Pair(arm, arm)} | {effect.key: alone(arm, effect) for effect in scene.effects}
-    return {**found, "whole scene": Pair(scene, arm)}
+    each = {effect.key: alone(arm, effect) for effect in scene.effects}
+    return {"bare": Pair(arm, arm), **each, "whole scene": Pair(scene, arm)}
 
 
 @dataclass
@@ -93,10 +84,11 @@ class Timed:
     @classmethod
     def of(cls, scene: Scene, limits: Array, lanes: int, most: float) -> Timed:
         """A motion of a scene, with fewer lanes if it would take more than some seconds."""
-        probe = cls._with(scene, limits, FEWEST_LANES)
-        each = min(seconds(probe.batch.advance, efforts) for efforts in probe.efforts[:2])
+        found = cls._with(scene, limits, FEWEST_LANES)
+        each = min(seconds(found.batch.advance, efforts) for efforts in found.efforts[:2])
         many = int(most * FEWEST_LANES / (each * (WARM + TIMED)))
-        found = probe if many <= FEWEST_LANES else cls._with(scene, limits, min(lanes, many))
+        if many > FEWEST_LANES:
+            found = cls._with(scene, limits, min(lanes, many))
         found.cores = observers(scene, found.batch.num_envs)
         return found
 
@@ -104,22 +96,19 @@ class Timed:
     def _with(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
         joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
         batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
-        shares = np.random.default_rng(1).uniform(
-            -1.0, 1.0, (lanes, WARM + TIMED, joints)
-        )  # also of few lanes
+        shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
         return cls(batch, batch.save(), np.ascontiguousarray(limits * shares.swapaxes(0, 1)))
 
     def sample(self) -> list[float]:
         """Times of all intervals and observations, s."""
         self.batch.restore(self.start)
-        made = [timed(self.batch.advance, efforts) for efforts in self.efforts]
-        self.evaluations = float(np.mean([status.evaluations.mean() for _, status in made[WARM:]]))
-        self.faults = float(np.mean([(status.numerics != 0).mean() for _, status in made[WARM:]]))
-        times = [time for time, _ in made]
+        times, states = zip(*(timed(self.batch.advance, efforts) for efforts in self.efforts), strict=True)
+        self.evaluations = float(np.mean([status.evaluations.mean() for status in states[WARM:]]))
+        self.faults = float(np.mean([(status.numerics != 0).mean() for status in states[WARM:]]))
         for core in self.cores:
             core.observe()  # brings memory into the caches
-            times.append(seconds(core.observe))
-        return times
+            times += (seconds(core.observe),)
+        return [*times]
 
     def nanoseconds(self, times: Times) -> float:
         """Of a control interval of a lane, and of the readings of its sensors."""
@@ -129,12 +118,14 @@ class Timed:
 
     @cached_property
     def price(self) -> tuple[int, int]:
-        return price(self.batch.scene)
+        """Operations of a control step of a lane, and bytes of its memory, without those of a task."""
+        bills = bill(self.batch.scene).items()
+        found = [counts for owner, counts in bills if owner not in OF_ENVIRONMENT]
+        return sum(sum(counts) - counts.bytes for counts in found), sum(counts.bytes for counts in found)
 
 
 def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
-    """The environment of a scene with sensors, and that without them; none without the motors and limits that
-    an environment needs."""
+    """The environment of a scene with sensors, and that without them; none where a scene can be none."""
     sensors = scene.attached.keys_of(Sensing)
     if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
         return ()
@@ -145,27 +136,24 @@ def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
 def starts(scene: Scene, draws: Array) -> Array:
     """Coordinates (lanes, joints) inside the limits of a scene, from uniform draws of the joints."""
     arm, values = scene.robot, scene.parameters()
-    limited = [(k, *ends) for k, ends in scene.travel().items()]
-    joints = np.empty_like(draws)
-    for k, slides in enumerate(arm.prismatic):
-        low, high = (0.0, START_TRAVEL) if slides else (-START_ANGLE, START_ANGLE)
-        for joint, lower, upper in (*limited, *hard_stops(scene)):
-            if joint == k:
-                low, high = narrowed(low, high, values[lower], values[upper])
-        joints[:, k] = low + draws[:, k] * (high - low)
-    return joints @ np.linalg.inv(arm.motor_map)
+    ranges = [(0.0, START_TRAVEL) if slides else (-START_ANGLE, START_ANGLE) for slides in arm.prismatic]
+    for k, lower, upper in (*((k, *ends) for k, ends in scene.travel().items()), *hard_stops(scene)):
+        ranges[k] = narrowed(*ranges[k], values[lower], values[upper])
+    low, high = np.array(ranges).T
+    return (low + draws * (high - low)) @ np.linalg.inv(arm.motor_map)
 
 
 def limits_of(pair: Pair) -> tuple[Array, Array]:
     """Largest commands of the motors in both scenes of a pair, (joints,): those of the other scene where one
     has no limits and takes the same units, and :data:`TIMES_WEIGHT` times what holds the arm otherwise."""
-    found = [np.array([s.parameters()[name] for name in s.action_units()]) for s in pair]
-    alike = pair.scene.command_units() == pair.without.command_units()
-    sides = []
-    for own, other, scene in zip(found, reversed(found), pair, strict=True):
-        given = own if own.size or not alike else other
-        sides.append(given if given.size else TIMES_WEIGHT * weight(scene))
-    return sides[0], sides[1]
+    own, other = (np.array([s.parameters()[name] for name in s.action_units()]) for s in pair)
+    if pair.scene.command_units() == pair.without.command_units():
+        own, other = own if own.size else other, other if other.size else own
+    first, second = (
+        given if given.size else TIMES_WEIGHT * weight(scene)
+        for given, scene in zip((own, other), pair, strict=True)
+    )
+    return first, second
 
 
 def weight(scene: Scene) -> Array:
@@ -173,12 +161,6 @@ def weight(scene: Scene) -> Array:
     arm = scene.robot
     poses = starts(scene, np.random.default_rng(0).random((FEWEST_LANES, len(arm.joints))))
     return np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
-
-
-def price(scene: Scene) -> tuple[int, int]:
-    """Operations of a control step of a lane, and bytes of its memory, without those of a task."""
-    found = [counts for owner, counts in bill(scene).items() if owner not in OF_ENVIRONMENT]
-    return sum(sum(counts) - counts.bytes for counts in found), sum(counts.bytes for counts in found)
 
 
 def costs(
@@ -198,26 +180,24 @@ def costs(
             asked.append(side)
     rows = []
     with counted("cost", len(TOLERANCES) * (len(asked) + turns), each=4) as done:
-
-        def over(at: str, turn: int) -> None:
-            done(f"turn {turn} of {turns} at {at}")
-
         for accuracy, tolerance in TOLERANCES.items():
             scenes = []
             for given, limits in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
                 scenes.append(Timed.of(scene, np.array(limits), lanes, most))
                 done(f"a scene at {accuracy}")
-            samplers = {k: one.sample for k, one in enumerate(scenes)}
-            times = by_turns(samplers, turns, most=most, done=functools.partial(over, accuracy))
+
+            def over(turn: int, at: str = accuracy) -> None:
+                done(f"turn {turn} of {turns} at {at}")
+
+            times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most, done=over)
             ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
             for name, both in sides.items():
                 own, without = (asked.index(side) for side in both)
-                operations, size = scenes[own].price
+                one, (operations, size) = scenes[own], scenes[own].price
                 rows.append({
                     "at": accuracy, "of": name, "ns": round(ns[own], 1), "ns_without": round(ns[without], 1),
-                    "times_bare": round(ns[own] / ns[without], 3),
-                    "evaluations": round(scenes[own].evaluations, 2), "operations": operations, "bytes": size,
-                    "faults": round(scenes[own].faults, 4),
+                    "times_bare": round(ns[own] / ns[without], 3), "evaluations": round(one.evaluations, 2),
+                    "operations": operations, "bytes": size, "faults": round(one.faults, 4),
                 })  # fmt: skip
     return rows

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, EnvBase
+from redundant_envs.envs.face import PICTURE_SIZE, EnvBase, check_plain
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
-from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import IN_USE, alone, first
 from redundant_envs.model.programs import Team
 from redundant_envs.simulator.batch.environment import Autoreset, KernelCall
 from redundant_envs.simulator.lane.episode import TABLES, TIP
+from redundant_envs.tasks import make_task
 
 FORMATS = {"flags": "?", "counts": "q", "values": "d"}
 """Numbers of the tables for :mod:`struct` and NumPy; a row has one for each lane of a block."""
@@ -48,22 +48,21 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         render_height: int = PICTURE_SIZE,
     ) -> None:
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
-        variation = Variation.of(randomize, observe_parameters)
         if render_mode == "human":
             from redundant_envs.envs.rendering import display
 
             display()  # a missing package or display is reported at once, not at the first step
-        core = self._core_of(scene, 1, task, accuracy, variation, info_keys)
+        check_plain(scene)
+        core = Core(
+            scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
+            randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
+        )  # fmt: skip
         self.observation_space, self.action_space = self._take(core)
-        self._lane = SingleLane(self.core)
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "_lane": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__(state)
-        self._lane = SingleLane(self.core)
+    @functools.cached_property
+    def _lane(self) -> SingleLane:
+        return SingleLane(self.core)
 
     @first
     def reset(
@@ -134,14 +133,12 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         return hasattr(self, name) or self._is_number(name)
 
     def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
-        """Set an attribute, or a number from the next episode on; returns whether it was set.
-
-        Without ``force`` only what is there is set.
-        """
-        if force or self.has_wrapper_attr(name):
+        """Set an attribute, or a number from the next episode on, without ``force`` only if it is there;
+        returns whether it was set."""
+        there = force or self.has_wrapper_attr(name)
+        if there:
             setattr(self, name, value)
-            return True
-        return False
+        return there
 
     @alone
     def _show(self) -> None:
@@ -152,10 +149,8 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human".
-
-        The mode "human" shows every step in a window without a call of ``render``.
-        """
+        """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human", which
+        shows every step in a window without a call."""
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
@@ -200,7 +195,6 @@ class SingleLane:
         obs = np.zeros((LANES, core.obs_size), dtype=np.float32)
         self._copied_obs = obs[0].copy
         self._seen: Callable[[], Any] = self._goals_seen if core.task.goal_conditioned else self._copied_obs
-        """The observation of the last step."""
         # Tables for the lanes of a block side by side in memory, so that one call reads all of them.
         kinds = [(table, FORMATS[table], (len(names), LANES)) for table, names in columns.tables.items()]
         rows: Any = np.zeros(1, kinds)
@@ -209,12 +203,9 @@ class SingleLane:
         self.read, self.told = self._telling(columns)
         """Numbers of the last step; from these whether the episode was terminated, reward, and ``info``."""
         self._points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
-        """Tip and goal, m."""
         self._memory = core.memory
         self._operation, self._version = -1, -1  # those of the last call
-        self._call: Callable[[], None] = functools.partial(part.entry, part.address)
-        if self._team.is_long:
-            self._call = self._team
+        self._call = self._team if self._team.is_long else functools.partial(part.entry, part.address)
         tables = dict(zip(TABLES, self.outputs, strict=True))
         part.set(
             actions=self.action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
@@ -222,8 +213,13 @@ class SingleLane:
         )  # fmt: skip
 
     def _reading(self, columns: Columns, names: Any) -> Any:
-        """A function that reads some quantities of the last step."""
-        return functools.partial(_reader(columns, names).unpack_from, self._buffer)
+        """A function that reads some quantities of the last step; they must be in the order of the tables."""
+        form = ["="]
+        for table, present in columns.tables.items():
+            letter = FORMATS[table]
+            size = struct.calcsize(letter)
+            form += [f"{letter}{(LANES - 1) * size}x" if n in names else f"{LANES * size}x" for n in present]
+        return functools.partial(struct.Struct("".join(form)).unpack_from, self._buffer)
 
     def _telling(self, columns: Columns) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         """What :attr:`read` and :attr:`told` are."""
@@ -253,8 +249,7 @@ class SingleLane:
         return self._seen()
 
     def step(self, action: Any, operation: int) -> tuple[Any, Any]:
-        """One control step, by the operation STEP or CHECKED_STEP; returns the observation, and what
-        :attr:`told` returns."""
+        """One control step, by STEP or CHECKED_STEP; gives the observation, and what :attr:`told` returns."""
         memory = self._memory
         if self._version != memory.free or operation != self._operation:
             return self._step_otherwise(action, operation)
@@ -274,14 +269,3 @@ class SingleLane:
         """The same after another operation, or with other arrays than before."""
         self._action[:] = check_action(action, self.action.shape)
         return self.run(operation), self.told(self.read())
-
-
-def _reader(columns: Columns, names: Any) -> struct.Struct:
-    """Reads some quantities of the first lane; they must be in the order of the tables."""
-    form = ["="]
-    for table, present in columns.tables.items():
-        letter = FORMATS[table]
-        rest = (LANES - 1) * struct.calcsize(letter)
-        for name in present:
-            form.append(f"{letter}{rest}x" if name in names else f"{rest + struct.calcsize(letter)}x")
-    return struct.Struct("".join(form))

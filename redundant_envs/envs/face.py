@@ -1,11 +1,10 @@
-"""What all kinds of environments share: some arguments, values of lanes that users may read, their numbers
-by name with units, pictures."""
+"""What all kinds of environments share: values that users may read, numbers with units, pictures."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -18,7 +17,6 @@ from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import InUse, alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scenes.numbers import names_of
@@ -27,13 +25,12 @@ from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.simulator.lane.episode import TIP
 from redundant_envs.support.tables import table
 from redundant_envs.support.values import plain_data, shown, whole_number
-from redundant_envs.tasks import make_task
 from redundant_envs.tasks.base import is_confined
 
 
 class Moment:
     """The numbers of an environment when it is pickled or copied: InUse where another thread has changed them
-    until the rest of it is written, so that a copy is of one moment. In the copy it is None."""
+    until the rest of it is written. In the copy it is None."""
 
     def __init__(self, core: Core) -> None:
         self._core, self._numbers = core, core.numbers()
@@ -47,17 +44,13 @@ class Moment:
         self.__reduce__()
 
 
-LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")
-"""Properties of :class:`EnvBase` that lanes have each for itself."""
-SHARED = ("on_bad_action", "render_mode", "metadata")
-"""Attributes of all environments together that ``set_attr`` sets."""
+LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
+SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
-
-
 COPIES = (
     "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
     "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
@@ -84,21 +77,16 @@ class Copy(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A number of an environment, or several with one name: ``value`` and ``unit``.
-
-    In a vector the value is (num_envs,), or (num_envs, entries) of several; a single environment's has no
-    first axis. There is one unit, or one for each entry where they differ; "" if none is declared.
-    """
+    """A number of an environment, or several with one name."""
 
     value: Any
+    """(num_envs,), or (num_envs, entries) of several; a single environment's has no first axis."""
     unit: str | tuple[str, ...]
+    """One, or one for each entry where they differ; "" if none is declared."""
 
 
 class Parameters(Mapping[str, Parameter]):
-    """Numbers by name, in the order of arm, effects and task; ``print`` shows a table.
-
-    They are copies. Options of a reset take them by the same names.
-    """
+    """Copies of numbers by name, in the order of arm, effects and task; ``print`` shows a table."""
 
     def __init__(self, found: Mapping[str, Parameter]) -> None:
         self._found = dict(found)
@@ -141,22 +129,16 @@ def parameters_of(core: Core) -> Parameters:
     named.update({name: [name] for name in task.parameters()})
     found = {}
     for name, entries in named.items():
-        fields = [core.memory.dynamics.parameters.field_of(entry) for entry in entries]
-        value = core.memory.read(fields)
+        value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, entries)])
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
-        alone = entries == [name]
-        value = Copy.of(value[:, 0].copy() if alone else value)
+        value = Copy.of(value[:, 0].copy() if entries == [name] else value)
         found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
     return Parameters(found)
 
 
 class EnvBase:
-    """A core as users see it: its scene, and coordinates, velocities, tips, goals and numbers of its lanes.
-
-    The values are copies. To set them, give ``q``, ``qd``, ``goal`` and ``parameters`` to the options of a
-    reset, or to :meth:`set_options`. A number set as an attribute, such as ``goal_tolerance``, is that
-    of the next episode.
-    """
+    """A core as users see it: its scene, and copies of coordinates, velocities, tips, goals and numbers of
+    its lanes. Options of a reset set them; a number set as an attribute is that of the next episode."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
@@ -168,30 +150,21 @@ class EnvBase:
         self, on_bad_action: str, render_mode: str | None, render_width: int, render_height: int
     ) -> None:
         """Take arguments, or refuse them before a core is made."""
-        _check_bad_action(on_bad_action)
-        self._check_render_mode(render_mode)
+        self._check_choice("on_bad_action", on_bad_action)
+        self._check_choice("render_mode", render_mode)
         for name, given in (("render_width", render_width), ("render_height", render_height)):
             if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
                 raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
 
-    def _check_render_mode(self, render_mode: Any) -> None:
+    def _check_choice(self, name: str, value: Any) -> None:
+        """ValueError unless a value is one of those that an attribute can have."""
         modes = (None, *type(self).metadata["render_modes"])
-        if render_mode not in modes:
-            raise ValueError(f"render_mode is {shown(render_mode)}; choose {' or '.join(map(repr, modes))}")
-
-    def _core_of(
-        self, scene: Any, num_envs: int, task: Mapping[str, Any] | None, accuracy: str | float | None,
-        variation: Variation, info_keys: Any, max_episode_steps: int | None = None, threads: int = 1,
-    ) -> Core:  # fmt: skip
-        """The core of the class's task, for a scene in the form that the spec of an environment can hold."""
-        if isinstance(scene, Scene):
-            raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-        made = make_task(task, self.task_name)
-        return Core(
-            scene, num_envs, made, max_episode_steps, accuracy, self.env_id, threads, variation, info_keys
-        )
+        if name == "on_bad_action" and value not in ON_BAD_ACTION:
+            raise ValueError(f"on_bad_action is {shown(value)}; choose {', '.join(ON_BAD_ACTION)}")
+        if name == "render_mode" and value not in modes:
+            raise ValueError(f"render_mode is {shown(value)}; choose {' or '.join(map(repr, modes))}")
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
@@ -199,7 +172,10 @@ class EnvBase:
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
         self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
         self._renderer: Any = None
-        seen: spaces.Space[Any] = _box(core)
+        # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
+        of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
+        low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
+        seen: spaces.Space[Any] = spaces.Box(low, high, dtype=np.float32)
         if self.goal_conditioned:
             far = 2.0 * core.reach if is_confined(core.scene) else np.inf
             place = spaces.Box(-far, far, (2,), np.float64)
@@ -208,11 +184,8 @@ class EnvBase:
 
     @first
     def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name != "_moment"}
+        kept = {name: value for name, value in self.__dict__.items() if name not in ("_moment", "_lane")}
         return {**kept, "_renderer": None, "_moment": Moment(self.core)}  # which is written last
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update({name: value for name, value in state.items() if name != "_moment"})
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -222,11 +195,8 @@ class EnvBase:
         way to ask, and slow down every attribute.)"""
         if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
             return getattr(self, name)
-        core = self.core
-        fields = map(
-            core.memory.dynamics.parameters.field_of, names_of(core.scene, name, core.task.parameters())
-        )
-        value = core.memory.read([*fields])
+        entries, memory = names_of(self.scene, name, self.core.task.parameters()), self.core.memory
+        value = memory.read([*map(memory.dynamics.parameters.field_of, entries)])
         return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -244,11 +214,10 @@ class EnvBase:
 
     def _is_number(self, name: str) -> bool:
         """Whether a name is that of numbers of the arm, of an effect or of the task."""
-        core = self.__dict__.get("core")
-        if core is None or name.startswith("_"):
+        if "core" not in self.__dict__ or name.startswith("_"):
             return False
         try:
-            return bool(names_of(core.scene, name, core.task.parameters()))
+            return bool(names_of(self.scene, name, self.core.task.parameters()))
         except ValueError:
             return False
 
@@ -257,12 +226,8 @@ class EnvBase:
 
         They are in force when the next episode begins. Its reset may have options of its own, which replace
         those of the same name. A start or a goal is that of one episode; parameters stay until options give
-        "parameters" again. Options that wait are none of :meth:`get_state`.
-
-        Raises
-        ------
-        ValueError
-            If the next episode could not begin with them; nothing changes.
+        "parameters" again. Options that wait are none of :meth:`get_state`. A ValueError says why the next
+        episode could not begin with them; nothing changes then.
         """
         self.core.let_wait(checked_options(options), np.arange(self.core.num_envs))
 
@@ -343,10 +308,8 @@ class VectorEnvBase(EnvBase):
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
         """Options of the next episode of each environment, as ``reset`` takes them.
 
-        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
-        have options of its own, which replace those of the same name. A start or a goal is that of one
-        episode; parameters stay until options give "parameters" again. Options that wait are none of
-        :meth:`get_state`.
+        They are in force when an environment begins its next episode, by a reset or an autoreset; all else is
+        as in the method of a single environment.
 
         Parameters
         ----------
@@ -355,11 +318,6 @@ class VectorEnvBase(EnvBase):
             or one mapping for each. An empty one, or None, forgets those that wait.
         index : array_like, optional
             Numbers of environments, or a mask (num_envs,); None is all.
-
-        Raises
-        ------
-        ValueError
-            If an episode could not begin with them; nothing changes.
         """
         core, lanes = self.core, lanes_of(index, self.core.num_envs)
         if not isinstance(options, list | tuple):
@@ -388,20 +346,14 @@ class VectorEnvBase(EnvBase):
         if self._is_number(name) and name not in self.__dict__:
             self.core.let_number_wait(name, value, lanes)
             return
+        fix = "use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
         if name not in SHARED:
-            raise ValueError(
-                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
-                f"'parameters', or name one of these: {', '.join((*self.parameters, *SHARED))}"
-            )
+            valid = ", ".join((*self.parameters, *SHARED))
+            raise ValueError(f"set_attr({name!r}) would have no effect; {fix}, or name one of these: {valid}")
         if len(lanes) != self.core.num_envs:
-            raise ValueError(
-                f"set_attr({name!r}) is for some environments only, and all share the attribute; set it for "
-                "all, or use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
-            )
-        if name == "on_bad_action":
-            _check_bad_action(value)
-        if name == "render_mode":
-            self._check_render_mode(value)
+            what = f"set_attr({name!r}) is for some environments only, and all share the attribute"
+            raise ValueError(f"{what}; set it for all, or {fix}")
+        self._check_choice(name, value)
         setattr(self, name, value)
 
     @first
@@ -427,10 +379,8 @@ class VectorEnvBase(EnvBase):
 
     def _is_of_one(self, state: Any) -> bool:
         """Whether a state is that of a single environment, and not of this vector."""
-        if not isinstance(state, Mapping) or {*state} != {*STATE_KEYS} or self.core.num_envs == 1:
-            return False
-        generators = state["generators"]
-        return isinstance(generators, list) and len(generators) == 1
+        of_core = isinstance(state, Mapping) and {*state} == {*STATE_KEYS} and self.core.num_envs > 1
+        return of_core and isinstance(state["generators"], list) and len(state["generators"]) == 1
 
     def _set_states(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot of all environments."""
@@ -448,8 +398,14 @@ class VectorEnvBase(EnvBase):
             refuse_bad_action(actions[self.core.mask == 0])  # the others are reset and ignore theirs
         return actions
 
-    def _observed(self) -> tuple[Any, Outputs]:
-        """Observations and outputs after a reset."""
+    def _begun(
+        self, mask: NDArray[np.bool_], seeds: Sequence[int | None], options: Mapping[str, Any]
+    ) -> tuple[Any, Outputs]:
+        """Begin episodes in the environments of a mask; observations and outputs."""
+        checked = self.core.checked(options, np.flatnonzero(mask))
+        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
+        self.core.seed_all([*seeded], [*seeded.values()])
+        self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ready = True
         if self.render_mode is not None:
@@ -465,13 +421,12 @@ class VectorEnvBase(EnvBase):
         obs, out, last_obs, last_out = core.step(actions, autoreset)
         ended = columns.of(out, "terminated") | columns.of(out, "truncated")
         last = observation = core.observation(obs, out)
-        reward = columns.of(out, "reward")
         if autoreset == Autoreset.SAME_STEP and ended.any():
             last = core.observation(last_obs, last_out)
+        reward = columns.of(out, "reward")
         if self.goal_conditioned:
             pair = ("achieved_goal", "desired_goal")
-            told = (np.where(ended[:, None], last[name], observation[name]) for name in pair)
-            reward = core.goal_reward(*told)
+            reward = core.goal_reward(*(np.where(ended[:, None], last[g], observation[g]) for g in pair))
         if self.render_mode is not None:
             self._see(out)
         return observation, reward, ended, out, last, last_out
@@ -483,24 +438,16 @@ class VectorEnvBase(EnvBase):
         return self.core.goal_reward(achieved_goal, desired_goal)
 
 
+def check_plain(scene: Any) -> None:
+    """Refuse a scene in a form that the spec of an environment cannot hold."""
+    if isinstance(scene, Scene):
+        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
+
+
 def frames_per_second(control_dt: float) -> float:
     """Pictures in a second of real time, one for each control step; a whole number where it is one."""
     exact = 1.0 / control_dt
     return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
-
-
-def _check_bad_action(choice: Any) -> None:
-    if choice not in ON_BAD_ACTION:
-        raise ValueError(f"on_bad_action is {shown(choice)}; choose {', '.join(ON_BAD_ACTION)}")
-
-
-def _box(core: Core) -> spaces.Box:
-    """Observations of one environment: quantities within -1 to 1, then numbers within their ranges."""
-    if not core.bounds:
-        return spaces.Box(-1.0, 1.0, (core.obs_size,), np.float32)
-    of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
-    low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
-    return spaces.Box(low, high, dtype=np.float32)
 
 
 def observation_of(batch: Any, lane: int) -> Any:

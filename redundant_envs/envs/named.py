@@ -28,11 +28,8 @@ from redundant_envs.tasks import Task
 
 
 class _Page:
-    """A docstring written when it is read: building a page costs nothing at import.
-
-    That of an environment has its methods and values, too. So ``help`` of an environment shows this text; of
-    a class it adds the members of all bases, Gymnasium's among them.
-    """
+    """A docstring written when it is read: building a page costs nothing at import. That of an environment
+    has its methods and values, too; to a class ``help`` adds the members of all bases."""
 
     def __get__(self, instance: Any, owner: type[Any]) -> str:
         if issubclass(owner, ArmVectorEnv):
@@ -72,9 +69,6 @@ def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     return type(name, (base, of_gymnasium), {**home, "__doc__": _Page()})
 
 
-# ---- pages -------------------------------------------------------------------------------------------
-
-
 @functools.cache
 def texts() -> dict[str, Any]:
     """Sentences and paragraphs of the pages, with names in braces."""
@@ -83,11 +77,13 @@ def texts() -> dict[str, Any]:
 
 def action_table(scene: Scene) -> str:
     """Actions with their limits."""
-    values, arm, rows = scene.parameters(), scene.robot, []
-    units = zip(arm.joints, scene.action_units(), scene.command_units(), strict=True)
-    what = "effort" if all(unit in ("N", "N m") for unit in scene.command_units()) else "command"
-    for k, (joint, limit, unit) in enumerate(units):
-        rows.append((k, f"{what} at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit))
+    values = scene.parameters()
+    units = zip(scene.robot.joints, scene.action_units(), scene.command_units(), strict=True)
+    what = "effort" if {*scene.command_units()} <= {"N", "N m"} else "command"
+    rows = [
+        (k, f"{what} at {joint} / {values[limit]:g} {unit}", -1, 1, joint, unit)
+        for k, (joint, limit, unit) in enumerate(units)
+    ]
     return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", f"Unit of the {what}"), rows)
 
 
@@ -131,20 +127,14 @@ def argument_table(kind: type[Any]) -> str:
 def task_table(task: Task) -> str:
     """Numbers of the task, with the sentences of its docstring."""
     sentences = meanings(type(task))
-    rows = [
-        (
-            f"`{field.name}`", getattr(task, field.name), task.units.get(field.name, ""),
-            _allowed(*task.ranges.get(field.name, (0.0, math.inf))), sentences.get(field.name, ""),
-        )
-        for field in dataclasses.fields(task)
-    ]  # fmt: skip
+    rows = []
+    for name in (field.name for field in dataclasses.fields(task)):
+        low, high = task.ranges.get(name, (0.0, math.inf))
+        allowed = "positive" if high == math.inf else f"above 0, at most {high:g}"
+        allowed = f"{low:g} to {high:g}" if low != 0.0 else allowed
+        row = f"`{name}`", getattr(task, name), task.units.get(name, ""), allowed, sentences.get(name, "")
+        rows.append(row)
     return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)
-
-
-def _allowed(low: float, high: float) -> str:
-    if low != 0.0:
-        return f"{low:g} to {high:g}"
-    return "positive" if high == math.inf else f"above 0, at most {high:g}"
 
 
 OF_GYMNASIUM = ("np_random", "np_random_seed", *(f"{way}_wrapper_attr" for way in ("get", "has", "set")))
@@ -172,19 +162,17 @@ def members(kind: type[Any]) -> str:
     own = {name: value for name, value in own.items() if name not in OF_GYMNASIUM}
     methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
     values = [name for name, value in own.items() if isinstance(value, property)]
-    lines = ["## Methods"]
+
+    def entry(title: str, member: Any) -> str:
+        text = (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
+        return f"* `{title}`: {text}\n"
+
+    lines = ["## Methods\n"]
     for name, method in methods.items():
         given = inspect.signature(method).parameters.values()
         plain = [p.replace(annotation=inspect.Parameter.empty) for p in given if p.name != "self"]
-        lines += [f"* `{name}{inspect.Signature(plain)}`: {_indented(method)}"]
-    lines += ["", "## Values"]
-    lines += [f"* `{name}`: {_indented(getattr(kind, name))}" for name in values]
-    return "\n".join(lines) + "\n"
-
-
-def _indented(member: Any) -> str:
-    """The docstring of a member, as an entry of a list."""
-    return (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
+        lines.append(entry(f"{name}{inspect.Signature(plain)}", method))
+    return "".join([*lines, "\n## Values\n", *(entry(name, getattr(kind, name)) for name in values)])
 
 
 def page(kind: type[Any], scene_name: Any) -> str:
@@ -192,10 +180,8 @@ def page(kind: type[Any], scene_name: Any) -> str:
     scene, task = load_scene(scene_name), TASKS[kind.task_name]()
     arm, joints = scene.robot, len(scene.robot.joints)
     sliders, fast = any(arm.prismatic), f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s, "
-    drawn = ""
-    if arm.schematic:
-        slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
-        drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider)
+    slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
+    drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider) if arm.schematic else ""
     return texts()["page"].format(  # type: ignore[no-any-return]
         arm=arm,
         task=task,

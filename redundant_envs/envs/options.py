@@ -27,63 +27,48 @@ Lanes = NDArray[np.int64]
 class Part(NamedTuple):
     """What one option gives to some lanes."""
 
-    names: tuple[str, ...]
-    """Parameters, those that options have set among them; or fields of a start."""
+    names: tuple[str, ...]  # parameters, those that options have set among them; or fields of a start
     lanes: Lanes
-    values: NDArray[np.float64]
-    """(lanes, names)"""
+    values: NDArray[np.float64]  # (lanes, names)
 
 
-Given = dict[str, Part]
-"""Options by their names, checked."""
+Given = dict[str, Part]  # options by their names, checked
 
 
-def within(given: Given, lanes: Lanes) -> Given:
-    """What options give to these lanes."""
+def within(given: Given, lanes: Lanes, others: bool = False) -> Given:
+    """What options give to these lanes, or to all ``others``."""
     found = {}
     for key, part in given.items():
-        chosen = np.isin(part.lanes, lanes)
+        chosen = np.isin(part.lanes, lanes, invert=others)
         if chosen.any():
             found[key] = Part(part.names, part.lanes[chosen], part.values[chosen])
     return found
 
 
-def without(given: Given, lanes: Lanes) -> Given:
-    """What options give to all other lanes."""
-    others = [part.lanes[~np.isin(part.lanes, lanes)] for part in given.values()]
-    return within(given, np.concatenate(others)) if others else {}
-
-
 def over(given: Given, more: Given) -> Given:
     """Options of which ``more`` replace others of the same name and lane."""
-    found = dict(given)
-    for key, part in more.items():
-        if key in found:
-            rest = ~np.isin(found[key].lanes, part.lanes)
-            old = found[key].lanes[rest], found[key].values[rest]
-            pairs = zip(old, part[1:], strict=True)
-            part = Part(part.names, *(np.concatenate(pair) for pair in pairs))
-        found[key] = part
+    found = {**given, **more}
+    for key in given.keys() & more.keys():
+        (_, lanes, values), part = given[key], more[key]
+        rest = ~np.isin(lanes, part.lanes)
+        together = np.concatenate([lanes[rest], part.lanes]), np.concatenate([values[rest], part.values])
+        found[key] = Part(part.names, *together)
     return found
 
 
 def checked_options(options: Any) -> dict[str, Any]:
     """Options of a reset as a new dictionary, or a ValueError if they are not a mapping."""
-    if options is None:
-        return {}
-    if not isinstance(options, Mapping):
+    if not isinstance(options, Mapping | None):
         raise ValueError(f"options is {shown(options)}; give a mapping with some of {', '.join(OPTION_KEYS)}")
-    return dict(options)
+    return dict(options or {})
 
 
 def checked_reset(
     episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: Lanes, waiting: Given
 ) -> Given:
-    """What options give to lanes, and what waits for these and is not given now.
-
-    ValueError if an option is not valid, or if no episode can begin with all of them.
-    """
-    found = within(waiting, lanes) if waiting else {}
+    """What options give to lanes, and what waits for these and is not given now. ValueError if an option is
+    not valid, or if no episode can begin with all of them."""
+    found = within(waiting, lanes)
     if not options and not found:
         return found
     scene, task = episode.dynamics.scene, episode.task
@@ -98,10 +83,8 @@ def checked_reset(
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
     rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
-    for key, names in rows.items():
-        if options.get(key) is None:
-            continue
-        where = f"options[{key!r}]"
+    for key in (key for key in rows if options.get(key) is not None):
+        where, names = f"options[{key!r}]", rows[key]
         if np.ndim(options[key]) == 0 and len(names) > 1:
             raise ValueError(f"{where} is {shown(options[key])}; give ({len(names)},) numbers, one for each")
         values = parameters.table(where, options[key], len(lanes), len(names))
@@ -120,12 +103,12 @@ def checked_number(
     scene, task = episode.dynamics.scene, episode.task
     if task.goal_conditioned:
         check_of_reward(scene, task, [name])
-    values = _coming(episode, memory, lanes, within(waiting, lanes))
+    own = within(waiting, lanes)
+    values = _coming(episode, memory, lanes, own)
     marks = {mark: values.pop(mark) for mark in map(fixed, episode.randomized.entries)}
-    given = {**values, name: value}
-    values = parameters.lane_values(scene, memory, lanes, given, True, task)
     marks |= {k: v for k, v in _fixed(episode, {name: value}, len(lanes)).items() if v.any()}
-    found = over(within(waiting, lanes), {PARAMETERS: _part(lanes, values | marks)})
+    values = parameters.lane_values(scene, memory, lanes, {**values, name: value}, True, task)
+    found = over(own, {PARAMETERS: _part(lanes, values | marks)})
     _check_starts(episode, memory, found, lanes)
     return found
 
@@ -144,13 +127,11 @@ def _coming(episode: Episode, memory: Memory, lanes: Lanes, given: Given) -> Tab
     """The numbers that lanes have once these options are in force."""
     of_task, marks = episode.task.parameters(), map(fixed, episode.randomized.entries)
     names = tuple(dict.fromkeys((*episode.dynamics.scene.parameters(), *of_task, *marks)))
-    values = parameters.present(memory, lanes, names)
+    values = {name: column.copy() for name, column in parameters.present(memory, lanes, names).items()}
     if PARAMETERS in given:
         part = given[PARAMETERS]
-        rows = _rows(lanes, part.lanes)
         for name, column in zip(part.names, part.values.T, strict=True):
-            values[name] = values[name].copy()
-            values[name][rows] = column
+            values[name][_rows(lanes, part.lanes)] = column
     return values
 
 
@@ -179,10 +160,9 @@ def _check_starts(episode: Episode, memory: Memory, given: Given, lanes: Lanes) 
 
 def _fixed(episode: Episode, given: Mapping[str, Any], count: int) -> Table:
     """For each number that episodes draw, whether options set it for some lanes: it is not drawn then."""
-    entries = episode.randomized.entries
     scene, of_task = episode.dynamics.scene, episode.task.parameters()
-    named = {entry for name in given for entry in names_of(scene, name, of_task)} if entries else set()
-    return {fixed(entry): np.full(count, float(entry in named)) for entry in entries}
+    named = {entry for name in given for entry in names_of(scene, name, of_task)}
+    return {fixed(entry): np.full(count, float(entry in named)) for entry in episode.randomized.entries}
 
 
 def _narrowest(episode: Episode, values: Table) -> Table:

@@ -20,14 +20,10 @@ INFO_NAMES = {
     "events_sum": "events",
     "error_most": "error_estimate",
 }
-ALL = "all"
-"""The value of ``info_keys`` that asks for every name."""
-RETURN = "return_"
-"""First letters of the names in ``info`` of sums over the episode, of terms of the reward."""
-DRAWN = "parameters"
-"""Name in ``info`` of the numbers that the episode has drawn."""
-SUM = re.compile(r"(.*?)(?:_term)?_sum$")
-"""Names of sums over the episode, of terms of the reward."""
+ALL = "all"  # the value of info_keys that asks for every name
+RETURN, SUM = "return_", re.compile(r"(.*?)(?:_term)?_sum$")
+"""How sums of terms of the reward begin in ``info``, and how the quantities are named."""
+DRAWN = "parameters"  # in info, the numbers that the episode has drawn
 
 
 class Outputs(NamedTuple):
@@ -49,10 +45,9 @@ class Outputs(NamedTuple):
 
 
 class Columns:
-    """Rows of the quantities of an episode in :class:`Outputs`."""
+    """Rows of the quantities of an episode in :class:`Outputs`; ``info_keys`` as in :func:`checked_keys`."""
 
     def __init__(self, episode: Episode, info_keys: Any = None) -> None:
-        """``info_keys`` as :func:`checked_keys` takes them."""
         self.tables = episode.tables
         self.heights = [len(names) for names in self.tables.values()]
         self.goal = episode.goal
@@ -87,8 +82,7 @@ class Columns:
         return np.stack([self.of(out, name) for name in names], axis=1)
 
     def infos(self, out: Outputs, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Values of all lanes for the ``infos`` of a vector environment, and with each a mask of the lanes
-        that have it."""
+        """Values of all lanes for the ``infos`` of a vector, and with each a mask of lanes that have it."""
         infos: dict[str, Any] = {}
         for name, masked, table, row in self._of_vectors:
             infos[name] = out[table][row]
@@ -100,23 +94,17 @@ class Columns:
         return infos
 
     def drawn_of(self, values: Iterable[Any]) -> dict[str, Any]:
-        """The numbers that episodes have drawn, by name, from the values of their fields, of one lane or of
-        all: of a lane as Python numbers and lists."""
+        """The numbers that episodes have drawn, by name, from values of their fields, of one lane or all."""
         rest = iter(values)
         rows = {name: [*itertools.islice(rest, count)] for name, count in self.drawn.items()}
         return {name: row[0] if len(row) == 1 else _together(row) for name, row in rows.items()}
 
     def info(self, out: Outputs, lane: int) -> dict[str, Any]:
         """Values for a lane's ``info``, as Python numbers."""
-        tables = [table[:, lane].tolist() for table in out]
-        values = (tables[table][row] for _, table, row in self.places_shown)
-        found = dict(zip(self.names, values, strict=False))
-        if self.shows_drawn:
-            found[DRAWN] = self.drawn_of(float(self.of(out, field)[lane]) for field in self.drawn_fields)
-        return found
+        return self.all_info(out.lanes([lane]))[0]
 
     def all_info(self, out: Outputs) -> list[dict[str, Any]]:
-        """:meth:`info` of every lane, in a fraction of the time."""
+        """:meth:`info` of every lane."""
         rows = [out[table][row].tolist() for _, table, row in self.places_shown]
         count = out.flags.shape[1]
         lanes = zip(*rows, strict=True) if rows else [()] * count
@@ -134,15 +122,16 @@ def _together(row: list[Any]) -> Any:
 
 
 def checked_keys(info_keys: Any, valid: Sequence[str]) -> Sequence[str]:
-    """Names of ``info`` that a user asked for: a list of them, "all", or None for those that are always of
-    use. Sums of reward terms are not among these: they would take a third of the time of all."""
+    """Names of ``info`` that a user asked for: a list of them, "all", or None for all but the sums of reward
+    terms, which would take a third of the time of all."""
     if info_keys is None:
         return [name for name in valid if not name.startswith(RETURN)]
     if isinstance(info_keys, str) and info_keys == ALL:
         return valid
     if not isinstance(info_keys, list | tuple):  # what a spec keeps
-        fix = "give a list of names, such as ['is_success'], or 'all'"
-        raise ValueError(f"info_keys is {shown(info_keys)}; {fix}")
+        raise ValueError(
+            f"info_keys is {shown(info_keys)}; give a list of names, such as ['is_success'], or 'all'"
+        )
     for key in info_keys:
         if key not in valid:
             raise ValueError(f"info_keys has {shown(key)}; valid: {', '.join(valid)}")

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
-
 ARGUMENTS = (
     "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
     "info_keys",
@@ -34,8 +33,7 @@ class Made(NamedTuple):
     task: str
 
 
-SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}
-"""Scene of each arm in its environments."""
+SCENES: dict[str, Any] = {"RPRP": "rprp_reach", "FourR": "four_r_reach"}  # of arms in their environments
 TASKS = ["Reach", "GoalReach"]
 IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
@@ -89,12 +87,11 @@ def check_motors(scene: Scene) -> None:
 def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
     """ValueError if an arm with a task would have the id of another arm with another task."""
     there = dict(IDS)
-    for arm, task in itertools.product(arms, tasks):
-        name = id_of(arm, task)
-        other = there.setdefault(name, Made(arm, task))
-        if other != (arm, task):
+    for own in itertools.starmap(Made, itertools.product(arms, tasks)):
+        other = there.setdefault(id_of(*own), own)
+        if other != own:
             raise ValueError(
-                f"{name} is the id of the arm {other.arm} with the task {other.task} already; rename "
+                f"{id_of(*own)} is the id of the arm {other.arm} with the task {other.task} already; rename "
                 "the arm or the task"
             )
 
@@ -122,19 +119,15 @@ def register() -> None:
             )
 
 
-# ---- additions from outside ----------------------------------------------------------------------------
-
-
 def _add(what: str, registry: dict[str, Any], name: str, value: Any) -> None:
     """Add to a registry, unless the name belongs to something else; the same class may be reloaded."""
     there = registry.get(name, value)
-    homes = {(getattr(x, "__module__", None), getattr(x, "__qualname__", None)) for x in (value, there)}
+    homes = {(x.__module__, getattr(x, "__qualname__", None)) for x in (value, there)}
     if there != value and (len(homes) > 1 or not isinstance(value, type)):
         raise ValueError(f"{what} {name!r} is taken by {there!r}; give yours another name")
     registry[name] = value
-    module = value.__module__
-    outside = module.partition(".")[0] not in (NAMESPACE, "__main__", "builtins")
-    HOMES[what, name] = f"{module}/" if outside else ""
+    outside = value.__module__.partition(".")[0] not in (NAMESPACE, "__main__", "builtins")
+    HOMES[what, name] = f"{value.__module__}/" if outside else ""
 
 
 def _check_name(what: str, name: Any) -> None:
@@ -147,7 +140,8 @@ def _check_name(what: str, name: Any) -> None:
 
 
 def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = None) -> None:
-    """Let scenes name an arm, and ``gymnasium.make`` its environments.
+    """Let scenes name an arm, and ``gymnasium.make`` its environments; ValueError if another arm has the name
+    or one of the ids, or the scene is not one of this arm.
 
     Parameters
     ----------
@@ -155,11 +149,6 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         Its ``kind``, by default the name of the class, is its name in scenes and ids.
     scene : mapping or path of a YAML file, optional
         For its environments ``redundant_envs/<kind><task>-v0``, one per task; without a scene it has none.
-
-    Raises
-    ------
-    ValueError
-        If another arm has the name or one of the ids, or the scene is not one of this arm.
     """
     from redundant_envs import robots
     from redundant_envs.scenes.scene import load_scene
@@ -174,12 +163,12 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
             f"class {types}(rde.Arm): joint_types = {types!r}"
         )
     _check_name("the arm", getattr(arm, "kind", None))
-    if scene is not None:
-        _check_ids([arm.kind], TASKS)
     before = dict(robots.REGISTRY)
-    _add("the arm", robots.REGISTRY, arm.kind, arm)
     if scene is None:
+        _add("the arm", robots.REGISTRY, arm.kind, arm)
         return
+    _check_ids([arm.kind], TASKS)
+    _add("the arm", robots.REGISTRY, arm.kind, arm)
     try:
         _check_scene(load_scene(scene), arm.kind)
     except Exception:
@@ -197,22 +186,15 @@ def _check_scene(scene: Scene, kind: str) -> None:
     if scene.robot.kind != kind:
         raise ValueError(f"scene has the arm {scene.robot.kind}; give one with a robot of type {kind}")
     check_motors(scene)
-    loose = [scene.robot.joints[k] for k in scene.robot.sliders() if k not in scene.travel()]
+    loose = ", ".join(scene.robot.joints[k] for k in scene.robot.sliders() if k not in scene.travel())
     if loose:
-        raise ValueError(
-            f"scene leaves {', '.join(loose)} without limits; add a PrismaticStop with both ends"
-        )
+        raise ValueError(f"scene leaves {loose} without limits; add a PrismaticStop with both ends")
     Dynamics(scene).parameters.prepared  # noqa: B018 - it says what error control lacks
 
 
 def register_task(task: type[Task]) -> None:
-    """Let ``gymnasium.make`` know a task: ``redundant_envs/<arm><name>-v0`` for every arm with a scene.
-
-    Raises
-    ------
-    ValueError
-        If another task has the name, or one of its ids is taken.
-    """
+    """Let ``gymnasium.make`` know a task: ``redundant_envs/<arm><name>-v0`` for every arm with a scene;
+    ValueError if another task has the name, or one of its ids is taken."""
     from redundant_envs import tasks
 
     if not (isinstance(task, type) and issubclass(task, tasks.Task)):
@@ -226,13 +208,7 @@ def register_task(task: type[Task]) -> None:
 
 
 def register_effect(effect: type[Effect]) -> None:
-    """Let scene files name an effect by its class.
-
-    Raises
-    ------
-    ValueError
-        If another effect has the name.
-    """
+    """Let scene files name an effect by its class; ValueError if another effect has the name."""
     from redundant_envs import effects
 
     if not (isinstance(effect, type) and issubclass(effect, effects.Effect)):
@@ -243,13 +219,8 @@ def register_effect(effect: type[Effect]) -> None:
 
 
 def register_integrator(method: Tableau) -> None:
-    """Let scenes name an explicit Runge-Kutta method; it takes steps of equal length.
-
-    Raises
-    ------
-    ValueError
-        If another method has the name, or the tableau is not that of an explicit method.
-    """
+    """Let scenes name an explicit Runge-Kutta method, which takes equal steps; ValueError if another method
+    has the name, or the tableau is not that of an explicit method."""
     from redundant_envs.scenes import tableaus
 
     if not isinstance(method, tableaus.Tableau):

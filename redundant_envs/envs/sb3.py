@@ -21,7 +21,6 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, frames_per_second, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
-from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import first
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.batch.environment import Autoreset
@@ -61,14 +60,9 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
     @first
     def reset(self) -> Any:
         """Begin new episodes everywhere; seeds and options set before are used up."""
-        seeds, lanes = self._seeds, np.arange(self.num_envs)
         self._actions.clear()
-        given = self.core.checked({}, lanes)
+        observation, out = self._begun(np.ones(self.num_envs, dtype=np.bool_), self._seeds, {})
         self._reset_seeds()
-        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None}
-        self.core.seed_all([*seeded], [*seeded.values()])
-        self.core.begin(np.ones(self.num_envs, dtype=np.bool_), given)
-        observation, out = self._observed()
         self.reset_infos = self.core.columns.all_info(out)
         return observation
 
@@ -88,12 +82,10 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         core, columns, thread = self.core, self.core.columns, get_ident()
         actions = self._actions.pop(thread if thread in self._actions else next(iter(self._actions)))
         observation, reward, dones, out, last, last_out = self._stepped(actions, Autoreset.SAME_STEP)
-        infos: list[dict[str, Any]]
+        infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         if "is_success" in columns.names:
             held = columns.of(out, "is_success").tolist()
             infos = [{"TimeLimit.truncated": False, "is_success": success} for success in held]
-        else:
-            infos = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         if "numerics" in columns.names:
             faults = columns.of(out, "numerics")
             for n in np.flatnonzero(faults).tolist():
@@ -105,11 +97,8 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
             for n in np.flatnonzero(dones).tolist():
                 infos[n] = columns.info(last_out, n)
                 if self.monitor:
-                    infos[n]["episode"] = {
-                        "r": round(float(returns[n]), 6),
-                        "l": int(steps[n]),
-                        "t": round(time.time() - self._made, 6),
-                    }
+                    took = round(time.time() - self._made, 6)
+                    infos[n]["episode"] = {"r": round(float(returns[n]), 6), "l": int(steps[n]), "t": took}
                 infos[n]["terminal_observation"] = observation_of(last, n)
                 infos[n]["TimeLimit.truncated"] = bool(cut[n])
                 self.reset_infos[n] = columns.info(out, n)
@@ -121,11 +110,11 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
     def _set_states(self, state: Mapping[str, Any]) -> None:
         self.core.check_state(state)
         memory = self.core.memory.holding(state["states"], state["parameters"])
-        ended = np.flatnonzero(memory.read(("terminated",))[:, 0])
+        ended = np.flatnonzero(memory.read(("terminated",))[:, 0]).tolist()
         if len(ended):
             raise ValueError(
-                f"state has environments whose episodes have ended, {ended.tolist()[:8]}; here they begin "
-                "anew at once: take a state of episodes that go on"
+                f"state has environments whose episodes have ended, {ended[:8]}; here they begin anew at "
+                "once: take a state of episodes that go on"
             )
         super()._set_states(state)
 
@@ -138,8 +127,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         return [self._pictures().draw(lane) for lane in range(self.num_envs)]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, once per environment asked for; q, qd, tip, goal, parameters and each of these by its
-        name are an environment's own."""
+        """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
         each = self._each(attr_name)
         return [each[lane] for lane in self._get_indices(indices)]
 
@@ -156,11 +144,11 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         if method_name in ("set_options", "set_state") and indices is not None:
             method_kwargs["index"] = [*self._get_indices(indices)]
         result = getattr(self, method_name)(*method_args, **method_kwargs)
-        return [result] * len(list(self._get_indices(indices)))
+        return [result for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
         """Whether infos are those of a wrapper: of ``Monitor`` with ``monitor``; of others they are not."""
-        return [self.monitor and wrapper_class is Monitor] * len(list(self._get_indices(indices)))
+        return [self.monitor and wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
 OF_VECTORS = ("num_envs", "vectorization_mode", "autoreset_mode")
@@ -200,10 +188,8 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, *
     spec = dataclasses.replace(spec, kwargs=of_spec, max_episode_steps=of_gymnasium)
     own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
-    varied = Variation.of(arguments.pop("randomize", True), arguments.pop("observe_parameters", ()))
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
-    made = {"num_envs": num_envs, "task": task, "env_id": full, "max_episode_steps": steps, **arguments}
-    core = Core(**made, variation=varied)
+    core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, max_episode_steps=steps)
     env = SB3VecEnv(core, **own, monitor=monitor)
     env.spec = spec
     return env
@@ -214,9 +200,8 @@ def _spec_of(env_id: Any) -> EnvSpec:
     if isinstance(env_id, EnvSpec):
         if env_id.additional_wrappers:
             names = ", ".join(wrapper.name for wrapper in env_id.additional_wrappers)
-            raise ValueError(
-                f"env_id is a spec with wrappers, {names}, which a native VecEnv has not; give its id"
-            )
+            fix = "which a native VecEnv has not; give its id"
+            raise ValueError(f"env_id is a spec with wrappers, {names}, {fix}")
         full = full_id(env_id.id)
     elif isinstance(env_id, str):
         module, _, name = env_id.rpartition(":")

@@ -11,15 +11,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import checked_seed
-from redundant_envs.envs.core import STATE_KEYS
-from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
+from redundant_envs.envs.core import STATE_KEYS, Core
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, check_plain, observation_of
 from redundant_envs.envs.options import checked_options
-from redundant_envs.envs.variation import Variation
 from redundant_envs.model.memory import first
 from redundant_envs.model.parameters import check_array, check_keys, table
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.support.values import shown, whole_number
+from redundant_envs.tasks import make_task
 
 KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 
@@ -52,10 +52,11 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
-        variation = Variation.of(randomize, observe_parameters)
-        core = self._core_of(
-            scene, num_envs, task, accuracy, variation, info_keys, max_episode_steps, threads
-        )
+        check_plain(scene)
+        core = Core(
+            scene, num_envs, make_task(task, self.task_name), max_episode_steps, accuracy, self.env_id,
+            threads, randomize, observe_parameters, info_keys,
+        )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -89,13 +90,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
             )
         if not self._ready and not mask.all():
             raise ValueError("options['reset_mask'] leaves environments out of the first reset")
-        seeds = lane_seeds(seed, self.num_envs)
-        checked = self.core.checked(options, np.flatnonzero(mask))
-        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
-        self.core.seed_all([*seeded], [*seeded.values()])
-        self.core.begin(mask, checked)
+        observation, out = self._begun(mask, lane_seeds(seed, self.num_envs), options)
         self._ended[mask] = False
-        observation, out = self._observed()
         return observation, self.core.columns.infos(out, mask)
 
     @first
@@ -109,9 +105,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
                 f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
-        observation, reward, ended, out, last, last_out = self._stepped(
-            self._checked_actions(actions), KERNEL_MODE[mode]
-        )
+        checked = self._checked_actions(actions)
+        observation, reward, ended, out, last, last_out = self._stepped(checked, KERNEL_MODE[mode])
         infos = core.columns.infos(out, self._all)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
             reward[core.begun] = 0.0
@@ -129,17 +124,16 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(self.core.own_generators())
+        return tuple(self.core.episode_keys.own())
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        self.core.own_generators()
-        return tuple(self.core.seeds)
+        self.core.episode_keys.own()
+        return tuple(self.core.episode_keys.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute, once for each environment; q, qd, tip, goal, parameters and each of these by its name
-        are an environment's own."""
+        """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
         return tuple(self._each(name))
 
     def set_attr(self, name: str, values: Any) -> None:
@@ -153,8 +147,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self._set_for(name, values, np.arange(self.num_envs))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Call a method of this object once, or get an attribute; the result is repeated for each
-        environment."""
+        """Call a method of this object once, or get an attribute, with a result for each environment."""
         value = self._attribute(name)
         return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 
@@ -212,4 +205,4 @@ def lane_seeds(seed: Any, count: int) -> list[int | None]:
             raise ValueError(f"seed has {len(seed)} entries; give one per environment, {count}")
         return [checked_seed(f"seed[{i}]", s) for i, s in enumerate(seed)]
     first = checked_seed("seed", seed)
-    return [None if first is None else first + i for i in range(count)]
+    return [None] * count if first is None else [*range(first, first + count)]

@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.support import palette
 from redundant_envs.support.notebook import escaped, table
 
 Points = NDArray[np.float64]
 WIDTH, HEIGHT, MARGIN = 380.0, 250.0, 34.0  # px
-PAPER, INK, SOFT, RAIL = "#fafaf8", "#1c2434", "#6b7384", "#c6ccd6"
-LINKS = (("#34496e", "#7c9dcd"), ("#b5541c", "#e5a06f"), ("#2e7d5b", "#86c3a6"), ("#7a4b94", "#bd9bd0"))
-"""Colours of links and of sliders, of one arm after the other."""
+PAPER, INK, SOFT, RAIL = map(palette.css, (palette.BACKGROUND, palette.JOINT, palette.SOFT, palette.RAIL))
+LINKS = [tuple(map(palette.css, colors)) for colors in palette.ARMS]
 MAX_ARMS = len(LINKS)
 UP, DOWN = 0.9, 0.2
 """Directions of the links in a schematic, rad, in turn: a zigzag to the right shows every joint."""
+ARC = 24.0  # px, radius of the arc that shows an angle
 LONGEST_RAIL = 5.0  # in units of the arm; beyond it the arm would be a dot
 FRAMES_PER_SECOND = 25
 SHORTEST, LONGEST = 1.0, 30.0
@@ -32,7 +33,8 @@ OF_A_POINT = 38  # characters that a point takes in the paths of a frame, at mos
 
 
 def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None) -> str:
-    """An arm with the names of its coordinates, masses and lengths; sliders on rails of a ``travel`` [m]."""
+    """An arm with its angles and the names of its coordinates, masses and lengths; sliders on rails of a
+    ``travel`` [m]."""
     size, rails = sum(arm.lengths) or 1.0, []
     phi, up = [], False
     travel = {k: ends for k, ends in (travel or {}).items() if ends[1] - ends[0] <= LONGEST_RAIL * size}
@@ -42,7 +44,8 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
         else:
             up = not up
             phi.append(UP if not any(phi) or all(arm.prismatic[:k]) else (UP - DOWN if up else DOWN - UP))
-    ends = _ends(arm, _pose(arm, phi))
+    q = _pose(arm, phi)
+    ends = _ends(arm, q)
     for k, (low, high) in travel.items():
         if arm.prismatic[k]:
             moved = _ends(arm, _pose(arm, [x + size * (i == k) for i, x in enumerate(phi)]))
@@ -61,10 +64,22 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
         if arm.prismatic[k]:
             parts.append(_name(x, y, arm.coordinates[k], INK))
         else:
-            parts.append(_name(a[0] + 26.0, a[1] + 13.0, arm.coordinates[k], INK))
+            if np.isclose(q[k], np.arctan2(a[1] - b[1], b[0] - a[0])):  # an absolute angle
+                end = a + ARC * np.array([np.cos(q[k]), -np.sin(q[k])])
+                side = f"M{a[0]:.1f} {a[1]:.1f}h{ARC + 10:g}m-10 0"
+                parts.append(_path(f"{side}A{ARC:g} {ARC:g} 0 0 0 {end[0]:.1f} {end[1]:.1f}", INK, 1.0))
+            parts.append(_name(a[0] + 32.0, a[1] + 13.0, arm.coordinates[k], INK))
             parts += [_name(x, y, next(names), SOFT)] if own else []
         parts.append(_name(b[0] - 9.0, b[1] - 12.0, f"m{k + 1}", SOFT))
     return _picture(parts, f"{arm.kind} with its coordinates, masses and lengths")
+
+
+def side_by_side(pictures: Sequence[str]) -> str:
+    """Pictures of this module in one."""
+    placed = [p.replace("<svg ", f'<svg x="{k * WIDTH:g}" ', 1) for k, p in enumerate(pictures)]
+    width = f"{len(pictures) * WIDTH:g}"
+    size = f'viewBox="0 0 {width} {HEIGHT:g}" width="{width}" height="{HEIGHT:g}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(placed)}</svg>'
 
 
 def numbers(arm: Any) -> str:

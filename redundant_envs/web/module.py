@@ -32,10 +32,8 @@ from redundant_envs.support.disk import write_bytes, write_text
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
 
-HOST = Path(__file__).with_name("kernel.js")
-"""The host of the modules, for browsers and Node."""
-FORMAT = 1
-"""Of the description; a host refuses others."""
+HOST = Path(__file__).with_name("kernel.js")  # of the modules, for browsers and Node
+FORMAT = 1  # of the description; a host refuses others
 
 
 class Module(NamedTuple):
@@ -50,12 +48,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
 
     Its kernels are ``environment``, which steps, resets and observes; ``prepare``, which computes what
     follows from parameters and is to be called when one was changed; ``arm``, which tells positions, J, M, h
-    and G.
-
-    Raises
-    ------
-    ValueError
-        If the scene has no motors, or the task does not fit it.
+    and G. ValueError if the scene has no motors, or the task does not fit it.
     """
     check(scene, task)
     with uncollected():
@@ -63,11 +56,8 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         episode = Episode(interval := Interval(dynamics), task)
         made = EnvironmentKernel(episode, WASM.lanes)
         layout = made.blocks.layout
-        kernels = [
-            made.p,
-            prepare_kernel(dynamics, layout, WASM.lanes),
-            arm_kernel(interval.features, layout, WASM.lanes),
-        ]
+        arm = arm_kernel(interval.features, layout, WASM.lanes)
+        kernels = [made.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
         code = wasm.module(Program(kernels))
     memory = first_memory(episode, episode.layout(), start_ranges(scene, task), 1, max_episode_steps)
     robot = scene.robot
@@ -119,33 +109,27 @@ def _motors(dynamics: Dynamics) -> dict[str, Any]:
         for one in scene.effects
     }
     limits, units = fields.get(EffortLimits), [*map(dynamics.parameters.field_of, scene.action_units())]
-    travel = scene.travel()
+    travel = {k: [*map(dynamics.parameters.field_of, ends)] for k, ends in scene.travel().items()}
     return {
         "map": robot.motor_map.tolist(),
         "inverse": np.linalg.inv(robot.motor_map).tolist(),
         "limits": limits if limits == units else None,
         "friction": fields.get(ViscousFriction),
-        "travel": [
-            [*map(dynamics.parameters.field_of, travel[joint])] if joint in travel else None
-            for joint in range(len(robot.joints))
-        ],
+        "travel": [travel.get(joint) for joint in range(len(robot.joints))],
     }
 
 
 def as_json(value: Any) -> str:
-    """Plain data as JSON text, which has no infinities: they are texts, as JavaScript's Number() reads
-    them."""
-    return json.dumps(_plain(value), allow_nan=False)
+    """Plain data as JSON text, in which NaN and infinities are texts, as JavaScript's Number() reads them."""
 
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(inner) for key, inner in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(inner) for inner in value]
+        return value if not isinstance(value, float) or math.isfinite(value) else json.dumps(value)
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return "NaN" if math.isnan(value) else "Infinity" if value > 0.0 else "-Infinity"
-    return value
+    return json.dumps(plain(value), allow_nan=False)
 
 
 def files(name: str, folder: Path) -> list[Path]:
@@ -154,13 +138,7 @@ def files(name: str, folder: Path) -> list[Path]:
 
 
 def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
-    """Write NAME.wasm, NAME.json and their host; the paths.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made or written.
-    """
+    """Write NAME.wasm, NAME.json and their host; the paths."""
     check(scene, task)
     folder.mkdir(parents=True, exist_ok=True)
     paths = files(name, folder)

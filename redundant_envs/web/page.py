@@ -32,21 +32,14 @@ from redundant_envs.tasks import ReachTask
 from redundant_envs.web.module import HOST, as_json, environment_module
 
 SOURCES = (Path(__file__).parent / "site" / "index.html", HOST, Path(__file__).parent / "site" / "page.js")
-"""Files of the page beside its data."""
 DATA = "data.js"
 ARMS = ("RPRP", "FourR")
-LEARNERS = ("sac", "ppo")
-"""Learners whose policies the page takes, from folders such as RPRPReach-v0-sac."""
-POLICIES = Path(__file__).parents[2] / "policies"
-"""Of the source tree; a wheel has none."""
-LARGEST_PUSH = 100.0
-"""N."""
-CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)
-"""Control steps whose digest is compared, and the key of their episode."""
-FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64
-"""Of the digest: FNV-1a on words of 64 bits."""
-HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")
-"""What layers of policies apply, between them and at the end."""
+LEARNERS = ("sac", "ppo")  # whose policies the page takes, from folders such as RPRPReach-v0-sac
+POLICIES = Path(__file__).parents[2] / "policies"  # of the source tree; a wheel has none
+LARGEST_PUSH = 100.0  # N
+CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)  # whose digest is compared
+FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64  # FNV-1a on words of 64 bits
+HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")  # what policies apply after layers, at the end
 FAULTS = {
     Fault.NON_FINITE: "a state is no finite number",
     Fault.BAD_ACTION: "the action was no finite number",
@@ -80,14 +73,8 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
     """Write the page; the paths of its files, and names of the policies in it.
 
     ``policies`` is a folder with policies in folders such as ``RPRPReach-v0-sac``, each with a ``policy.npz``
-    as ``agents export`` writes it; by default those of the source tree, if it is there.
-
-    Raises
-    ------
-    OSError
-        If a folder cannot be read or written.
-    ValueError
-        If a policy does not fit its environment, or the folder of policies holds links.
+    as ``agents export`` writes it; by default those of the source tree, if it is there. ValueError if one
+    does not fit its environment, or the folder holds links.
     """
     if policies is None and POLICIES.is_dir():
         policies = POLICIES
@@ -98,18 +85,18 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
     folder.mkdir(parents=True, exist_ok=True)
     *paths, data = files(folder)
     for path, source in zip(paths, SOURCES, strict=True):
-        text = _flat(source.read_text(encoding="utf-8"))
+        lines = source.read_text(encoding="utf-8").splitlines()
+        text = "".join(f"{line.lstrip()}\n" for line in lines)  # without indentation, 5 kB less
         write_text(path, with_digest(text) if path.suffix == ".html" else text)
-    # 4 bytes in 5 characters, in place of 3 in 4.
     content, learners = _content(policies)
+    # 4 bytes in 5 characters, in place of 3 in 4.
     packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
     write_text(data, f'"use strict";\nconst DATA = "{packed}";\n')
     return [*paths, data], learners
 
 
 def _content(policies: Path | None) -> tuple[bytes, list[str]]:
-    """The data of the page: the length of a JSON text, this text, and the bytes to which it refers; and names
-    of the policies in it."""
+    """The data of the page: length of a JSON text, the text, bytes to which it refers; and its policies."""
     parts: list[bytes] = []
 
     def kept(part: bytes) -> list[int]:
@@ -130,24 +117,24 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
 def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
     scene = page_scene(arm)
     code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
+    switches, given = _switches(scene), {}
+    for learner in LEARNERS if policies is not None else ():
+        path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
+        if path.is_file():
+            given[learner.upper()] = policy(path, len(description["observation"]), description["actions"])
     return {
         "id": id_of(arm, "Reach"),
         "description": description,
         "code": kept(code),
         "policies": {
-            name.upper(): {**about, "weights": kept(_planes(weights.astype("<f4")))}
-            for name, about, weights in _policies(arm, policies, description)
+            name: {**about, "weights": kept(_planes(weights.astype("<f4")))}
+            for name, (about, weights) in given.items()
         },
         "sliders": [slider._asdict() for slider in _sliders(scene)],
-        "switches": _switches(scene),
-        "bills": {"+".join(off): bills for off, bills in _bills(scene)},
+        "switches": switches,
+        "bills": _bills(scene, [switch["key"] for switch in switches]),
         "check": {"key": CHECKED_KEY, "steps": CHECKED_STEPS, "digest": digest(scene)},
     }
-
-
-def _flat(text: str) -> str:
-    """A script or page without indentation, which is 5 kB of the four files."""
-    return "".join(f"{line.lstrip()}\n" for line in text.splitlines())
 
 
 def with_digest(html: str) -> str:
@@ -166,9 +153,6 @@ def page_scene(arm: str) -> Scene:
     """The scene of an arm's environments with a force at the tip, by which readers push it."""
     scene = load_scene(SCENES[arm])
     return dataclasses.replace(scene, effects=(*scene.effects, TipForce(step=(0.0, 0.0))))
-
-
-# ---- numbers and effects -------------------------------------------------------------------------------
 
 
 def _fields(scene: Scene, kind: type[Effect]) -> list[str]:
@@ -201,24 +185,19 @@ def _switches(scene: Scene) -> list[dict[str, Any]]:
     kinds = {"gravity": Gravity, "friction": ViscousFriction, "push": TipForce}
     made = []
     for label, kind in kinds.items():
-        (one,) = (effect for effect in scene.effects if isinstance(effect, kind))
-        named = _fields(scene, kind)
-        magnitude = [name for name in named if ".down" not in name and ".start" not in name]
-        made.append({"label": label, "key": one.key, "fields": magnitude})
+        (key,) = (effect.key for effect in scene.effects if isinstance(effect, kind))
+        fields = [name for name in _fields(scene, kind) if ".down" not in name and ".start" not in name]
+        made.append({"label": label, "key": key, "fields": fields})
     return made
 
 
-def _bills(scene: Scene) -> Iterator[tuple[list[str], dict[str, list[int]]]]:
-    """Bills of the scene without each subset of the effects that can be off, and their keys."""
-    keys = [switch["key"] for switch in _switches(scene)]
-    for count in range(len(keys) + 1):
-        for off in itertools.combinations(keys, count):
-            rest = tuple(effect for effect in scene.effects if effect.key not in off)
-            found = bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
-            yield [*off], {owner: [*counts] for owner, counts in found.items()}
-
-
-# ---- the bits of this machine --------------------------------------------------------------------------
+def _bills(scene: Scene, keys: list[str]) -> dict[str, Any]:
+    """Bills of the scene without each subset of the effects that can be off, by their keys."""
+    bills = {}
+    for off in (off for count in range(len(keys) + 1) for off in itertools.combinations(keys, count)):
+        rest = tuple(effect for effect in scene.effects if effect.key not in off)
+        bills["+".join(off)] = bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
+    return bills
 
 
 def digest(scene: Scene) -> str:
@@ -226,60 +205,33 @@ def digest(scene: Scene) -> str:
     core = Core(scene, 1, ReachTask())
     core.keys[:], core.waiting[:] = CHECKED_KEY, True
     core.begin(np.ones(1, dtype=bool), {})
-    found, states = FNV_OFFSET, core.memory.arrays["state"][0]
-    for action in checked_actions(len(core.actions)):
+    found, states, number = FNV_OFFSET, core.memory.arrays["state"][0], 1
+    for _ in range(CHECKED_STEPS):
+        action = np.empty((1, len(core.actions)), dtype=np.float32)
+        for joint in range(len(core.actions)):  # of a linear congruential generator
+            number = (number * 1664525 + 1013904223) % 2**32
+            action[0, joint] = number / 2**31 - 1.0
         core.step(action, Autoreset.DISABLED)
         for word in np.ascontiguousarray(states[:, 0]).view(np.uint64).tolist():
             found = (found ^ word) * FNV_PRIME % WORD
     return f"{found:016x}"
 
 
-def checked_actions(joints: int) -> Iterator[NDArray[np.float32]]:
-    """The actions, (1, joints), of a linear congruential generator."""
-    number = 1
-    for _ in range(CHECKED_STEPS):
-        action = []
-        for _ in range(joints):
-            number = (number * 1664525 + 1013904223) % 2**32
-            action.append(number / 2**31 - 1.0)
-        yield np.array([action], dtype=np.float32)
-
-
-# ---- policies ------------------------------------------------------------------------------------------
-
-Weights = NDArray[np.float64]
-
-
-def _policies(
-    arm: str, folder: Path | None, description: dict[str, Any]
-) -> Iterator[tuple[str, dict[str, Any], Weights]]:
-    """Name, structure and all numbers of the policies of an arm in a folder."""
-    for learner in LEARNERS if folder is not None else ():
-        path = folder / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
-        if path.is_file():
-            yield learner, *policy(path, len(description["observation"]), description["actions"])
-
-
-def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], Weights]:
+def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Structure and numbers of a ``policy.npz`` with layers from some inputs to some actions."""
     try:
         found = read_arrays(path, "policy")
-        count = sum(name.startswith("weights_") for name in found)
         layers = [
             tuple(np.asarray(found[f"{part}_{k}"], dtype=np.float64) for part in ("weights", "biases"))
-            for k in range(count)
+            for k in range(sum(name.startswith("weights_") for name in found))
         ]
         about = {"activation": str(found["activation"]), "output": str(found["output"])}
     except (ValueError, KeyError) as error:
         raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
     sizes = [inputs, *(len(biases) for _, biases in layers)]
-    fitting = all(
-        weights.shape == shape and biases.shape == shape[:1]
-        for (weights, biases), *shape_of in zip(layers, sizes[1:], sizes[:-1], strict=True)
-        for shape in [tuple(shape_of)]
-    )
-    if not layers or not fitting or sizes[-1] != actions:
-        shapes = [weights.shape for weights, _ in layers]
+    shapes = [weights.shape for weights, _ in layers]
+    fitting = shapes == [*zip(sizes[1:], sizes[:-1], strict=True)]
+    if not layers or not fitting or any(biases.ndim != 1 for _, biases in layers) or sizes[-1] != actions:
         raise ValueError(
             f"{path} has layers {shapes}; give a policy from {inputs} observed numbers to {actions} actions"
         )

@@ -18,8 +18,9 @@ from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.envs import animation, rendering
-from redundant_envs.envs.rendering import BARS, GOAL, Canvas, Window
+from redundant_envs.envs.rendering import BARS, Canvas, Window
 from redundant_envs.model.trajectory import Trajectory
+from redundant_envs.support import palette
 
 e = rde.effects
 SURROUNDED = rde.load_scene("four_r_reach").to_dict()
@@ -108,7 +109,7 @@ def test_pictures_have_the_size_that_is_asked_for(kind):
     begin(env, seed=0)
     for picture in images(env):
         assert picture.shape == (120, 200, 3)
-        assert (picture == rendering.GOAL).all(axis=2).any()
+        assert (picture == palette.GOAL).all(axis=2).any()
     for name, wrong in (("render_width", 31), ("render_height", 5000), ("render_width", 64.0)):
         with pytest.raises(ValueError, match=f"^{name} is {wrong}"):
             made(kind, ID, **{name: wrong})
@@ -156,9 +157,9 @@ def test_environments_are_drawn_with_numbers_of_their_own():
     env = drawn(FOUR_R, "next_step", scene=SURROUNDED)
     numbers = {"disc.radius": [0.1, 0.2, 0.2], "payload.mass": [0.1, 0.1, 0.3]}
     begin(env, {"q": (0.0, 0.5, 1.0, 0.2), "goal": (0.1, 0.2), "parameters": numbers}, seed=0)
-    discs = [(x[:240] == rendering.OBSTACLE).all(axis=2).sum() for x in env.render()]
+    discs = [(x[:240] == palette.OBSTACLE).all(axis=2).sum() for x in env.render()]
     assert 2 * discs[0] < min(discs[1:])
-    loads = [(x == rendering.LOAD).all(axis=2).sum() for x in env.render()]
+    loads = [(x == palette.LOAD).all(axis=2).sum() for x in env.render()]
     assert max(loads[:2]) < loads[2] - 50
 
 
@@ -174,7 +175,7 @@ def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_hel
     for held, color_of_goal in (("held 0.02 s", False), ("held 0.04 s", True)):
         env.step(np.zeros(4, np.float32))
         env.render()
-        assert (texts[-1][0], texts[-1][1] == GOAL) == (held, color_of_goal)
+        assert (texts[-1][0], texts[-1][1] == palette.GOAL) == (held, color_of_goal)
 
 
 def still(scene, shape=(), q=0.2):
@@ -262,7 +263,7 @@ def test_obstacles_cables_loads_and_stops_are_where_they_are():
     ):
         (with_it, at), (without, _) = posed(effect, **states), posed()
         assert (with_it != without).any()
-        colour = getattr(rendering, name)
+        colour = getattr(palette, name)
         if place is not None:
             np.testing.assert_allclose(at(place), colour, atol=12, err_msg=f"{effect}")
         else:

@@ -80,7 +80,7 @@ def test_specs_hold_plain_data_of_what_users_give(kind, given):
     spec = EnvSpec.from_json(env.spec.to_json())
     again = gym.make_vec(spec) if kind == "same_step" else spec.make().unwrapped
     assert kind != "same_step" or again.spec.to_json() == env.spec.to_json()
-    for of_core in ("scene", "task", "variation"):
+    for of_core in ("scene", "task", "simulated", "observed"):
         assert getattr(again.core, of_core) == getattr(env.core, of_core)
 
 

@@ -6,6 +6,7 @@ import pytest
 from faces import FOUR_R, ID, actions, begin, made, motion, running
 
 import redundant_envs as rde
+from redundant_envs.envs.core import start_ranges
 
 ZERO = np.zeros(4, np.float32)
 LANES = 512
@@ -75,7 +76,7 @@ def test_starts_lie_in_springs_and_stops_even_where_the_usual_range_does_not(
     begin(env, seed=0)
     for k, (lower, upper) in expected.items():
         assert_inside(joints(env)[:, k], lower, upper)
-        assert env.core.start_ranges()[k] == pytest.approx((lower, upper))
+        assert start_ranges(env.core.scene, env.core.task)[k] == pytest.approx((lower, upper))
 
 
 def test_a_slider_with_one_stop_needs_a_spring_at_its_other_end():
