@@ -112,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
-    p.add_argument("--drawing", type=Path, metavar="SVG", help="draw its arm instead")
+    p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
 
     text = "write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
     p = of_scene(export, "export", text)
@@ -231,11 +231,16 @@ def show_scene(options: argparse.Namespace) -> None:
     elif options.drawing is not None:
         from redundant_envs.envs.rendering import stated_limits
         from redundant_envs.robots.drawn import schematic
+        from redundant_envs.support.figures import of_lines, save_figure
 
-        if options.drawing.suffix != ".svg":
-            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg")
+        if (ending := options.drawing.suffix) not in (".svg", ".png"):
+            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg or .png")
         check_kept([options.drawing], options.force, [Path(options.scene)])
-        write_text(options.drawing, schematic(scene.robot, stated_limits(scene)))
+        drawing = schematic(scene.robot, stated_limits(scene))
+        if ending == ".png":
+            save_figure(of_lines(drawing), options.drawing)
+        else:
+            write_text(options.drawing, drawing)
         say(options.drawing)
     else:
         import yaml

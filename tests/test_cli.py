@@ -70,7 +70,7 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
         ("simulate --scene four_r_free --seconds -1", "seconds is -1.0"),
         ("study effects Wind --help", "not in the wheel; run there: python -m studies effects Wind --help"),
         ("scene nowhere", SCENES),
-        ("scene chain.yaml --drawing chain.png", "chain.png; give a file that ends in .svg"),
+        ("scene chain.yaml --drawing chain.pdf", "chain.pdf; give a file that ends in .svg or .png"),
         ("verify --quick four_r_reach --json broken/a", "is broken, which is a broken link; choose"),
         ("verify --quick mine:arm --json a --markdown ./a", "a would be written twice"),
         ("verify --quick mine:arm --json ./mine.py --force", "mine.py would be replaced, and is what"),

@@ -31,16 +31,19 @@ from redundant_envs.tasks.base import hard_stops
 Points = NDArray[np.float64]
 Pair = tuple[float, float]
 
-SIZE = 480  # of a picture, px; sizes of letters and lines are for this one
+SIZE = 480  # of a picture, px; sizes of letters and lines are for this one, and others have all in proportion
 MARGIN = 16  # distance of texts from the border of the picture, px
 LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
 BARS = "effort / limit"  # heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1
+HOLDING = {"hold", "is_success"}
+"""Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
+success on."""
 TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
-FARTHEST = 1e9  # px: farther away nothing is drawn, so that squares are finite in single precision
-MIN_LETTERS = 5.0  # px: lower ones cannot be read
+FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
+MIN_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
 GAP = 1.5  # between two letters, in units of the grid
@@ -56,8 +59,13 @@ class Canvas:
     in a picture whose shorter side is another, all are larger or smaller by ``unit``.
     """
 
-    def __init__(self, half_width: float, width: int = SIZE, height: int = SIZE) -> None:
-        self.pixels = np.full((height, width, 3), palette.BACKGROUND, dtype=np.uint8)
+    def __init__(
+        self, half_width: float, width: int = SIZE, height: int = SIZE,
+        background: NDArray[np.uint8] | None = None,
+    ) -> None:  # fmt: skip
+        if background is None:
+            background = np.full((height, width, 3), palette.BACKGROUND, dtype=np.uint8)
+        self.pixels = background.copy()
         self.width, self.height = width, height
         self.unit = min(width, height) / SIZE
         self.scale = SIZE / (2.0 * half_width)
@@ -70,7 +78,8 @@ class Canvas:
         return self.width / 2 + scale * float(point[0]), self.height / 2 - scale * float(point[1])
 
     def _blend(self, low: Pair, high: Pair, color: Color, distance: Callable[[Any, Any], Any]) -> None:
-        """Colour the inside of a shape from its signed distance [px]; nothing at a place without numbers."""
+        """Colour the inside of a shape, given by its signed distance [px] at x, y; nothing is drawn at a
+        place without numbers, as after a fault."""
         if not np.isfinite((*low, *high)).all():
             return
         x0, y0 = (max(0, int(v) - 2) for v in low)
@@ -78,12 +87,23 @@ class Canvas:
         if x0 >= x1 or y0 >= y1:
             return
         cover = np.float32(0.5) - distance(self._columns[x0:x1], self._rows[y0:y1, None])
-        mix(self.pixels[y0:y1, x0:x1], np.clip(cover, 0.0, 1.0), color)
+        np.minimum(cover, 1.0, out=cover)
+        np.maximum(cover, 0.0, out=cover)
+        mix(self.pixels[y0:y1, x0:x1], cover, color)
+
+    def _near(self, a: Pair, b: Pair) -> tuple[Pair, Pair]:
+        """A segment in pixels without what is beyond :data:`FARTHEST` from its end that is nearer."""
+        length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
+        if not length > FARTHEST:
+            return a, b
+        far_first = abs(a[0]) + abs(a[1]) > abs(b[0]) + abs(b[1])
+        (x, y), (xb, yb) = (b, a) if far_first else (a, b)
+        return (x, y), (x + FARTHEST * ((xb - x) / length), y + FARTHEST * ((yb - y) / length))
 
     def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._pixel(a), self._pixel(b)
-        if not all(abs(v) < FARTHEST for v in (ax, ay, bx, by)):
+        (ax, ay), (bx, by) = self._near(self._pixel(a), self._pixel(b))
+        if ax + ay + bx + by != ax + ay + bx + by:
             return
         r = self.unit * width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
@@ -94,8 +114,9 @@ class Canvas:
         cx, cy = self._pixel(center)
         radius, ring = self.unit * radius, self.unit * ring
 
-        def distance(x: Any, y: Any) -> Any:
-            d = np.sqrt((x - cx) ** 2 + (y - cy) ** 2) - radius
+        def distance(x: NDArray[np.float32], y: NDArray[np.float32]) -> Any:
+            dx, dy = x - cx, y - cy
+            d = np.sqrt(dx * dx + dy * dy) - radius
             return np.abs(d) - ring / 2 if ring else d
 
         r = radius + ring
@@ -106,13 +127,15 @@ class Canvas:
         length = float(np.hypot(*normal)) or 1.0
         nx, ny = normal[0] / length, -normal[1] / length
         px, py = self._pixel(point)
-        at = min(max(nx * px + ny * py, -FARTHEST), FARTHEST)  # beyond all corners on either side
+        at = nx * px + ny * py
+        at = min(max(at, -FARTHEST), FARTHEST)  # beyond all corners on either side
         low, high, half = (0.0, 0.0), (self.width, self.height), np.float32(1.2 * self.unit)
         self._blend(low, high, color, lambda x, y: nx * x + ny * y - at)
         self._blend(low, high, edge, lambda x, y: np.abs(nx * x + ny * y - at) - half)
 
     def grid(self, place: Points, step: float, size: float, color: Color) -> None:
-        """Dots every ``step`` [m] from a place, behind all that has been drawn; their size in pixels."""
+        """Dots at a place and every ``step`` [m] from it in both directions, behind all that has been drawn;
+        their size in pixels."""
         pitch, (x, y) = self.unit * self.scale * step, self._pixel(place)
         if not (np.isfinite((x, y)).all() and pitch > 2.0):
             return
@@ -127,38 +150,58 @@ class Canvas:
         self.pixels[index] = patch
 
     def trail(self, points: Points, width: float, color: Color, faint: float, strong: float) -> None:
-        """A line through points (n, 2) that fades towards the first; width in pixels. Where segments overlap
-        the stronger one shows."""
+        """A line through points (n, 2) that fades towards the first; width in pixels.
+
+        All its segments are drawn at once: along the longer of its two directions a segment has a
+        pixel for each column, and across a few rows. Where segments overlap the stronger one shows.
+        """
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             return
         middle = np.array([self.width / 2, self.height / 2])
         at = (middle + (self.unit * self.scale) * points * (1.0, -1.0)).clip(-FARTHEST, FARTHEST)
-        at, r = at.astype(np.float32), np.float32(self.unit * width / 2)
-        strength = faint + (strong - faint) * np.arange(1, len(at), dtype=np.float32) / (len(at) - 1)
-        places = [self._columns - at[:, :1], self._rows - at[:, 1:]]  # from the start of each segment
-        strongest = np.zeros((self.height, self.width), np.float32)
-        low = np.maximum(np.minimum(at[:-1], at[1:]) - r - 2, 0).astype(int)
-        high = np.maximum(np.maximum(at[:-1], at[1:]) + r + 3, 0).astype(int)
-        for k, ((x0, y0), (x1, y1)) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
-            x, y = places[0][k, x0:x1], places[1][k, y0:y1, None]
-            away = from_segment(x, y, *(at[k + 1] - at[k]))
-            patch = strongest[y0:y1, x0:x1]
-            np.maximum(patch, np.clip(np.float32(0.5) + r - away, 0.0, 1.0) * strength[k], out=patch)
-        x0, y0 = low.min(axis=0)
-        x1, y1 = high.max(axis=0)
-        mix(self.pixels[y0:y1, x0:x1], strongest[y0:y1, x0:x1], color)
+        at = at.astype(np.float32)
+        steep = np.abs(np.diff(at[:, 1])) > np.abs(np.diff(at[:, 0]))
+        a, b = at[:-1].copy(), at[1:].copy()
+        a[steep], b[steep] = a[steep, ::-1], b[steep, ::-1]
+        r = self.unit * width / 2
+        ends = np.where(steep, self.height, self.width)  # of its longer direction
+        first = np.maximum(np.minimum(a[:, 0], b[:, 0]) - r - 1, 0).astype(int)
+        last = np.minimum(np.maximum(a[:, 0], b[:, 0]) + r + 1, ends - 1).astype(int)
+        counts = np.maximum(last - first + 1, 0)
+        segment = np.repeat(np.arange(len(a)), counts)
+        column = np.arange(len(segment)) - (np.cumsum(counts) - counts - first)[segment]
+        (ax, ay), (dx, dy) = a[segment].T, (b - a)[segment].T
+        x = column + np.float32(0.5) - ax
+        along = np.clip(x / np.where(dx == 0.0, np.float32(1.0), dx), 0.0, 1.0)
+        reach = int(np.ceil(1.5 * r)) + 1
+        row = np.floor(ay + along * dy).astype(int)[:, None] + np.arange(-reach, reach + 1)
+        y = row + np.float32(0.5) - ay[:, None]
+        cover = 0.5 + r - from_segment(x[:, None], y, dx[:, None], dy[:, None])
+        strength = faint + (strong - faint) * np.arange(1, len(a) + 1, dtype=np.float32) / len(a)
+        cover = np.clip(cover, 0.0, 1.0) * strength[segment, None]
+        turned = steep[segment, None]
+        shown = (cover > 0.0) & (row >= 0) & (row < np.where(turned, self.width, self.height))
+        column = np.broadcast_to(column[:, None], row.shape)
+        index = np.where(turned, column * self.width + row, row * self.width + column)[shown]
+        strongest = np.zeros(self.width * self.height, np.float32)
+        np.maximum.at(strongest, index, cover[shown].astype(np.float32))
+        flat = self.pixels.reshape(-1, 3)
+        patch = flat[index]
+        mix(patch, strongest[index], color)
+        flat[index] = patch
 
     def text(
         self, text: str, x: float, y: float, color: Color, height: float = LETTERS, from_right: bool = False
     ) -> None:
         """A line of text with its upper left corner at (x, y), or its upper right one x from the right; px
-        from the left, and from the top or, where y is negative, the bottom. Small letters are left out."""
+        from the left, and from the top or, where y is negative, from the bottom. Letters of less than
+        :data:`MIN_LETTERS` are left out."""
         if self.unit * height < MIN_LETTERS:
             return
         weight = cover(text, self.unit * height)
         rows, columns = weight.shape
-        left, top = round(self.unit * x), round(self.unit * y) + self.height * (y < 0)
+        left, top = round(self.unit * x), round(self.unit * y) + (self.height if y < 0 else 0)
         left = self.width - left - columns if from_right else left
         y0, x0 = max(top, 0), max(left, 0)
         patch = self.pixels[y0 : top + rows, x0 : left + columns]
@@ -198,7 +241,12 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 @lru_cache(maxsize=512)
 def cover(text: str, height: float) -> NDArray[np.float32]:
     """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
-    ``height`` is that of a digit, px."""
+
+    ``height`` is that of a digit, px. ValueError if a character has no glyph.
+    """
+    lacking = sorted(set(text) - GLYPHS.keys())
+    if lacking:
+        raise ValueError(f"text is {text!r}; there is no glyph for {''.join(lacking)!r} in GLYPHS")
     unit, left = height / CAPITAL, 2.0
     width = sum(GLYPHS[c][0] + GAP for c in text) - GAP
     rows, columns = int(np.ceil(height + 0.4 * height)) + 4, int(np.ceil(unit * width)) + 5
@@ -264,7 +312,6 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
 
 
 def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
-    """The travel of a slider, which is at ``start`` where its coordinate is 0."""
     stops = [start + limit * along for limit in travel if np.isfinite(limit)]
     canvas.capsule(stops[0], stops[-1], 7.0, palette.RAIL)
     across = 9.0 / canvas.scale * np.array([-along[1], along[0]])
@@ -274,8 +321,9 @@ def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
 
 def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
     """Directions that the link behind a revolute joint can have, around the joint."""
-    stops = [end for end in travel if np.isfinite(end)]
-    if stops[-1] - stops[0] >= 2.0 * np.pi or not np.isfinite(pose.q).all():
+    stops = [float(end) for end in travel if np.isfinite(end)]
+    whole = len(stops) == 2 and stops[1] - stops[0] >= 2.0 * np.pi
+    if whole or not np.isfinite(pose.q).all():
         return
     ends = pose.moved(joint, np.linspace(stops[0], stops[-1], 33))
     way = ends[:, joint + 1] - ends[:, joint]
@@ -287,13 +335,17 @@ def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
     if len(stops) == 2:
         canvas.trail(at + ARC * px * way, 4.0, palette.RAIL, faint=1.0, strong=1.0)
     for direction in way[:: len(way) - 1][: len(stops)]:
-        inner, outer = (at + radius * px * direction for radius in (ARC - TICK, ARC + TICK))
-        canvas.capsule(inner, outer, 3.0, palette.RAIL)
+        canvas.capsule(
+            at + (ARC - TICK) * px * direction, at + (ARC + TICK) * px * direction, 3.0, palette.RAIL
+        )
 
 
 def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
     """Travel of the joints that have any, from the numbers of the scene, or of one environment: joint ->
-    (lower, upper), m or rad; an end without a stop is infinite. The report's centring spring names limits."""
+    (lower, upper), m or rad; an end without a stop is infinite.
+
+    The report's centring spring names limits too, although it does not enforce them.
+    """
     values = scene.parameters() if known is None else known
     names = {joint: (low, high) for joint, low, high in hard_stops(scene)} | scene.travel()
     for effect in scene.effects:
@@ -314,8 +366,8 @@ class Drawing:
             for e in scene.effects
             if type(e).shapes is not Effect.shapes
         ]
-        self._background: tuple[Any, Any] = (None, None)
         self._masses = [(a.hook.point.number, a.parameter(a.hook.mass)) for a in scene.attached.of(PointMass)]
+        self._background: tuple[Any, Any] = (None, None)
 
     def surroundings(self, arm: Arm, q: Points, known: Mapping[str, float]) -> list[shapes.Shape]:
         """What effects show, from all numbers and states of the scene by name."""
@@ -328,22 +380,26 @@ class Drawing:
     def begun(
         self, found: Sequence[shapes.Shape], reach: float, border: float = BORDER, least: float = 0.0
     ) -> Canvas:
-        """A canvas with ground, obstacles and the reach of an arm, ``least`` [m] around the base at least."""
+        """A canvas for an arm of a reach, with ground, obstacles and the reach; it shows ``least`` [m] around
+        the base at least."""
         half_width = border * (max(shapes.seen_with(found, reach), least) or 1.0)
-        canvas = Canvas(half_width, self.width, self.height)
         behind = tuple(x for x in found if isinstance(x, shapes.Circle | shapes.HalfPlane))
-        if self._background[0] != (half_width, reach, behind):  # drawing it takes longer than all the rest
+        made_for = (half_width, reach, behind)
+        if self._background[0] != made_for:
+            canvas = Canvas(half_width, self.width, self.height)
             for shape in behind:
                 if isinstance(shape, shapes.HalfPlane):
                     canvas.half_plane(shape.point, shape.normal, palette.OBSTACLE, palette.EDGE)
             canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
             for shape in behind:
                 if isinstance(shape, shapes.Circle):
-                    radius = max(canvas.scale * shape.radius, 4.0)
-                    canvas.disc(shape.centre, radius, palette.OBSTACLE if radius > 4.0 else palette.EDGE)
-                    canvas.disc(shape.centre, radius, palette.EDGE, ring=2.4)
-            self._background = (half_width, reach, behind), canvas.pixels.copy()
-        canvas.pixels[:] = self._background[1]
+                    radius = canvas.scale * shape.radius
+                    canvas.disc(
+                        shape.centre, max(radius, 4.0), palette.OBSTACLE if radius > 4.0 else palette.EDGE
+                    )
+                    canvas.disc(shape.centre, max(radius, 4.0), palette.EDGE, ring=2.4)
+            self._background = made_for, canvas.pixels
+        canvas = Canvas(half_width, self.width, self.height, self._background[1])
         moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
         if moved:
             canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, palette.GRID)
@@ -370,7 +426,8 @@ class Drawing:
 
 
 def _radius(mass: float, arm: Arm) -> float:
-    """Radius of a load, px: beyond the tip's dot its square shows the mass, up to 4 of the arm's heaviest."""
+    """Radius of a load, px: beyond the dot of the tip its square shows the mass, up to four times the arm's
+    heaviest."""
     return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
 
 
@@ -378,12 +435,12 @@ NO_DISPLAY = (
     "render_mode='human' needs a display, and there is none here; make the environment with "
     "render_mode='rgb_array', or write a clip: redundant-envs-train play ... --clip file.gif"
 )
-CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")  # by which users choose a driver, such as "dummy"
+CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+"""Variables with which a user chooses a driver, such as "dummy", that may have no display."""
 
 
-def display() -> Any:
-    """pygame with its display begun, or an error that names the extra to install; NoDisplay where there is
-    no display: SDL would draw into nothing."""
+def load_pygame() -> Any:
+    """The package pygame, or an error that names the extra to install."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():
@@ -393,6 +450,12 @@ def display() -> Any:
         raise DependencyNotInstalled(
             f"render_mode='human' needs pygame, which is not installed; {INSTALL.format('human')}"
         ) from error
+    return pygame
+
+
+def display() -> Any:
+    """pygame with its display begun; NoDisplay where there is none: SDL would draw into nothing."""
+    pygame = load_pygame()
     with _silent():
         try:
             pygame.display.init()
@@ -406,7 +469,7 @@ def display() -> Any:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Without what SDL prints of the displays that it tried."""
+    """Without what libraries of the system print of the displays that they tried."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -423,15 +486,19 @@ class NoDisplay(Error, OSError):
 
 
 class Window:
-    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next. The
-    environments of a process share one, which closes with the last of them."""
+    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next.
+
+    A process has one window of pygame. Environments that are shown at the same time share it, and it closes
+    with the last of them.
+    """
 
     _open: ClassVar[set[Window]] = set()
 
     def __init__(self, fps: float) -> None:
-        self._pygame, self._fps = display(), fps
+        self._pygame = display()
         self._open.add(self)
         self._clock = self._pygame.time.Clock()
+        self._fps = fps
 
     def show(self, picture: NDArray[np.uint8]) -> None:
         pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
@@ -467,8 +534,10 @@ class Renderer:
         self._last[:] = -1.0
 
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
-        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,): a trail
-        starts again with each episode."""
+        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
+
+        A trail starts again with each episode.
+        """
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
         same = (steps == self._last) & (np.abs(self._tips[:, -1] - tips) < 1e-9).all(axis=1)
         self._count[~(stepped | same)] = 0
@@ -481,8 +550,10 @@ class Renderer:
         return self._tips[lane, TRAIL_LENGTH - self._count[lane] :]
 
     def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
-        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held
-        if these are to be ``written``."""
+        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held.
+
+        ``written=False`` leaves these out.
+        """
         core, scene, arm = self.core, self.core.scene, self.core.scene.robot
         index = np.array([lane])
 
@@ -490,15 +561,15 @@ class Renderer:
             return core.memory.read(tuple(names), index)[0]
 
         q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
-        present = parameters.present(core.memory, index, scene.parameters())
-        known, states = (
-            {n: float(x[0]) for n, x in present.items()},
-            tuple(core.memory.dynamics.effect_states),
-        )
+        known = {
+            n: float(x[0]) for n, x in parameters.present(core.memory, index, scene.parameters()).items()
+        }
+        states = tuple(core.memory.dynamics.effect_states)
         known |= zip(states, read(states).tolist(), strict=True)
-        numbers = tuple(known[name] for name in arm.parameter_values())
-        own_arm: Any = type(arm)(numbers[: arm.num_masses], numbers[arm.num_masses :])
-        reach, tip, base = float(reach_of(scene, known)), own_arm.forward_kinematics(q), (0.0, 0.0)
+        numbers = [known[name] for name in arm.parameter_values()]
+        own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
+        reach = float(reach_of(scene, known))
+        tip, base = own_arm.forward_kinematics(q), (0.0, 0.0)
         if not np.isfinite(reach):  # of an arm with a slider without an end
             reach = float(np.hypot(*tip))
         found = self._drawing.surroundings(own_arm, q, known)
@@ -519,20 +590,21 @@ class Renderer:
         canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
         dt = scene.control_dt
         canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, palette.INK)
-        if {*core.task.memory, *core.task.metrics} >= {"hold", "is_success"}:
+        if {*core.task.memory, *core.task.metrics} >= HOLDING:
             hold, success = read(("hold", "is_success"))
-            color = palette.GOAL if success else palette.FAINT
             if hold > 0:
-                canvas.text(f"held {hold * dt:.2f} s", MARGIN, MARGIN, color, from_right=True)
+                held = f"held {hold * dt:.2f} s"
+                canvas.text(held, MARGIN, MARGIN, palette.GOAL if success else palette.FAINT, from_right=True)
         return canvas.pixels
 
     def show(self, lane: int) -> None:
         """Show a lane in a window, in real time: one picture per control step."""
-        self._window = self._window or Window(1.0 / self.core.scene.control_dt)
+        if self._window is None:
+            self._window = Window(1.0 / self.core.scene.control_dt)
         self._window.show(self.draw(lane))
 
     def close(self) -> None:
         """Close the window if one is open."""
         if self._window is not None:
             self._window.close()
-        self._window = None
+            self._window = None

@@ -65,9 +65,10 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
             parts.append(_name(x, y, arm.coordinates[k], INK))
         else:
             if np.isclose(q[k], np.arctan2(a[1] - b[1], b[0] - a[0])):  # an absolute angle
-                end = a + ARC * np.array([np.cos(q[k]), -np.sin(q[k])])
-                side = f"M{a[0]:.1f} {a[1]:.1f}h{ARC + 10:g}m-10 0"
-                parts.append(_path(f"{side}A{ARC:g} {ARC:g} 0 0 0 {end[0]:.1f} {end[1]:.1f}", INK, 1.0))
+                turn = np.linspace(0.0, q[k], 24)[:, None]
+                arc = _line(a + ARC * np.hstack([np.cos(turn), -np.sin(turn)]))
+                side = _line((a, a + np.array([ARC + 10.0, 0.0])))
+                parts.append(_path(side + arc, INK, 1.0))
             parts.append(_name(a[0] + 32.0, a[1] + 13.0, arm.coordinates[k], INK))
             parts += [_name(x, y, next(names), SOFT)] if own else []
         parts.append(_name(b[0] - 9.0, b[1] - 12.0, f"m{k + 1}", SOFT))
@@ -178,8 +179,8 @@ def _paths(arm: Any, frames: Any, k: int) -> list[tuple[str, str, float]]:
         if own:
             data = ";".join("".join(_line(ends[first:last]) for first, last in own) for ends in frames)
             made.append((data, color, width))
-    dots = ";".join("".join(f"M{x:.1f} {y:.1f}h0" for x, y in ends[1:]) for ends in frames)
-    base = ";".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(frames)[:1, 0])
+    dots = ";".join("".join(_line([end] * 2) for end in ends[1:]) for ends in frames)
+    base = ";".join(_line([end] * 2) for end in np.asarray(frames)[:1, 0])
     return [*made, (dots, INK, 11.0), (base, RAIL, 13.0)]
 
 
