@@ -265,7 +265,7 @@ def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tables, "table", interrupted)
+    monkeypatch.setattr(tables, "results_table", interrupted)
     assert main(["table", "anything"]) == 130
     monkeypatch.setattr(library, "list_names", interrupted)
     assert library.main(["list"]) == 130
