@@ -390,6 +390,13 @@ class Effect:
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.
 
+    Attributes
+    ----------
+    static : tuple of str, default ()
+        Fields that choose the structure; all others are per-environment numbers.
+    of_joints : tuple of str, default ()
+        Fields with a number for each joint; a single number serves all of them.
+
     Examples
     --------
     A drag that grows with the square of the rate, on every joint::
@@ -418,9 +425,7 @@ class Effect:
     """
 
     static: ClassVar[tuple[str, ...]] = ()
-    """Fields that choose the structure; all others are per-environment numbers."""
     of_joints: ClassVar[tuple[str, ...]] = ()
-    """Fields with a number for each joint; a single number serves all of them."""
 
     def __init_subclass__(cls) -> None:
         """Refuse numbers with names that every effect has, and note which there are for each joint."""

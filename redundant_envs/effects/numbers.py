@@ -122,27 +122,34 @@ def _as_given(_: str, value: Any) -> Any:
 Metadata = Mapping[str, Declared]
 
 
-def _declaring(form: Check, of_joints: bool = False) -> Callable[..., Metadata]:
-    """A function that returns the metadata of a field, from its check and its units."""
-
-    def metadata(check: Check, *units: str) -> Metadata:
-        return {DECLARED: Declared(form, check, units, of_joints)}
-
-    return metadata
+def one(check: Check, *units: str) -> Metadata:
+    """A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
+    return {DECLARED: Declared(number, check, units)}
 
 
-one = _declaring(number)
-"""A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
-pair = _declaring(two)
-"""A number for each axis, x and y."""
-each_axis = _declaring(of_axes)
-"""A number for each axis, or one for both."""
-each_joint = _declaring(_as_given, of_joints=True)
-"""A number for each joint, or one that serves all of them."""
-row = _declaring(numbers)
-"""Numbers of which the effect says how many there are."""
-checked = _declaring(_as_given)
-"""What its check alone describes, such as a name."""
+def pair(check: Check, *units: str) -> Metadata:
+    """A number for each axis, x and y."""
+    return {DECLARED: Declared(two, check, units)}
+
+
+def each_axis(check: Check, *units: str) -> Metadata:
+    """A number for each axis, or one for both."""
+    return {DECLARED: Declared(of_axes, check, units)}
+
+
+def each_joint(check: Check, *units: str) -> Metadata:
+    """A number for each joint, or one that serves all of them."""
+    return {DECLARED: Declared(_as_given, check, units, of_joints=True)}
+
+
+def row(check: Check, *units: str) -> Metadata:
+    """Numbers of which the effect says how many there are."""
+    return {DECLARED: Declared(numbers, check, units)}
+
+
+def checked(check: Check, *units: str) -> Metadata:
+    """What its check alone describes, such as a name."""
+    return {DECLARED: Declared(_as_given, check, units)}
 
 
 def text(field: str, value: Any) -> str:

@@ -77,12 +77,14 @@ class Copy(np.ndarray[Any, np.dtype[np.float64]]):
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """A number of an environment, or several with one name."""
+    """A number of an environment, or several with one name: ``value`` and ``unit``.
+
+    In a vector the value is (num_envs,), or (num_envs, entries) of several; a single environment's has no
+    first axis. There is one unit, or one for each entry where they differ; "" if none is declared.
+    """
 
     value: Any
-    """(num_envs,), or (num_envs, entries) of several; a single environment's has no first axis."""
     unit: str | tuple[str, ...]
-    """One, or one for each entry where they differ; "" if none is declared."""
 
 
 class Parameters(Mapping[str, Parameter]):
@@ -138,7 +140,8 @@ def parameters_of(core: Core) -> Parameters:
 
 class EnvBase:
     """A core as users see it: its scene, and copies of coordinates, velocities, tips, goals and numbers of
-    its lanes. Options of a reset set them; a number set as an attribute is that of the next episode."""
+    its lanes. Options of a reset, or :meth:`set_options`, set them; a number set as an attribute, such as
+    ``goal_tolerance``, is that of the next episode."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
@@ -308,8 +311,10 @@ class VectorEnvBase(EnvBase):
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
         """Options of the next episode of each environment, as ``reset`` takes them.
 
-        They are in force when an environment begins its next episode, by a reset or an autoreset; all else is
-        as in the method of a single environment.
+        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
+        have options of its own, which replace those of the same name. A start or a goal is that of one
+        episode; parameters stay until options give "parameters" again. Options that wait are none of
+        :meth:`get_state`. ValueError if an episode could not begin with them; nothing changes then.
 
         Parameters
         ----------

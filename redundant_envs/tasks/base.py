@@ -29,9 +29,6 @@ class Task:
     in (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are
     computed, then the ``updates`` are applied; the observation follows from state and memory alone.
 
-    A subclass sets the attributes below in its body; all but ``name`` have a default. It writes the methods
-    ``reward_functions`` and ``observation``, and may replace any other.
-
     Parameters
     ----------
     start_angle : float
@@ -39,6 +36,52 @@ class Task:
     speed_bound : float
         Generalized velocity beyond which a lane ends, or is flagged: at 50 rad/s a control interval of 20 ms
         is a whole radian.
+
+    Attributes
+    ----------
+    A subclass sets them in its body. All but ``name`` have a default.
+
+    static : tuple of str, default ()
+        Fields that choose the structure of a task. Environments have no such numbers, and functions take
+        none of them.
+    name : str
+        Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
+    summary : str, default "has a task"
+        What the arm does: the sentence that begins with the arm's description goes on with it.
+    draws : int, default 0
+        Uniform draws at the start of an episode, ``draw1 ..``, beside those of the joints; 0 to 64.
+    memory : tuple of str, default ()
+        What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options.
+    begin_functions : tuple of functions, default ()
+        They give the memory at the start of an episode, but for what is in ``updates``.
+    moves : mapping of str to str, default {}
+        Memory -> the quantity that it becomes in every step, before anything is measured.
+    updates : mapping of str to str, default {}
+        Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins.
+    metrics : tuple of str, default ()
+        Quantities that ``info`` shows.
+    flags : tuple of str, default ()
+        Those of them that are true (1) or false (0).
+    labels : mapping of str to str, default {}
+        Metrics -> their names in ``info``, where these differ.
+    held_outputs : tuple of str, default ()
+        Metrics that are known only after a step, and kept until the next one.
+    angles : mapping of str to (str, str), default {}
+        Angles of the task, rad -> names of their sines and cosines.
+    goal_functions : tuple of functions, default ()
+        They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them.
+    goal_conditioned : bool, default False
+        Whether observations are dictionaries with goals, as hindsight replay needs them.
+    speed_bound_ends : bool, default True
+        Whether passing the speed bound ends an episode, or is only reported.
+    units : mapping of str to str, default those of the two numbers above
+        Numbers -> their units; a subclass adds its own to ``Task.units``. The page of an environment shows
+        them beside the sentences under "Parameters".
+    ranges : mapping of str to (float, float), default {}
+        Numbers -> the least and the largest value allowed. A number that is not named may have any positive
+        value; 0 is allowed only where negative values are.
+
+    A subclass writes the methods ``reward_functions`` and ``observation``, and may replace any other.
 
     Examples
     --------
@@ -87,44 +130,23 @@ class Task:
     speed_bound: float = 50.0
 
     static: ClassVar[tuple[str, ...]] = ()
-    """Fields that choose the structure of a task. Environments have no such numbers, and functions take none
-    of them."""
     name: ClassVar[str]
-    """Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``."""
     summary: ClassVar[str] = "has a task"
-    """What the arm does: the sentence that begins with the arm's description goes on with it."""
     draws: ClassVar[int] = 0
-    """Uniform draws at the start of an episode, ``draw1 ..``, beside those of the joints; 0 to 64."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options."""
     begin_functions: ClassVar[tuple[Function, ...]] = ()
-    """They give the memory at the start of an episode, but for what is in ``updates``."""
     moves: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes in every step, before anything is measured."""
     updates: ClassVar[Mapping[str, str]] = {}
-    """Memory -> the quantity that it becomes after everything was measured; 0 when an episode begins."""
     metrics: ClassVar[tuple[str, ...]] = ()
-    """Quantities that ``info`` shows."""
     flags: ClassVar[tuple[str, ...]] = ()
-    """Those of them that are true (1) or false (0)."""
     labels: ClassVar[Mapping[str, str]] = {}
-    """Metrics -> their names in ``info``, where these differ."""
     held_outputs: ClassVar[tuple[str, ...]] = ()
-    """Metrics that are known only after a step, and kept until the next one."""
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
-    """Angles of the task, rad -> names of their sines and cosines."""
     goal_functions: ClassVar[tuple[Function, ...]] = ()
-    """They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them."""
     goal_conditioned: ClassVar[bool] = False
-    """Whether observations are dictionaries with goals, as hindsight replay needs them."""
     speed_bound_ends: ClassVar[bool] = True
-    """Whether passing the speed bound ends an episode, or is only reported."""
     units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
-    """Numbers -> their units; a subclass adds its own to ``Task.units``. The page of an environment shows
-    them beside the sentences under "Parameters"."""
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Numbers -> the least and the largest value allowed. A number that is not named may have any positive
-    value; 0 is allowed only where negative values are."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -250,6 +272,7 @@ def narrowed(low, high, lower, upper):
 
 def range_of_starts(task: Any, scene: Scene, joint: int, value: Callable[[str], Any]) -> tuple[Any, Any]:
     """Range of the starts of a joint inside its limits; ``value`` gives a parameter by its name."""
+
     texts = task.start_range(scene, joint)
     low, high = (-value(text[1:]) if text.startswith("-") else value(text) for text in texts)
     for limited, lower, upper in (*spring_limits(scene), *hard_stops(scene)):  # the last word is a stop's

@@ -61,19 +61,23 @@ def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[s
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
     stopped before its first one begins again, and what it had is set aside."""
     config = run_folder.config_to_resume(folder, overrides)
-    if run_folder.check_resumable(folder) is None:
-        return begin_again(config, folder, progress)
     with alone(folder, "trains"):
+        if run_folder.check_resumable(folder) is None:
+            return _again(config, folder, progress)
         return _run(config, folder, progress, new=False, resumed=True)
 
 
 def begin_again(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Train a run once more that was stopped without a checkpoint."""
     with alone(folder, "trains"):
-        before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
-        where = f"; what it had is in {before}" if before else ""
-        say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
-        return _run(config, folder, progress, new=False)
+        return _again(config, folder, progress)
+
+
+def _again(config: Config, folder: Path, progress: Progress | None) -> dict[str, Any]:
+    before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
+    where = f"; what it had is in {before}" if before else ""
+    say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
+    return _run(config, folder, progress, new=False)
 
 
 def _run(
