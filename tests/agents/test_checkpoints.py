@@ -116,8 +116,8 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
 def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, monkeypatch, refused):
     shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
     kill(tmp_path / "without", "ppo", monkeypatch, checkpoint_seconds=0)
-    with alone(tmp_path / "without", "trains"):  # it may still be training
-        refused(["resume", tmp_path / "without"], "another process trains in")
+    with alone(tmp_path / "without", "trains"), pytest.raises(ValueError, match="another process trains in"):
+        resume(tmp_path / "without")  # which is not judged while it may still be training
     before = kept(tmp_path)
     refused(["resume", tmp_path / "exported"], "is an exported policy", "has no checkpoint")
     refused(["resume", tmp_path / "without"], "was killed, or lacks its training.json, and has no checkpoint")
