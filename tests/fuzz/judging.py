@@ -73,12 +73,12 @@ many."""
 @check("thousands have the same bits", EQUAL_BITS)
 def thousands(trial):
     """Each of 4096 lanes has the bits that it has among few, noise included."""
-    few, many = np.arange(bits.LANES), np.arange(MANY) % bits.LANES
+    few, many = bits.LANES, np.arange(MANY) % len(bits.LANES)
     status = bits.batch_of(trial, few).advance(trial.states[2][few % trial.count])
     if status.evaluations.mean() * MANY > MAX_EVALUATIONS:
         raise NotApplicable("it takes too many steps")
     found = bits.run(trial, bits.batch_of(trial, many, threads=2), many)
-    return bits.differing(trial, found, many, "among thousands")
+    return bits.differing(trial, found, "among thousands", many)
 
 
 @check("torch_step agrees", evaluators.AGREE)
