@@ -8,6 +8,7 @@ import pytest
 import torch
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
+from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked
@@ -137,56 +138,111 @@ def slope_of(networks, update, weights):
     return networks._parts(gradients[1] - gradients[0])[0][-1][0]
 
 
-def test_the_term_for_smooth_actions_of_ppo_has_its_derivative():
-    model = make("ppo")
-    model.learn(64)
-    with torch.no_grad():  # so that the means of two actions lie beyond their bounds
-        model.policy.action_net.bias.copy_(torch.tensor([-1.5, 0.1, -0.2, 1.5]))
-    model.read_networks()
-    given = next(iter(model.rollout_buffer.get(64)))
-    near = torch.rand(64, 4) * 2.0 - 1.0
-    columns = [c[:, None] for c in (given.old_log_prob, given.advantages, given.returns)]
+def close(found, expected):
+    """Whether tensors agree, pair by pair, to single precision."""
+    for one, other in zip(found, expected, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-6)
 
-    def update(weight):
-        model.smoothness = weight
-        inputs = model.inputs(given.observations)
-        model._set_gradients([inputs, given.actions, *columns, near, torch.ones(64, 1)], 0.2, 0.0)
 
-    found = slope_of(model.networks["actor"], update, (0.0, 0.3))
+@pytest.mark.long
+@pytest.mark.parametrize(("algo", "env"), [("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")])
+def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losses(algo, env):
+    at_goal = {"smoothness_at_goal": 2.0} if algo == "her" else {}
+    model = make(algo, env, policy_delay=1, smoothness=0.3, ent_coef=0.05, **at_goal)
+    model.learn(1700 if algo == "her" else 300)
+    actor, critics = model.networks["actor"], model.networks["critics"]
+    sample = model.replay_buffer.sample(32)
+    now, after = model.inputs(sample.observations), model.inputs(sample.next_observations)
+    before = {name: n.vector.clone() for name, n in model.networks.items()}
+    steps = []
+    for name in ("actor", "critics"):
+        model.adams[name].step = lambda rate, name=name: steps.append(name)  # look at gradients alone
+    with torch.no_grad():
+        drawn = model._draw(torch.cat([after, now]))
+        discounts = model.gamma * (1.0 - sample.dones)
+        chosen = torch.cat([torch.cat([after, now]), drawn.actions], 1)
+        model._update_critics(
+            torch.cat([now, sample.actions], 1), chosen[:32], sample.rewards, discounts, drawn.log_prob[:32],
+            0.0,
+        )  # fmt: skip
+        found_critics = critics.gradient.clone()
+        model._update_actor(chosen[32:], drawn, model._smoothness(sample.rewards), 0.0)
+    assert steps == ["critics", "actor"]
+
+    # the same losses through stable-baselines3's modules and torch's graph
+    model.write_networks()
     policy = copy.deepcopy(model.policy)
-    means = policy.get_distribution(given.observations).distribution.mean
+    raw, raw_after = sample.observations, sample.next_observations
+    mean, log_std, _ = policy.actor.get_action_dist_params(raw)
+    noise = drawn.noise[32:] / drawn.outputs[32:, 4:].clamp(-20, 2).exp()
+    u = mean + log_std.exp() * noise
+    log_prob = torch.distributions.Normal(mean, log_std.exp()).log_prob(u).sum(1)
+    log_prob = log_prob - torch.log1p(-torch.tanh(u).double().square()).sum(1).float()
+    with torch.no_grad():
+        mean_after = policy.actor.get_action_dist_params(raw_after)[0]
+        ahead = torch.min(*policy.critic_target(raw_after, drawn.actions[:32]))[:, 0]
+        goals = sample.rewards[:, 0] + discounts[:, 0] * (ahead - 0.05 * drawn.log_prob[:32, 0])
+    values = policy.critic(raw, torch.tanh(u))
+    near = (torch.tanh(mean) - torch.tanh(mean_after)).square().sum(1)
+    weights = torch.full((32,), 0.3)
+    if at_goal:
+        reached = sample.rewards[:, 0] == 1.0
+        assert 0 < reached.sum() < 32
+        weights[reached] = 2.0
+    (0.05 * log_prob - torch.min(*values)[:, 0] + weights * near).mean().backward()
+    head = torch.cat([policy.actor.mu.weight.grad, policy.actor.log_std.weight.grad])
+    close((w[0] for w in actor._dweights[1:]), (policy.actor.latent_pi[2].weight.grad, head))
+    policy.critic.zero_grad()
+    sum(0.5 * functional.mse_loss(q[:, 0], goals) for q in policy.critic(raw, sample.actions)).backward()
+    weights = critics._parts(found_critics)[0]
+    for k, q in enumerate(policy.critic.q_networks):
+        close((weights[1][k], weights[2][k]), (q[2].weight.grad, q[4].weight.grad))
+    for name, vector in before.items():
+        assert torch.equal(model.networks[name].vector, vector)
+
+
+@pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
+def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
+    model = make("ppo", env, ent_coef=0.01, vf_coef=0.7, smoothness=0.3)
+    model.learn(64)
+    actor, critic = model.networks["actor"], model.networks["values"]
+    torch.manual_seed(1)
+    buffer = model.rollout_buffer
+    sample = next(iter(buffer.get(64)))
+    neighbours = torch.rand(2, 64, 4) * 2.0 - 1.0
+    there = torch.randint(0, 2, (2, 64, 1)).float()
+    with torch.no_grad():
+        # so that the means of two actions lie beyond their bounds
+        model.policy.action_net.bias.copy_(torch.tensor([-1.5, 0.1, -0.2, 1.5]))
+        model.read_networks()
+        actions = model.policy.get_distribution(sample.observations).sample()
+        old = model.policy.evaluate_actions(sample.observations, actions)[1]
+        old += 0.3 * torch.randn(64)  # so that some ratios are clipped
+        columns = [c[:, None] for c in (old, sample.advantages, sample.returns)]
+        given = model.inputs(sample.observations), actions
+        both = (there * neighbours).sum(0), there.sum(0)
+        model._set_gradients([*given, *columns, *both], 0.2, 0.01)
+    policy = copy.deepcopy(model.policy)
+    values, log_prob, entropy = policy.evaluate_actions(sample.observations, actions)
+    means = policy.get_distribution(sample.observations).distribution.mean
     inside = means.clamp(-1.0, 1.0)
     assert 0.1 < (inside == means).float().mean() < 0.9
-    apart = inside - near
-    squares = apart.square() + 2.0 * (means - inside) * apart  # beyond the bounds a straight line
-    (0.3 * squares.sum(1).mean()).backward()
-    torch.testing.assert_close(found, policy.action_net.weight.grad, rtol=1e-4, atol=1e-6)
-
-
-def test_the_term_for_smooth_actions_of_sac_has_its_derivative_with_more_weight_at_the_goal():
-    model = make("her", "RPRPGoalReach-v0", smoothness=0.3, smoothness_at_goal=2.0)
-    model.learn(1700)
-    given = model.replay_buffer.sample(32)
-    now, after = model.inputs(given.observations), model.inputs(given.next_observations)
-    weights = model._smoothness(given.rewards)
-    assert torch.equal(weights, torch.where(given.rewards == 1.0, 2.0, 0.3))
-    assert len(set(weights.flatten().tolist())) == 2
-    model.adams["actor"].step = lambda rate: None
-    drawn = model._draw(torch.cat([after, now]))
-    chosen = torch.cat([now, drawn.actions[32:]], 1)
-
-    def update(weight):
-        model._update_actor(chosen, drawn, weight, 0.0)
-
-    found = slope_of(model.networks["actor"], update, (torch.zeros_like(weights), weights))
-    model.write_networks()
-    actor = copy.deepcopy(model.policy.actor)
-    here, ahead = (
-        torch.tanh(actor.get_action_dist_params(seen)[0])
-        for seen in (given.observations, given.next_observations)
-    )
-    (weights[:, 0] * (here - ahead.detach()).square().sum(1)).mean().backward()
-    torch.testing.assert_close(found[:4], actor.mu.weight.grad, rtol=1e-4, atol=1e-6)
+    apart = inside - neighbours
+    squares = there * (apart.square() + 2.0 * (means - inside) * apart)  # beyond the bounds a straight line
+    advantages = sample.advantages
+    advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+    ratio = (log_prob - old).exp()
+    surrogate = torch.min(advantages * ratio, advantages * ratio.clamp(0.8, 1.2)).mean()
+    value_loss = functional.mse_loss(sample.returns, values.flatten())
+    smoothness = 0.3 * squares.sum((0, 2)).mean()
+    (-surrogate - 0.01 * entropy.mean() + 0.7 * value_loss + smoothness).backward()
+    nets = policy.mlp_extractor
+    close(
+        [actor.dextra, *(w[0] for w in actor._dweights[1:]),
+         critic._dweights[2][0], critic._dbiases[0][0, 0]],
+        [policy.log_std.grad, *(layer.weight.grad for layer in (nets.policy_net[2], policy.action_net)),
+         policy.value_net.weight.grad, nets.value_net[0].bias.grad],
+    )  # fmt: skip
 
 
 def test_actions_are_smooth_within_episodes_and_not_from_one_to_the_next():
