@@ -56,29 +56,6 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
             assert found < 1e-10
 
 
-@pytest.mark.parametrize("form", ["urdf", "mjcf"])
-def test_pinocchio_finds_the_accelerations_of_both_arms(form, tmp_path):
-    pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
-    for arm in two_arms(0):
-        scene = rde.Scene(arm, (GRAVITY, e.Payload(0.75), e.LinkInertia(0.015625)))
-        (path := tmp_path / "arm").write_text(document(scene, form).content)
-        model = (pin.buildModelFromUrdf if form == "urdf" else pin.buildModelFromMJCF)(str(path))
-        model.gravity.linear = np.array([9.81 * x for x in (*GRAVITY.down, 0.0)])
-        data, joints = model.createData(), [model.joints[model.getJointId(name)] for name in arm.joints]
-        rates, worst = [joint.idx_v for joint in joints], 0.0
-        q, v, tau = np.empty(model.nq), np.empty(model.nv), np.empty(model.nv)
-        state = states(scene)
-        rows = (state[0] @ arm.motor_map, state[1] @ arm.motor_map, state[2], ours(scene, *state))
-        for phi, phid, efforts, expected in zip(*rows, strict=True):
-            for joint, x in zip(joints, phi, strict=True):  # one without ends has a cosine and a sine
-                q[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(x), np.sin(x)) if joint.nq == 2 else x
-            v[rates], tau[rates] = phid, efforts
-            gap = np.abs(pin.aba(model, data, q, v, tau)[rates] - expected).max()
-            worst = max(worst, gap / np.abs(expected).max())
-        print(f"{form}, {arm.kind}, Pinocchio: largest difference {worst:.1e}")
-        assert worst < 1e-10
-
-
 @physics
 def towards(position, middle, compliance):
     return (middle - position) / compliance
