@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from catalogue import SCENES
-from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco, ours, states
+from foreign import NEEDS_MUJOCO, largest_difference, model_of, mujoco
 from refusals import refusal
 
 import redundant_envs as rde
