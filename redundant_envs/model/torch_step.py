@@ -14,12 +14,11 @@ from redundant_envs.effects.bound_hooks import DRAWN
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.lane.common_step import lane_step
-from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.direct import fields_of, steps_taken
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.steps_taken import steps_taken
 from redundant_envs.support.values import shown
 
 Step = Callable[..., tuple[Any, ...]]

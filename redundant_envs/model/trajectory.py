@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import warnings
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from redundant_envs.model.parameters import numbers
 from redundant_envs.robots import drawn
 from redundant_envs.scenes.scene import ACCURACIES, Scene, check_scene
 from redundant_envs.simulator.lane.direct import fields_of
+from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.pieces import renewed
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.support.tables import write_rows
@@ -208,7 +208,7 @@ def motor_efforts(
 ) -> Array:
     """Efforts of the motors under commands, (num_envs, joints) both, in the present states, ``elapsed`` [s]
     after the start of a control interval, at which the states of effects were ``begun``."""
-    dynamics = dataclasses.replace(batch.simulator.dynamics, located=False)  # the state selects the laws
+    dynamics = Dynamics(batch.scene, located=False)  # the state selects the laws
     if not any(batch.scene.attached.chains.values()):
         return command
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))

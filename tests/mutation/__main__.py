@@ -28,8 +28,8 @@ PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
 NUMERICS = ("methods", "error_control")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
-LANE = ("dynamics", "parameters", "kinks", "required_steps", "common_step", "step_control", "boundaries",
-        "boundary", "joint", "laws", "stiction", "stops", "guards", "bounces", "features", "program",
+LANE = ("dynamics", "parameters", "kinks", "common_step", "step_control", "boundaries",
+        "boundary", "joint", "laws", "stiction", "stops", "features", "program",
         "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS, "scenes/tableaus", "language/limits",

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 import redundant_envs as rde
-from redundant_envs.simulator.lane.bounces import Bounces
-from redundant_envs.simulator.lane.engine_fields import engine
 from redundant_envs.simulator.lane.faults import Control, Fault
-from redundant_envs.simulator.lane.fields import Layout
+from redundant_envs.simulator.lane.fields import Layout, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.pieces import Whole
 from redundant_envs.simulator.lane.step_control import End, EqualSteps
+from redundant_envs.simulator.lane.stops import Bounces
 from redundant_envs.simulator.numerics.error_control import Crossed, blended_error, tip_error
 
 e = rde.effects

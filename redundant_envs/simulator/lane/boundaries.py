@@ -7,16 +7,14 @@ from typing import Any
 
 from redundant_envs.language.algebra import any_of, cases, maximum, minimum, total, where
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.simulator.events import boundary, contacts, crossings
-from redundant_envs.simulator.events.boundary import BoundedCoordinate
+from redundant_envs.simulator.events import contacts, crossings
+from redundant_envs.simulator.events.boundary import side_touched
 from redundant_envs.simulator.events.contacts import Resolved
-from redundant_envs.simulator.lane.boundary import Bounded
 from redundant_envs.simulator.lane.faults import Reason
 from redundant_envs.simulator.lane.features import Features
-from redundant_envs.simulator.lane.guards import guards_of
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.pieces import Whole
-from redundant_envs.simulator.lane.stops import Impacting, Stop
+from redundant_envs.simulator.lane.stops import Impacting
 
 
 class Boundaries:
@@ -24,11 +22,8 @@ class Boundaries:
 
     def __init__(self, features: Features, pieces: Whole) -> None:
         self.features, self.dynamics, self.pieces = features, features.dynamics, pieces
-        self.guards = guards_of(features)
-
-    def in_step(self, lane: Lane, origin: str) -> list[BoundedCoordinate]:
-        """The coordinates in a step, whose initial values are in fields of this form."""
-        return [b.in_step(lane, origin) for b in self.features.bounded]
+        self.impulses_change_laws = bool(features.dynamics.guarded and features.stops)
+        """Whether impulses at stops may change the signs of guards."""
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
@@ -37,30 +32,59 @@ class Boundaries:
             lane[b.crossing] = crossings.crossing_of(s, h, self.features.overshoot)
             lane[b.turning] = crossings.turning_time(s, h)
 
-    def at_start(self, lane: Lane, rule: Any) -> dict[Bounded, Any]:
-        """Apply a rule of :mod:`events.boundary` to every stop in the state before the common step."""
-        return {b: b.rule(lane, rule, "{}_start") for b in self.features.stops}
-
     def touched_before(self, lane: Lane) -> Any:
         """Whether a coordinate was at a stop, or rested there, before the common step."""
-        return any_of(side != 0.0 for side in self.at_start(lane, boundary.side_touched).values())
+        return any_of(b.rule(lane, side_touched, "{}_start") != 0.0 for b in self.features.stops)
 
     def touches(self, lane: Lane) -> Any:
         """Whether a coordinate that rests at no stop is at one now."""
-        sides = ((b.active_side(lane), b.rule(lane, boundary.side_touched)) for b in self.features.stops)
+        sides = ((b.active_side(lane), b.rule(lane, side_touched)) for b in self.features.stops)
         return any_of((active == 0.0) & (side != 0.0) for active, side in sides)
 
     def confirm_crossings(self, lane: Lane) -> None:
         """After a common step that ends near a boundary: whether the lane meets it."""
         self.record_crossings(lane, "{}_start", lane.h)
         # A coordinate that was released before the step starts at its stop and may leave it.
-        starts = self.at_start(lane, boundary.starts_at_stop)
         meets = any_of(
-            b.in_step(lane, "{}_start").free & ((lane[b.crossing] != 0.0) | starts.get(b, False))
+            b.in_step(lane, "{}_start").free & ((lane[b.crossing] != 0.0) | b.starts_at_stop(lane))
             for b in self.features.bounded
         )
         near = lane.reason == Reason.NEAR_BOUNDARY
         lane.reason = cases((near & meets, Reason.EVENT), (near, Reason.NONE), default=lane.reason)
+
+    # ---- laws that hold, and joints that stick -----------------------------------------------------------
+
+    def begin_laws(self, lane: Lane) -> None:
+        """Before a common step: which laws the state selects."""
+        features = self.features
+        for law in features.laws:
+            law.begin_law(lane)
+        self.settle_laws(lane, True)
+        for joint in features.sticking:
+            joint.begin_mode(lane)
+        lane.copy(features.rests, to="{}_start")
+        for b in features.guards:
+            lane.copy((b.side, b.pull), to="{}_start")
+
+    def settle_laws(self, lane: Lane, here: Any) -> None:
+        """Let the state of some lanes decide which laws of guards hold."""
+        x = self.features.quantities(lane)
+        for name, value in self.dynamics.guard_values(x, begins=True).items():
+            side, pull = f"side_{name}", f"pull_{name}"
+            lane[side] = where(here, x[side], lane[side])
+            lane[pull] = where(here, -abs(value), lane[pull])
+
+    def note_resolving(self, lane: Lane, resolving: bool) -> None:
+        """Note whether contacts are being resolved, so that impulses may change which laws hold."""
+        if self.impulses_change_laws:
+            lane.resolving = resolving
+
+    def record_pulls(self, lane: Lane) -> None:
+        """After a step: the values of guards in the present state; those of joints that stick are from the
+        last stage."""
+        held = {b.name: lane[b.last] for b in self.features.sticking}
+        for name, value in self.features.pulls(self.features.quantities(lane), held).items():
+            lane[f"pull_{name}"] = value
 
     # ---- stops that hold sliders -------------------------------------------------------------------------
 
@@ -91,7 +115,7 @@ class Boundaries:
         x, holding = self.quantities(lane), self.features.holding
         lowest = self.features.bounces.lowest(lane)
         resting = [b.contact(lane, x[f"hold{b.number}"], None, lowest) for b in holding]
-        w = symmetric(len(holding), lambda i, j: x[f"W{holding[i].number}{holding[j].number}"])
+        w = symmetric(holding, lambda a, b: x[f"W{a.number}{b.number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
             leaves = leaves & self.pieces.goes_on(lane)
             lane[b.active_stop] = where(leaves, 0.0, lane[b.active_stop])
@@ -100,7 +124,8 @@ class Boundaries:
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
-        self.guards.resolve(lane)
+        if self.impulses_change_laws:
+            self.settle_laws(lane, lane.resolving)
         x, dynamics = self.quantities(lane), self.dynamics
         self.features.stiction.record(lane, x, self.features.pulls)
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
@@ -116,7 +141,7 @@ class Boundaries:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
         features, stops = self.features, self.features.stops
         touching = [self._contact(lane, b) for b in stops]
-        w = symmetric(len(stops), lambda i, j: stops[i].mobility(lane, stops[j]))
+        w = symmetric(stops, lambda a, b: a.mobility(lane, b))
         r = contacts.resolve_contacts(lane.impacts, touching, w)
         for s, value in self._struck(lane, touching, r).items():
             lane[s] = where(r.strikes, value, lane[s])
@@ -131,9 +156,8 @@ class Boundaries:
         return features.stiction.strike(lane, r.strikes, r.going_on)
 
     def _contact(self, lane: Lane, b: Impacting) -> contacts.Contact:
-        features = self.features
-        grip = features.stiction.grip(lane, b.joint if isinstance(b, Stop) else None)
-        known = b.holding_force(lane), grip, features.bounces.lowest(lane)
+        grip = self.features.stiction.grip(lane, b.joint)
+        known = b.holding_force(lane), grip, self.features.bounces.lowest(lane)
         return b.contact(lane, *known, b.pressing(lane), lane[b.released])
 
     def _struck(self, lane: Lane, touching: Sequence[contacts.Contact], r: Resolved) -> dict[str, Any]:
@@ -151,7 +175,8 @@ class Boundaries:
         return struck
 
 
-def symmetric(count: int, upper: Callable[[int, int], Any]) -> list[list[Any]]:
-    """A symmetric matrix from the entries above its diagonal."""
-    entries = {(i, j): upper(i, j) for j in range(count) for i in range(j + 1)}
-    return [[entries[min(i, j), max(i, j)] for j in range(count)] for i in range(count)]
+def symmetric(some: Sequence[Any], entry: Callable[[Any, Any], Any]) -> list[list[Any]]:
+    """A symmetric matrix, from an entry for each pair of some objects."""
+    entries = {(i, j): entry(some[i], b) for j, b in enumerate(some) for i in range(j + 1)}
+    n = range(len(some))
+    return [[entries[min(i, j), max(i, j)] for j in n] for i in n]

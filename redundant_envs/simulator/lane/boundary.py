@@ -86,6 +86,10 @@ class Bounded(Boundary):
     def at_stage(self, x: Quantities) -> Any:
         """Its acceleration at a stage, or the pull of the stop at which it rests."""
 
+    def starts_at_stop(self, lane: Lane) -> Any:
+        """Whether it starts the common step at a stop, and does not move away from it."""
+        return False
+
     def active_side(self, lane: Lane, form: str = "{}") -> Any:
         """Side of the stop at which the coordinate rests."""
         return 0.0

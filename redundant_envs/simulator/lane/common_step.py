@@ -9,13 +9,15 @@ from typing import Any
 from redundant_envs.compiler.tracing.passes.stages import Subroutine
 from redundant_envs.language.algebra import any_of, cases, logical_not, maximum, sqrt, total, where
 from redundant_envs.simulator.events import crossings
-from redundant_envs.simulator.lane import coordinates, jumps, required_steps
+from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.boundaries import Boundaries
 from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart
+from redundant_envs.simulator.lane.dynamics import numbers_of, quantities_of_arm, tip_norms
 from redundant_envs.simulator.lane.faults import Control, Reason
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.kinks import kink_values, levels_of
 from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.parameters import rates_of_motion
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.methods import Numbers, Step, explicit_step
 
@@ -130,7 +132,7 @@ def others_error(features: Features, lane: Lane, step: Step, h: Any) -> Any:
 
 def gained_speed(features: Features, lane: Lane, before: Sequence[Any], after: Sequence[Any]) -> Any:
     """Change of the tip's speed between two sets of rates, m/s: the sum of what each joint contributes."""
-    rates = zip(coordinates.tip_norms(features.dynamics, lane), after, before, strict=True)
+    rates = zip(tip_norms(features.dynamics, lane), after, before, strict=True)
     return total(norm * abs(after - before) for norm, after, before in rates)
 
 
@@ -166,7 +168,7 @@ def departure(features: Features, lane: Lane) -> Any:
 
 def tip_weights(features: Features, lane: Lane) -> list[Any]:
     """Metres at the tip per unit of the error of each coordinate."""
-    norms, arm = coordinates.tip_norms(features.dynamics, lane), features.arm
+    norms, arm = tip_norms(features.dynamics, lane), features.arm
     if features.scene.tolerance is None:
         return norms
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
@@ -210,7 +212,7 @@ class CommonStep:
         lane.copy(self.features.kept, to="{}_start")
         lane.error_start = lane.error
         lane.copy(self.features.counted, to="{}_start")
-        self.boundaries.guards.begin_laws(lane)
+        self.boundaries.begin_laws(lane)
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
             lane.min_steps = where(steps <= 1.0, 0.0, steps)
@@ -223,16 +225,16 @@ class CommonStep:
         arm, crossed = self.dynamics.arm, self.pieces.span(lane)
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.parameters.prepared else []
-        here = coordinates.quantities_of_arm(self.dynamics, lane)
-        numbers = coordinates.numbers_of(self.dynamics, lane)
-        rates += required_steps.rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
+        here = quantities_of_arm(self.dynamics, lane)
+        numbers = numbers_of(self.dynamics, lane)
+        rates += rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return crossed * maximum(2.0 * fastest, self.pieces.least_rate(lane, most))
 
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes; one whose piece has no length stays as it is."""
         self.pieces.stays(lane, lambda: self._set_step(lane, lane.h, None))
-        self.boundaries.guards.record_pulls(lane)
+        self.boundaries.record_pulls(lane)
         if self.features.counts_evaluations and not self.features.local:
             self._count(lane, self.pieces.goes_on(lane))
 
@@ -248,7 +250,7 @@ class CommonStep:
     def record_step(self, lane: Lane) -> None:
         """After a trial step: count it, and determine how it meets the boundaries."""
         self.boundaries.record_crossings(lane, "{}_trial", lane.step)
-        self.boundaries.guards.record_pulls(lane)
+        self.boundaries.record_pulls(lane)
         if self.dynamics.bounds_late_switch:
             lane.departure = departure(self.features, lane)
         lane.due = lane.moving
@@ -299,9 +301,7 @@ class CommonStep:
 
     def _distances(self, lane: Lane, form: str) -> list[Any]:
         """Distance of the tip from each joint that turns, m, from the fields of a form."""
-        joints = zip(
-            coordinates.tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True
-        )
+        joints = zip(tip_norms(self.dynamics, lane, form), self.dynamics.arm.prismatic, strict=True)
         return [norm for norm, slides in joints if not slides]
 
     def _farther(self, lane: Lane, before: str, after: str) -> list[Any]:
@@ -311,7 +311,8 @@ class CommonStep:
 
     def judge(self, lane: Lane) -> None:
         """After a common step: why a lane leaves it, if it does. Then the result of the step is not used."""
-        moved, overshoot = self.boundaries.in_step(lane, "{}_start"), self.features.overshoot
+        overshoot = self.features.overshoot
+        moved = [b.in_step(lane, "{}_start") for b in self.features.bounded]
         pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
         near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
         reason: Any = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)

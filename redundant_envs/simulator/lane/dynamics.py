@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
 from redundant_envs.effects.hooks import SPEED, Actuation, Field, Force, Friction, Impact, Point, Sensing
-from redundant_envs.language.algebra import gives_of, numbered, physics, total
+from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
@@ -21,6 +19,7 @@ from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
 from redundant_envs.simulator.lane import sensing
 from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart, varying_arguments
+from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.parameters import Parameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
@@ -28,65 +27,69 @@ INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
 
 
-@dataclass(frozen=True)
 class Dynamics:
-    """The equations of motion of a scene."""
+    """The equations of motion of a scene.
 
-    scene: Scene
-    track_work: bool = False  # the work of motors and of forces without a potential is a state, too
-    located: bool = True
-    """Whether changes of a force's law are located in time under error control; otherwise the law follows
-    from the position at each evaluation."""
+    With ``track_work`` the work of motors and of forces without a potential is a state, too. Unless they are
+    ``located`` in time under error control, changes of a force's law follow from the position at each
+    evaluation.
+    """
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what follows from these: it has functions of effects, which need not be picklable."""
-        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-
-    @property
-    def arm(self) -> Any:
-        return self.scene.robot
-
-    @property
-    def count(self) -> int:
+    def __init__(self, scene: Scene, track_work: bool = False, located: bool = True) -> None:
+        attached, arm = scene.attached, scene.robot
+        self.scene, self.track_work, self.located = scene, track_work, located
+        self.arm: Any = arm
+        self.count = len(arm.coordinates)
         """Joints of the arm."""
-        return len(self.arm.coordinates)
-
-    @property
-    def controlled(self) -> bool:
+        self.method: Tableau = METHODS[scene.integrator]
+        self.parameters = Parameters(scene)
+        self.controlled = scene.controlled
         """Whether error control chooses the steps."""
-        return self.scene.controlled
+        self.locates_laws = self.controlled and located
+        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
+        self.commands = attached.commands
+        """Fields of the commanded efforts."""
+        self.passed = tuple(a.passed for a in attached.instants)
+        """Fields that say which instants have passed."""
 
-    @property
-    def method(self) -> Tableau:
-        return METHODS[self.scene.integrator]
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        return Parameters(self.scene)
-
-    @property
-    def effect_states(self) -> EffectStates:
-        return self.scene.attached.states
-
-    @cached_property
-    def states(self) -> tuple[str, ...]:
+        # ---- states
+        self.effect_states: EffectStates = attached.states
+        self.closed = () if self.controlled else self.effect_states.closed
+        """States of effects that steps evaluate in closed form: none if error control chooses the steps."""
+        stepped = (name for name in self.effect_states.integrated if name not in self.closed)
+        work = ("work",) if track_work else ()
+        self.states: tuple[str, ...] = (*arm.coordinates, *arm.rates, *stepped, *work, *self.closed)
         """Integrated states: coordinates, velocities, those of effects, and the work; then those of effects
         that steps evaluate in closed form."""
-        work = ("work",) if self.track_work else ()
-        stepped = (name for name in self.effect_states.integrated if name not in self.closed)
-        return (*self.arm.coordinates, *self.arm.rates, *stepped, *work, *self.closed)
+        self.draws: Mapping[str, Draw] = attached.draws
+        """Draws of effects' states, by the names of their quantities."""
+        self.draw_fields = (*DRAW_KEY, INTERVALS) if self.draws else ()
+        """Fields from which draws follow; none in a scene without draws."""
 
-    @cached_property
-    def closed(self) -> tuple[str, ...]:
-        """States of effects that steps evaluate in closed form: none if error control chooses the steps."""
-        return () if self.controlled else self.effect_states.closed
+        # ---- laws, and joints that stick
+        self.guarded = tuple(a for a in attached if a.guards) if self.locates_laws else ()
+        """Forces and links with guards whose changes of sign are located."""
+        self.bounds_late_switch = bool(self.guarded) and scene.tolerance is not None
+        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
+        self.frictions: dict[int, list[Attached[Friction]]] = {}
+        """Dry friction by the numbers of its joints."""
+        for a in attached.of(Friction):
+            self.frictions.setdefault(a.hook.joint, []).append(a)
+        stopped = {a.hook.joint for a in attached.of(Impact)}
+        slips = self.frictions or any(not arm.prismatic[k] for k in stopped)
+        self.slipping = tuple(sorted({*self.frictions, *stopped})) if slips else ()
+        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
+        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without what follows from these: it has functions of effects, which need not be picklable."""
+        return Dynamics, (self.scene, self.track_work, self.located)
 
     @cached_property
     def constant(self) -> frozenset[str]:
         """Quantities that are constant in a step."""
-        return frozenset(
-            (*self.parameters.numbers, *self.commands, *self.effect_states.updated, *self.passed)
-        )
+        effects = (*self.commands, *self.effect_states.updated, *self.passed)
+        return frozenset((*self.parameters.numbers, *effects))
 
     @cached_property
     def varying(self) -> dict[str, tuple[str, ...]]:
@@ -116,43 +119,6 @@ class Dynamics:
         x = Quantities(known, (), {})
         return {k: v for a in self._autonomous for k, v in a.changes("derivative", x).items()}
 
-    @property
-    def commands(self) -> tuple[str, ...]:
-        """Fields of the commanded efforts."""
-        return self.scene.attached.commands
-
-    @property
-    def passed(self) -> tuple[str, ...]:
-        """Fields that say which instants have passed."""
-        return tuple(a.passed for a in self.scene.attached.instants)
-
-    @property
-    def draws(self) -> Mapping[str, Draw]:
-        """Draws of effects' states, by the names of their quantities."""
-        return self.scene.attached.draws
-
-    @property
-    def draw_fields(self) -> tuple[str, ...]:
-        """Fields from which draws follow; none in a scene without draws."""
-        return (*DRAW_KEY, INTERVALS) if self.draws else ()
-
-    # ---- laws, and joints that stick ---------------------------------------------------------------
-
-    @property
-    def locates_laws(self) -> bool:
-        """Whether changes of laws are located; otherwise each evaluation decides which one holds."""
-        return self.controlled and self.located
-
-    @cached_property
-    def guarded(self) -> tuple[Attached[Any], ...]:
-        """Forces and links with guards whose changes of sign are located."""
-        return tuple(a for a in self.scene.attached if a.guards) if self.locates_laws else ()
-
-    @property
-    def bounds_late_switch(self) -> bool:
-        """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
-        return bool(self.guarded) and self.scene.tolerance is not None
-
     def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
         """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
         the sides in ``x``."""
@@ -164,14 +130,6 @@ class Dynamics:
                 found |= zip(a.guards, a.guard_values(x), strict=True)
         return found
 
-    @cached_property
-    def frictions(self) -> dict[int, list[Attached[Friction]]]:
-        """Dry friction by the numbers of its joints."""
-        found: dict[int, list[Attached[Friction]]] = {}
-        for a in self.scene.attached.of(Friction):
-            found.setdefault(a.hook.joint, []).append(a)
-        return found
-
     def friction_limit(self, joint: int, x: Quantities, speed: Any) -> Any:
         """Largest force of the friction of a joint at a speed, N m or N."""
         limits = []
@@ -179,14 +137,6 @@ class Dynamics:
             function = a.functions["limit"]
             limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
         return total(limits or [0.0])
-
-    @cached_property
-    def slipping(self) -> tuple[int, ...]:
-        """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
-        stop is that of a revolute joint, those with stops, which hold a joint in one direction."""
-        stopped = {a.hook.joint for a in self.scene.attached.of(Impact)}
-        turning = any(not self.arm.prismatic[k] for k in stopped)
-        return tuple(sorted({*self.frictions, *stopped})) if self.frictions or turning else ()
 
     # ---- actuation, and states of effects ----------------------------------------------------------
 
@@ -226,11 +176,8 @@ class Dynamics:
 
     def begun(self, x: Quantities) -> dict[str, Any]:
         """Those of them that no sensor has, from quantities that have the draws."""
-        changes: dict[str, Any] = {}
-        for a in self.scene.attached:
-            if not isinstance(a.hook, Sensing):
-                changes |= a.changes("initial", x)
-        return changes
+        own = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, Sensing))
+        return {name: value for changes in own for name, value in changes.items()}
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
         """The draws that functions of states take, by the names of quantities: of the start, or of the next
@@ -254,10 +201,8 @@ class Dynamics:
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
-        added, (*own,) = self.scene.attached.inertias, self.arm_functions
-        if not added:
-            return tuple(own)
-        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :])
+        added, own = self.scene.attached.inertias, self.arm_functions
+        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :]) if added else own
 
     @property
     def arm_functions(self) -> tuple[Callable[..., Any], ...]:
@@ -272,12 +217,11 @@ class Dynamics:
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
         """The same with the dynamics of sliders that may rest at their stops."""
-        arm = self.arm
+        arm, kind = self.arm, self.arm.__class__
         added = self.scene.attached.inertias
-        held = held_functions(arm.__class__) if added else (arm.held_dynamics, arm.slider_mobility)
+        held = held_functions(kind) if added else (arm.held_dynamics, arm.slider_mobility)
         if self.slipping:
-            mobility = held[1:] if self.arm.sliders() else ()
-            held = held_joint_dynamics(arm.__class__, self.slipping), *mobility
+            held = held_joint_dynamics(kind, self.slipping), *(held[1:] if arm.sliders() else ())
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
     def close(self, x: Quantities, time: ClosedFormStage | ClosedFormStart) -> None:
@@ -398,3 +342,39 @@ def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]
 
 def _plus(a: Any, b: Any) -> Any:
     return b if a is None else a + b
+
+
+# ---- quantities of a lane ------------------------------------------------------------------------------
+
+
+def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
+    """Quantities of the arm from the fields of a form, by its functions and ``more``."""
+    arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
+    known = dict(zip(dynamics.states, states, strict=True))
+    return Quantities(known, (*dynamics.arm_functions, *more), arm.sincos, numbers_of(dynamics, lane))
+
+
+def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:
+    """Metres at the tip per unit of each coordinate, from the fields of a form."""
+    x = quantities_of_arm(dynamics, lane, form, dynamics.arm.column_norms)
+    return x.each(f"n{k + 1}" for k in range(dynamics.count))
+
+
+def tip_distance(dynamics: Dynamics, lane: Lane, form: str) -> Any:
+    """Distance of the tip, m, from where it was with the coordinates in the fields of a form."""
+    norms = zip(tip_norms(dynamics, lane), dynamics.arm.coordinates, strict=True)
+    return total(n * abs(lane[q] - lane[form.format(q)]) for n, q in norms)
+
+
+def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
+    """The numbers that are constant in a step, from quantities or a lane."""
+    return {name: x[name] for name in dynamics.parameters.numbers}
+
+
+def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
+    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field."""
+    arm = dynamics.arm
+    still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
+    still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
+    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    return made.each(f"qdd{k + 1}" for k in range(dynamics.count))

@@ -21,7 +21,6 @@ from redundant_envs.language.algebra import (
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.scene import identifier
 from redundant_envs.simulator.lane.dynamics import INTERVALS
-from redundant_envs.simulator.lane.engine_fields import engine
 from redundant_envs.simulator.lane.faults import (
     GIVEN_UP,
     OBSERVED_ANGLE,
@@ -30,7 +29,16 @@ from redundant_envs.simulator.lane.faults import (
     angle_fault,
     largest_angle,
 )
-from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Layout, Variable, copies
+from redundant_envs.simulator.lane.fields import (
+    ENGINE,
+    PARAMETER,
+    SCRATCH,
+    STATE,
+    Layout,
+    Variable,
+    copies,
+    engine,
+)
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.randomized import Randomized

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from redundant_envs.language.algebra import where
-from redundant_envs.simulator.lane.engine_fields import engine
-from redundant_envs.simulator.lane.fields import LOG, Variable
+from redundant_envs.simulator.lane.fields import LOG, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stops import Impacting
 

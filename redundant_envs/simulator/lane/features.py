@@ -1,21 +1,21 @@
 """What a scene has that its lanes take care of: boundaries, joints that stick, a log, doubts about errors.
 
-All of it is decided before anything runs. What a scene may lack is an object with a neutral default, such as
+What a scene may lack is an object with a neutral default, such as
 :class:`~redundant_envs.simulator.lane.stiction.NoStiction`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Force, Gap, Impact, Impulse
 from redundant_envs.language.algebra import arguments_of, where
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.crossings import Overshoot
 from redundant_envs.simulator.lane import kinks
-from redundant_envs.simulator.lane.bounces import Bounces, ComparedBounces, NoStops
 from redundant_envs.simulator.lane.boundary import Boundary, Bounded
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.event_log import EventLog, LogOfSubsteps, NoLog
@@ -23,8 +23,18 @@ from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.joint import HingeTravel, Joint, SliderTravel, Travel
 from redundant_envs.simulator.lane.laws import Guard, LateGuard, LawChange
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.stiction import DryFriction, NoStiction, StickingJoint, Stiction
-from redundant_envs.simulator.lane.stops import HingeStop, HoldingStop, Impacting, Stop, TravelStop, Wall
+from redundant_envs.simulator.lane.stiction import NoStiction, Stiction
+from redundant_envs.simulator.lane.stops import (
+    Bounces,
+    ComparedBounces,
+    HingeStop,
+    HoldingStop,
+    Impacting,
+    NoStops,
+    Stop,
+    TravelStop,
+    Wall,
+)
 from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 
 
@@ -33,118 +43,137 @@ class Features:
 
     def __init__(self, dynamics: Dynamics) -> None:
         self.dynamics, self.scene, self.arm = dynamics, dynamics.scene, dynamics.arm
+        attached, controlled = self.scene.attached, dynamics.controlled
 
-    # ---- boundaries ----------------------------------------------------------------------------------
-
-    @cached_property
-    def travels(self) -> dict[int, Travel]:
-        """Joints with stops, by their numbers."""
-        kinds = {True: SliderTravel, False: HingeTravel}
-        found = {}
-        for a in self.scene.attached.of(Impact):
-            ends = map(a.parameter, (a.hook.lower, a.hook.upper))
-            found[a.hook.joint] = kinds[self.arm.prismatic[a.hook.joint]](self.dynamics, a.hook.joint, *ends)
-        return found
-
-    @cached_property
-    def stiction(self) -> NoStiction:
+        # ---- boundaries
+        impacts = attached.of(Impact)
+        travels = {a.hook.joint: self._travel(a) for a in impacts}
+        owners = {a.hook.joint: a.key for a in impacts}
+        owners |= {k: some[0].key for k, some in dynamics.frictions.items()}
+        self.stiction = Stiction(dynamics, travels, owners) if dynamics.slipping else NoStiction()
         """How joints stick and slip."""
-        if not self.dynamics.slipping:
-            return NoStiction()
-        owners = {a.hook.joint: a.key for a in self.scene.attached.of(Impact)}
-        owners |= {k: some[0].key for k, some in self.dynamics.frictions.items()}
-        kind = DryFriction if self.dynamics.frictions else Stiction
-        return kind(self.dynamics, self.travels, owners)
-
-    @property
-    def sticking(self) -> tuple[StickingJoint, ...]:
+        self.sticking = self.stiction.joints
         """Joints that stick and slip, in their order."""
-        return self.stiction.joints
-
-    @cached_property
-    def stops(self) -> tuple[Impacting, ...]:
+        of_joints = [self._stop(a, travels[a.hook.joint]) for a in impacts]
+        self.stops: tuple[Impacting, ...] = (*of_joints, *self._walls())
         """Boundaries that bounce: stops of joints, and walls, whose coordinates are any functions."""
-        return (*self._stops_of_joints, *self._walls())
-
-    @cached_property
-    def _stops_of_joints(self) -> tuple[TravelStop, ...]:
-        found: list[TravelStop] = []
-        for a in self.scene.attached.of(Impact):
-            travel, bounce = self.travels[a.hook.joint], a.parameter(a.hook.restitution)
-            if not self.sticking:
-                found.append(HoldingStop(travel, a.key, bounce))
-                continue
-            kind = Stop if self.arm.prismatic[travel.index] else HingeStop
-            found.append(kind(travel, a.key, bounce, self.stiction.of_stop(travel)))
-        return tuple(found)
-
-    def _walls(self) -> list[Wall]:
-        walls = enumerate(self.scene.attached.of(Gap), start=1)
-        return [
-            Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], a.parameter(a.hook.restitution))
-            for k, a in walls
-        ]
-
-    @cached_property
-    def holding(self) -> tuple[HoldingStop, ...]:
+        self.holding = tuple(b for b in of_joints if isinstance(b, HoldingStop))
         """Stops that hold their sliders by themselves."""
-        return tuple(b for b in self.stops if isinstance(b, HoldingStop))
-
-    @cached_property
-    def from_base(self) -> tuple[TravelStop, ...]:
+        by_joint = sorted(of_joints, key=lambda b: b.travel.index)
+        self.from_base = sorted(by_joint, key=lambda b: isinstance(b, HingeStop))
         """Stops of sliders, then those of revolute joints from base to tip: an angle may be a difference of
         coordinates, of which those of the links before it are known first."""
-        by_joint = sorted(self._stops_of_joints, key=lambda b: b.travel.index)
-        return tuple(sorted(by_joint, key=lambda b: isinstance(b, HingeStop)))
-
-    @cached_property
-    def active(self) -> tuple[str, ...]:
+        self.active = tuple(b.active_stop for b in self.holding)
         """Fields of the stops at which sliders rest."""
-        return tuple(b.active_stop for b in self.holding)
-
-    @cached_property
-    def laws(self) -> tuple[LawChange, ...]:
+        self.laws = tuple(self._law_changes()) if dynamics.locates_laws else ()
         """Positions at which forces change their laws, where that is located."""
-        if not self.dynamics.locates_laws:
-            return ()
-        return tuple(
-            LawChange(Joint(self.dynamics, a.hook.joint), a.law, a.key, *map(a.parameter, a.hook.switch))
-            for a in self.scene.attached.of(Force)
-            if a.hook.switch is not None and isinstance(a.hook.joint, int)
-        )
-
-    @cached_property
-    def guards(self) -> tuple[Guard, ...]:
+        guard = LateGuard if dynamics.bounds_late_switch else Guard
+        own = (guard(dynamics, name, a.key) for a in dynamics.guarded for name in a.guards)
+        self.guards: tuple[Guard, ...] = (*own, *self.sticking)
         """Guards that are located, and joints that stick and slip, which always are."""
-        kind = LateGuard if self.dynamics.bounds_late_switch else Guard
-        own = (kind(self.dynamics, name, a.key) for a in self.dynamics.guarded for name in a.guards)
-        return (*own, *self.sticking)
-
-    @property
-    def bounded(self) -> tuple[Bounded, ...]:
+        self.bounded: tuple[Bounded, ...] = (*self.stops, *self.laws)
         """Boundaries of coordinates."""
-        return (*self.stops, *self.laws)
-
-    @cached_property
-    def boundaries(self) -> tuple[Boundary, ...]:
+        self.boundaries: tuple[Boundary, ...] = (*self.bounded, *self.guards)
         """Boundaries at which the motion has events; guards come last."""
-        return (*self.bounded, *self.guards)
-
-    @property
-    def sides(self) -> tuple[str, ...]:
+        self.sides = (*(b.side for b in self.laws), *(b.side for b in self.guards))
         """Fields that say which laws hold, where their changes are located."""
-        return (*(b.side for b in self.laws), *(b.side for b in self.guards))
-
-    @property
-    def resolves(self) -> bool:
+        self.resolves = bool(self.stops or self.sticking)
         """Whether a lane may have to decide which stops act and which joints stick."""
-        return bool(self.stops or self.sticking)
+
+        # ---- steps
+        equal = Control.FIXED if self.scene.tolerance is None else Control.EQUAL
+        self.control = Control.ADAPTIVE if self.scene.integrator == "dop853" else equal
+        """How steps are chosen."""
+        self.local = self.resolves or controlled
+        """Whether lanes may take local steps."""
+        self.counts_evaluations = self.local or bool(attached.instants)
+        """Whether lanes may need different numbers of evaluations."""
+        self.repeats_common_step = bool(attached.instants) or (not controlled and self.scene.substeps > 1)
+        """Whether an interval has several common steps."""
+        repeats = self.repeats_common_step or bool(attached.of(Impulse))
+        self.origin = "{}_interval" if self.local and repeats else "{}_start"
+        """Form of the fields that hold a lane's values at the start of the interval."""
+        self.rests = tuple(j.rest for j in self.sticking)
+        """Fields of the positions at which joints stick."""
+        count = (INTERVALS,) if dynamics.draws else ()
+        states = (*dynamics.states, *dynamics.effect_states.updated, *count)
+        self.kept = (*states, *self.active, *self.rests)
+        """Fields that are kept at the start of an interval, and restored when it is given up."""
+        kept_log = EventLog() if controlled else LogOfSubsteps()
+        self.log = kept_log if self.stops and dynamics.track_work else NoLog()
+        """The log of events."""
+        self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
+        """Fields with counts of an interval, which are restored when it is crossed again or given up."""
+        several = len(self.stops) > 1 or bool(dynamics.frictions)
+        bounces = ComparedBounces if self.control is Control.EQUAL and several else Bounces
+        self.bounces = (bounces if self.stops else NoStops)(self.control)
+        """How low a bounce ends in rest."""
+
+        # ---- error estimates
+        forces = attached.of(Force)
+        springs = any("stiffness" in a.functions for a in forces)
+        bends = any(
+            "kink" in a.functions and "guard" not in a.functions and a.hook.switch is None for a in forces
+        )
+        self.sharpness = SHARPNESS_OF_SPRINGS if (springs and self.stops) or bends else SHARPNESS
+        """The factor of the error estimate: the larger one with springs and stops, and with a force that
+        declares where its single law bends."""
+        self.pose_tells_distances = not (
+            set(arguments_of(self.arm.column_norms)) <= {*self.arm.parameter_values()}
+        )
+        """Whether the distances of the tip from the joints follow from the pose."""
+        estimates = self.scene.tolerance is not None and dynamics.located
+        self.watched_sliders = tuple(self.arm.sliders()) if estimates and self.pose_tells_distances else ()
+        """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
+
+    def _travel(self, a: Attached[Impact]) -> Travel:
+        kind = SliderTravel if self.arm.prismatic[a.hook.joint] else HingeTravel
+        return kind(self.dynamics, a.hook.joint, a.parameter(a.hook.lower), a.parameter(a.hook.upper))
+
+    def _stop(self, a: Attached[Impact], travel: Travel) -> TravelStop:
+        bounce = a.parameter(a.hook.restitution)
+        if not self.sticking:
+            return HoldingStop(travel, a.key, bounce)
+        kind = Stop if self.arm.prismatic[travel.index] else HingeStop
+        return kind(travel, a.key, bounce, next(j for j in self.sticking if j.travel is travel))
+
+    def _walls(self) -> Iterator[Wall]:
+        for k, a in enumerate(self.scene.attached.of(Gap), start=1):
+            restitution = a.parameter(a.hook.restitution)
+            yield Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], restitution)
+
+    def _law_changes(self) -> Iterator[LawChange]:
+        for a in self.scene.attached.of(Force):
+            if a.hook.switch is not None and isinstance(a.hook.joint, int):
+                joint = Joint(self.dynamics, a.hook.joint)
+                yield LawChange(joint, a.law, a.key, *map(a.parameter, a.hook.switch))
 
     @cached_property
     def overshoot(self) -> Overshoot:
         """How far accelerations may leave the range of their values at the stages."""
-        method = self.dynamics.method
-        return Overshoot(*(method.overshoot_between_nodes(at_ends=ends) for ends in (False, True)))
+        return Overshoot(*(self.dynamics.method.overshoot_between_nodes(at_ends=e) for e in (False, True)))
+
+    @cached_property
+    def kinks(self) -> kinks.Watches:
+        """Kinks that are watched, but not located, if an estimate decides on steps."""
+        d = self.dynamics
+        if self.scene.tolerance is None or not d.located:
+            return {}
+        constant = (*d.parameters.numbers, *d.effect_states.updated, *self.sides, *d.passed)
+        return kinks.kinks_of(self.scene.attached, self.arm, constant, d.states)
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
+        if self.control is not Control.EQUAL:
+            return {}
+        found = {}
+        if self.kinks:
+            found["kinked"] = "a step of the interval may have met a kink"
+            found["hidden_kink"] = "it may have met one that no stage has seen"
+        if self.dynamics.effect_states.integrated or self.pose_tells_distances:
+            found["doubtful"] = "a step of the interval makes its estimate doubtful"
+        return found
 
     # ---- quantities of lanes -------------------------------------------------------------------------
 
@@ -153,7 +182,7 @@ class Features:
         rest."""
         d = self.dynamics
         names = (*d.commands, *d.parameters.numbers, *d.effect_states.updated, *self.active)
-        at = {b.at: b.side_touched(lane) for b in self.sticking if b.travel is not None}
+        at = {b.at: b.travel.side_touched(lane) for b in self.sticking if b.travel is not None}
         return {name: lane[name] for name in (*names, *self.sides, *d.passed)} | at
 
     def quantities(self, lane: Lane, numbers: Mapping[str, Any] | None = None) -> Quantities:
@@ -176,108 +205,3 @@ class Features:
         values = self.dynamics.guard_values(x)
         found = {name: -(x[f"side_{name}"] * value) for name, value in values.items()}
         return found | {b.name: b.pull_of(x, held) for b in self.sticking}
-
-    # ---- steps ---------------------------------------------------------------------------------------
-
-    @cached_property
-    def control(self) -> Control:
-        """How steps are chosen."""
-        if self.scene.integrator == "dop853":
-            return Control.ADAPTIVE
-        return Control.FIXED if self.scene.tolerance is None else Control.EQUAL
-
-    @property
-    def local(self) -> bool:
-        """Whether lanes may take local steps."""
-        return self.resolves or self.dynamics.controlled
-
-    @property
-    def counts_evaluations(self) -> bool:
-        """Whether lanes may need different numbers of evaluations."""
-        return self.local or bool(self.scene.attached.instants)
-
-    @property
-    def repeats_common_step(self) -> bool:
-        """Whether an interval has several common steps."""
-        several = not self.dynamics.controlled and self.scene.substeps > 1
-        return bool(self.scene.attached.instants) or several
-
-    @property
-    def origin(self) -> str:
-        """Form of the fields that hold a lane's values at the start of the interval."""
-        repeats = self.repeats_common_step or bool(self.scene.attached.of(Impulse))
-        return "{}_interval" if self.local and repeats else "{}_start"
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Fields that are kept at the start of an interval, and restored when it is given up."""
-        d = self.dynamics
-        count = (INTERVALS,) if d.draws else ()
-        return (*d.states, *d.effect_states.updated, *count, *self.active, *self.stiction.rests)
-
-    @cached_property
-    def log(self) -> NoLog:
-        """The log of events."""
-        if not (self.stops and self.dynamics.track_work):
-            return NoLog()
-        return EventLog() if self.dynamics.controlled else LogOfSubsteps()
-
-    @property
-    def counted(self) -> tuple[str, ...]:
-        """Fields with counts of an interval, which are restored when it is crossed again or given up."""
-        return (*(["impacts"] if self.stops else []), *self.log.counted)
-
-    @cached_property
-    def bounces(self) -> NoStops:
-        """How low a bounce ends in rest."""
-        if not self.stops:
-            return NoStops(self.control)
-        several = len(self.stops) > 1 or bool(self.dynamics.frictions)
-        compared = self.control is Control.EQUAL and several
-        return ComparedBounces(self.control) if compared else Bounces(self.control)
-
-    # ---- error estimates -----------------------------------------------------------------------------
-
-    @cached_property
-    def sharpness(self) -> float:
-        """The factor of the error estimate: the larger one with springs and stops, and with a force that
-        declares where its single law bends."""
-        forces = self.scene.attached.of(Force)
-        springs = any("stiffness" in a.functions for a in forces)
-        bends = any(
-            "kink" in a.functions and "guard" not in a.functions and a.hook.switch is None for a in forces
-        )
-        return SHARPNESS_OF_SPRINGS if (springs and self.stops) or bends else SHARPNESS
-
-    @cached_property
-    def kinks(self) -> kinks.Watches:
-        """Kinks that are watched, but not located, if an estimate decides on steps."""
-        d = self.dynamics
-        if self.scene.tolerance is None or not d.located:
-            return {}
-        constant = (*d.parameters.numbers, *d.effect_states.updated, *self.sides, *d.passed)
-        return kinks.kinks_of(self.scene.attached, self.arm, constant, d.states)
-
-    @property
-    def pose_tells_distances(self) -> bool:
-        """Whether the distances of the tip from the joints follow from the pose."""
-        return not set(arguments_of(self.arm.column_norms)) <= {*self.arm.parameter_values()}
-
-    @cached_property
-    def watched_sliders(self) -> tuple[int, ...]:
-        """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
-        watched = self.scene.tolerance is not None and self.dynamics.located and self.pose_tells_distances
-        return tuple(self.arm.sliders()) if watched else ()
-
-    @cached_property
-    def doubts(self) -> dict[str, str]:
-        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
-        if self.control is not Control.EQUAL:
-            return {}
-        found = {}
-        if self.kinks:
-            found["kinked"] = "a step of the interval may have met a kink"
-            found["hidden_kink"] = "it may have met one that no stage has seen"
-        if self.dynamics.effect_states.integrated or self.pose_tells_distances:
-            found["doubtful"] = "a step of the interval makes its estimate doubtful"
-        return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, overload
 
 
@@ -99,23 +99,13 @@ class FieldName(str):
         return FieldName(f"{self}_trial")
 
 
-class Owner:
-    """An object with fields of its own, whose names end with its name."""
-
-    name: str
-
-    def own(self, *names: str) -> Iterator[Variable]:
-        """Some of its fields, as lanes declare them."""
-        return (getattr(type(self), name).field(self) for name in names)
-
-
 class Declared:
     """A field, as a class declares it; for the arguments see :class:`Variable`."""
 
     def __init__(
         self, unit: str, doc: str, lifetime: Lifetime = SCRATCH, truth: bool = False, book: bool = False
     ) -> None:
-        self.unit, self.doc, self.lifetime, self.truth, self.book = unit, doc, lifetime, truth, book
+        self.declared = Variable("", unit, doc, lifetime, truth, book)
 
     def __set_name__(self, kind: type, name: str) -> None:
         self.name = name
@@ -123,7 +113,7 @@ class Declared:
 
 class Own(Declared):
     """A field that each object of a class has: with ``force = Own("N", "that holds the slider")`` in the
-    class, ``lane[stop.force]`` is the force of one stop. ``{}`` in its sentence is the name of the owner."""
+    class, ``lane[stop.force]`` is the force of one stop."""
 
     @overload
     def __get__(self, owner: None, kind: type) -> Own: ...
@@ -132,10 +122,15 @@ class Own(Declared):
     def __get__(self, owner: Owner | None, kind: type) -> Own | FieldName:
         return self if owner is None else FieldName(f"{self.name}_{owner.name}")
 
-    def field(self, owner: Owner) -> Variable:
-        """The field of one object."""
-        name, doc = f"{self.name}_{owner.name}", self.doc.format(owner.name)
-        return Variable(name, self.unit, doc, self.lifetime, self.truth, self.book)
+
+class Owner:
+    """An object with fields of its own, whose names end with its name."""
+
+    name: str
+
+    def own(self, *names: str) -> Iterator[Variable]:
+        """Some of its fields, as lanes declare them."""
+        return (replace(getattr(type(self), n).declared, name=getattr(self, n)) for n in names)
 
 
 def copies(names: tuple[str, ...], form: str, doc: str) -> Iterator[Variable]:
@@ -157,6 +152,90 @@ class EngineField(Declared):
     def __set__(self, lane: Any, value: Any) -> None:
         lane[self.name] = value
 
-    def field(self, lifetime: Lifetime | None = None) -> Variable:
-        """Its declaration, with another lifetime than usual."""
-        return Variable(self.name, self.unit, self.doc, lifetime or self.lifetime, self.truth, self.book)
+
+class EngineFields:
+    """The fields that a lane has once, whatever its arm, effects and task, by what sets them."""
+
+    __slots__ = ()
+
+    # ---- the interval
+    interval = EngineField("s", "control interval", PARAMETER)
+    h = EngineField("s", "length of the common step", PARAMETER)
+    tip_tolerance = EngineField("SI", "parameter of the scene", PARAMETER)
+    least_step_rate = EngineField("SI", "follows from parameters alone", PARAMETER)
+    work = EngineField("J", "work of motors and of forces without a potential", STATE, book=True)
+    error = EngineField("m", "estimated tip error of the interval so far")
+    fault = EngineField("", "faults of the interval")
+    evaluations = EngineField("", "evaluations of the right-hand side")
+
+    # ---- its pieces, and attempts at all of them
+    piece_end = EngineField("s", "end of the present piece of the interval")
+    attempts = EngineField("", "times that the interval was crossed")
+    again = EngineField("", "the interval has to be crossed again", truth=True)
+    longest_step = EngineField("s", "longest step allowed in this attempt")
+    divisions = EngineField("", "steps of the piece")
+    shortest_step = EngineField("s", "shortest step of pieces with several")
+    steps_taken = EngineField("", "steps of the pieces before")
+    error_carried = EngineField("m", "error at the start of the piece")
+    unsure = EngineField("", "the error of a piece so far may exceed its estimate", truth=True)
+    carries_doubt = EngineField("", "one did at the start of the piece", truth=True)
+
+    # ---- the common step
+    reason = EngineField("", "why the lane leaves the common step (Reason)")
+    error_start = EngineField("m", "error before the common step")
+    min_steps = EngineField("", "least number of steps allowed; 0 where one may serve")
+    impacts_start = EngineField("", "before the common step")
+
+    # ---- the program of a lane
+    state = EngineField("", "where the program of the lane waits")
+    entered = EngineField("", "has just left the common step", truth=True)
+    due = EngineField("", "has made the trial step that it asked for", truth=True)
+    moving = EngineField("", "asks for a trial step", truth=True)
+    touching = EngineField("", "asks for the forces at its stops", truth=True)
+    complete = EngineField("", "has crossed its interval, or given it up", truth=True)
+    next_step = EngineField("s", "length of the next step", STATE)
+    steps_left = EngineField("", "planned steps that are left, or have been tried")
+    left = EngineField("s", "left of the planned step where the trial step starts")
+    error_trial = EngineField("m", "error at the start of the trial step")
+    elapsed = EngineField("s", "time since the interval, or its piece, began")
+    changes = EngineField("", "resolutions of contacts")
+    at_stop = EngineField("", "contacts, or which joints stick, have to be resolved", truth=True)
+    step = EngineField("s", "length of the trial step")
+    searched = EngineField("", "trial steps in search of an event")
+    for_turn = EngineField("", "seeks a turn, and no event", truth=True)
+    target = EngineField("", "number of the boundary whose event is sought")
+    side = EngineField("", "of its limit; of a release, that on which the trial step before ended")
+    low = EngineField("s", "trial step before the event")
+    high = EngineField("s", "trial step after it")
+    gap_low = EngineField("", "value at the end of the one before")
+    gap_high = EngineField("", "value at the end of the one after")
+    tries = EngineField("", "trial steps of this search")
+
+    # ---- laws, contacts and their log
+    departure = EngineField("m/s", "by which laws that hold no more lead off the motion")
+    resolving = EngineField("", "contacts are being resolved", truth=True)
+    impacts = EngineField("", "impacts of the interval")
+    lowest_bounce = EngineField("m", "height of a bounce below which it ends in rest")
+    bounces_end = EngineField("s", "when all bounces that were left out would be over")
+    bounce_missed = EngineField("", "there was an impact before", truth=True)
+    span_start = EngineField("s", "when the common step began", book=True)
+    logged_start = EngineField("", "events kept before the common step", book=True)
+    logged = EngineField("", "events kept", STATE, book=True)
+
+    # ---- the episode
+    limit = EngineField("", "control steps of an episode", PARAMETER)
+    steps = EngineField("", "control steps of the episode before this one", STATE)
+    saturated = EngineField("", "entries of actions outside [-1, 1] in the episode", STATE)
+    numerics = EngineField("", "faults of the last step", STATE)
+    evaluations_sum = EngineField("", "evaluations of the equations of motion in the episode", STATE)
+    events_sum = EngineField("", "events at stops in the episode", STATE)
+    error_most = EngineField("", "largest estimated error of a control step in the episode, m", STATE)
+    reward = EngineField("", "of the last step", STATE)
+    terminated = EngineField("", "of the last step", STATE)
+    truncated = EngineField("", "of the last step", STATE)
+    resetting = EngineField("", "a new episode begins", truth=True)
+
+
+def engine(*names: str) -> Iterator[Variable]:
+    """Declarations of some of these fields."""
+    return (replace(getattr(EngineFields, name).declared, name=name) for name in names)

@@ -16,11 +16,9 @@ from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.language.algebra import gives_of, where
 from redundant_envs.language.quantities import check_names
 from redundant_envs.simulator.lane import jumps
-from redundant_envs.simulator.lane.attempts import pieces_of
 from redundant_envs.simulator.lane.boundaries import Boundaries
 from redundant_envs.simulator.lane.common_step import CommonStep
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.simulator.lane.engine_fields import EngineFields, engine
 from redundant_envs.simulator.lane.faults import GIVEN_UP, Control
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.fields import (
@@ -32,8 +30,10 @@ from redundant_envs.simulator.lane.fields import (
     Lifetime,
     Variable,
     copies,
+    engine,
 )
 from redundant_envs.simulator.lane.memory import Lane, TracedLane, function_of
+from redundant_envs.simulator.lane.pieces import pieces_of
 from redundant_envs.simulator.lane.program import LaneProgram, Request
 from redundant_envs.simulator.lane.step_control import CLASSES
 
@@ -95,7 +95,8 @@ class Interval:
             yield from engine("departure", "target")
             for guard in features.guards:
                 yield from guard.own("left")
-        yield from self.boundaries.guards.fields()
+        if self.boundaries.impulses_change_laws:
+            yield from engine("resolving")
         if features.stops:
             yield from engine("impacts", "impacts_start")
         if features.resolves:
@@ -178,12 +179,11 @@ class Interval:
 
 
 def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Variable]:
-    """State, parameters and what every interval has."""
-    arm, of_arm = dynamics.arm, f"the arm {dynamics.arm.kind}"
-    owners = dict.fromkeys(dynamics.parameters.numbers, of_arm) | dict.fromkeys(
-        (*ARGUMENTS, CONTROL_DT), ENGINE
-    )
-    for effect in dynamics.scene.effects:
+    """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
+    arm, scene, numbers = dynamics.arm, dynamics.scene, dynamics.parameters
+    of_arm = f"the arm {arm.kind}"
+    owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
+    for effect in scene.effects:
         names = (*effect.parameters(), *effect.states(arm))
         owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
     units = ["m" if slides else "rad" for slides in arm.prismatic]
@@ -194,19 +194,15 @@ def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Variable]:
     for name, state in dynamics.effect_states.items():
         yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
     for name in dynamics.draw_fields:
-        doc = "control intervals since draws began" if name == INTERVALS else "word of the key of draws"
-        yield Variable(name, "", doc, STATE)
+        yield Variable(name, "", "from which draws follow", STATE)
     if dynamics.track_work:
         yield from engine("work")
-    yield EngineFields.h.field(length)
+    yield Variable("h", "s", "length of the common step", length)
     yield from engine("interval")
-    for name in (*dynamics.parameters.values, *dynamics.parameters.prepared):
-        doc = (
-            "parameter of the scene"
-            if name in dynamics.parameters.values
-            else "follows from parameters alone"
-        )
-        yield Variable(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
-    for name, unit in zip(dynamics.commands, dynamics.scene.command_units(), strict=True):
+    for name in numbers.values:
+        yield Variable(name, "SI", "parameter of the scene", PARAMETER, owner=owners.get(name, ENGINE))
+    for name in numbers.prepared:
+        yield Variable(name, "SI", "follows from parameters alone", PARAMETER, owner=owners.get(name, ENGINE))
+    for name, unit in zip(dynamics.commands, scene.command_units(), strict=True):
         yield Variable(name, unit, "command of a motor", SCRATCH)
     yield from engine("error", "fault")

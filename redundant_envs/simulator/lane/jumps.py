@@ -9,8 +9,7 @@ from redundant_envs.effects.bound_hooks import field_of
 from redundant_envs.effects.hooks import Impulse, Point, PointMass
 from redundant_envs.language.algebra import any_of, logical_not, maximum, total, where
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.simulator.lane.coordinates import response
-from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.dynamics import Dynamics, response
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.memory import Lane
 

@@ -9,8 +9,7 @@ from redundant_envs.compiler.tracing.flow import LaneFunction, Output
 from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.compiler.tracing.number import Condition, Number, value_of
 from redundant_envs.language.algebra import where
-from redundant_envs.simulator.lane.engine_fields import EngineFields
-from redundant_envs.simulator.lane.fields import Layout, Lifetime
+from redundant_envs.simulator.lane.fields import EngineFields, Layout, Lifetime
 
 
 class Lane(EngineFields):

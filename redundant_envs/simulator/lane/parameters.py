@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any
 
-from redundant_envs.effects.bound_hooks import field_of
-from redundant_envs.effects.hooks import CONTROL_DT
-from redundant_envs.language.algebra import gives_of, maximum, total
+from redundant_envs.effects.bound_hooks import Attached, field_of
+from redundant_envs.effects.hooks import CONTROL_DT, Force, Point
+from redundant_envs.language.algebra import gives_of, maximum, sqrt, total
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.simulator.lane import required_steps
 
 NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_")
 """Numbers of error control and of pieces, which no function takes."""
@@ -61,10 +60,9 @@ class Parameters:
         made |= {a.instant: a.functions["after"](x) for a in self.scene.attached.instants}
         if not self.scene.controlled:
             return made
-        rates = required_steps.rates_of_parameters(self.scene, x)
+        rates = rates_of_parameters(self.scene, x)
         made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
-        dampers = required_steps.dampers(self.scene)
-        return made | {field: required_steps.most_mobility(self.scene, a, x) for field, a in dampers}
+        return made | {field: most_mobility(self.scene, a, x) for field, a in dampers(self.scene)}
 
     @property
     def steady_field(self) -> tuple[str, str]:
@@ -83,3 +81,81 @@ class Parameters:
         masses = itertools.chain.from_iterable(self.scene.attached.changing.values())
         found = (*self.values, *self.prepared, *masses)
         return tuple(n for n in found if not NO_QUANTITIES.match(n))
+
+
+# ---- steps that springs, dampers and states require, independent of error estimates --------------------
+
+
+def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
+    """Steps per second that resolve an oscillation: 2 rad of its phase in each."""
+    return 0.5 * sqrt(stiffness * mobility)
+
+
+def steps_of_damper(damping: Any, mobility: Any) -> Any:
+    """Steps per second that resolve a decay: two of its time constants in each."""
+    return 0.5 * damping * mobility
+
+
+def steps_towards_damper(here: Any, there: Any, mobility: Any, interval: Any) -> Any:
+    """Steps per second that resolve a decay whose damping changes from its value ``here`` to its value
+    ``there``, the position that the joint reaches in the interval at the present rate: one of the time
+    constants at the end of a step."""
+    here, there = 2.0 * steps_of_damper(here, mobility), 2.0 * steps_of_damper(there, mobility)
+    return maximum(here, sqrt(maximum(here, 1.0 / interval) * there))
+
+
+def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
+    """Steps per second that follow from the parameters alone."""
+    rates = []
+    for a in scene.attached:
+        # A state, too, has two of its time constants in each step.
+        rates += [0.5 * own["rate"](x) for own in a.states.values() if "rate" in own]
+        if not isinstance(a.hook, Force):
+            continue
+        for field, rule in (("stiffness", steps_of_spring), ("damping", steps_of_damper)):
+            if field in a.functions and not (field == "damping" and depends_on_motion(a)):
+                rates.append(rule(a.functions[field](x), most_mobility(scene, a, x)))
+    return rates
+
+
+def depends_on_motion(a: Attached[Any]) -> bool:
+    """Whether the damping of a force depends on the position or the rate of its joint."""
+    if "damping" not in a.functions or isinstance(a.hook.joint, Point):
+        return False
+    return not {*a.hook.motion}.isdisjoint(a.functions["damping"].names)
+
+
+def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
+    """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the
+    largest mobilities of their joints. Estimates of dop853, which are held near rounding, see such
+    dampers."""
+    found = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
+    return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
+
+
+def rates_of_motion(
+    scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any], interval: Any
+) -> list[Any]:
+    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``, in an
+    ``interval`` [s]."""
+    rates = []
+    for field, a in dampers(scene):
+        position, rate = a.hook.motion
+        known = {position: x[position] + interval * x[rate], rate: x[rate]}
+        ahead = Quantities(known, tuple(scene.robot.functions), scene.robot.sincos, numbers)
+        here, there = (a.functions["damping"](quantities) for quantities in (x, ahead))
+        rates.append(steps_towards_damper(here, there, lane[field], interval))
+    return rates
+
+
+def most_mobility(scene: Scene, a: Attached[Any], x: Quantities) -> Any:
+    """Largest acceleration by a unit force at its own joint or point, in any pose."""
+    if isinstance(a.hook.joint, Point):  # no more than if the point mass were free
+        return 1.0 / x[f"m{a.hook.joint.number + 1}"]
+    if scene.robot.mobility_bounds is None:
+        raise ValueError(
+            f"{scene.robot.kind} has no mobility_bounds, from which error control knows what "
+            f"{type(a.effect).__name__} asks of its steps; give the arm these bounds, or the scene an "
+            "integrator and substeps"
+        )
+    return x[f"W{a.hook.joint + 1}"]

@@ -14,13 +14,11 @@ from typing import Any
 
 from redundant_envs.language.algebra import any_of, logical_not, where
 from redundant_envs.simulator.events import contacts, search
-from redundant_envs.simulator.events.boundary import starts_at_stop
 from redundant_envs.simulator.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.simulator.lane.boundaries import Boundaries
 from redundant_envs.simulator.lane.closed_forms import ClosedFormStage
-from redundant_envs.simulator.lane.engine_fields import engine
 from redundant_envs.simulator.lane.faults import Fault
-from redundant_envs.simulator.lane.fields import Variable
+from redundant_envs.simulator.lane.fields import Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.step_control import End, StepControl
 
@@ -175,13 +173,13 @@ class LaneProgram:
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
         """Resolve contacts until the motion goes on; false if they do not end."""
-        self.boundaries.guards.begin_resolving(lane)
+        self.boundaries.note_resolving(lane, True)
         while True:
             yield Request.FORCES
             if self.has_too_many_events(lane):
                 return False
             if self.boundaries.decide(lane):
-                self.boundaries.guards.end_resolving(lane)
+                self.boundaries.note_resolving(lane, False)
                 self.start_here(lane)
                 return True
 
@@ -270,13 +268,11 @@ class LaneProgram:
         """Move the state by a last piece, with the accelerations at its start."""
         arm, closed = self.dynamics.arm, self.dynamics.closed
         moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
+        before = {s: lane[s] for s in self.dynamics.states}
         if closed:
             x = self.boundaries.quantities_of_motion(lane)
-            self.dynamics.close(
-                x, ClosedFormStage(dict(zip(closed, lane.get(closed), strict=True)), time, {})
-            )
+            self.dynamics.close(x, ClosedFormStage(before, time, {}))
             lane.set(closed, x.each(closed))
-        before = self.features.stiction.before_move(lane)
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
         for s in moving:
@@ -306,7 +302,7 @@ class LaneProgram:
             lane.departure = math.inf
         pulled = self.forces_in_common_step(lane)
         if self.features.boundaries:
-            begun = any_of(self.boundaries.at_start(lane, starts_at_stop).values())
+            begun = any_of(b.starts_at_stop(lane) for b in self.features.stops)
             lane.due = logical_not(useless | begun | released | pulled)
         if lane.due:
             lane.step = lane.h
@@ -335,7 +331,7 @@ class LaneProgram:
     @property
     def restored(self) -> tuple[str, ...]:
         """Fields that are as they were where an interval begins anew, beside states."""
-        return (*self.features.active, *self.features.stiction.rests, *self.features.counted)
+        return (*self.features.active, *self.features.rests, *self.features.counted)
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
@@ -345,7 +341,7 @@ class LaneProgram:
         for b in self.features.guards:
             lane[b.pull.trial] = lane[b.pull.start]
         self.note_left(lane)
-        self.boundaries.guards.end_resolving(lane)
+        self.boundaries.note_resolving(lane, False)
         if self.features.resolves:
             lane.changes = 0.0
         self.features.bounces.begin(lane)

@@ -6,12 +6,11 @@ import enum
 from collections.abc import Iterator
 from typing import Any
 
-from redundant_envs.language.algebra import logical_not, maximum, total
+from redundant_envs.language.algebra import logical_not, maximum
 from redundant_envs.simulator.lane.common_step import CommonStep
-from redundant_envs.simulator.lane.coordinates import tip_norms
-from redundant_envs.simulator.lane.engine_fields import engine
+from redundant_envs.simulator.lane.dynamics import tip_distance
 from redundant_envs.simulator.lane.faults import Control, Fault, Reason
-from redundant_envs.simulator.lane.fields import SCRATCH, Variable
+from redundant_envs.simulator.lane.fields import SCRATCH, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.error_control import Crossed, Verdict
@@ -130,9 +129,7 @@ class EqualSteps(StepControl):
         return End.CROSSED
 
     def _crossed(self, lane: Lane) -> Crossed:
-        norms = zip(tip_norms(self.dynamics, lane), self.dynamics.arm.coordinates, strict=True)
-        change = total(n * abs(lane[q] - lane[f"{q}_seen"]) for n, q in norms)
-        impacts = self.features.bounces.impacts(lane)
+        change, impacts = tip_distance(self.dynamics, lane, "{}_seen"), self.features.bounces.impacts(lane)
         known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
         doubtful, *kinks = self.step.doubts(lane)
         return Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)
@@ -153,14 +150,8 @@ class AdaptiveSteps(StepControl):
         return True
 
     def _verdict(self, lane: Lane) -> Verdict:
-        return error_control.judge_adaptive(
-            lane.error,
-            lane.step,
-            lane.next_step,
-            lane.min_steps,
-            self.pieces.span(lane),
-            lane.steps_left - 1.0,
-        )
+        planned = lane.error, lane.step, lane.next_step, lane.min_steps
+        return error_control.judge_adaptive(*planned, self.pieces.span(lane), lane.steps_left - 1.0)
 
     def accurate(self, lane: Lane) -> Any:
         return self._verdict(lane).accepted

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.language.algebra import all_of, cases, logical_not, maximum, minimum, sqrt, total, where
+from redundant_envs.language.algebra import (
+    all_of,
+    any_of,
+    cases,
+    logical_not,
+    maximum,
+    minimum,
+    sqrt,
+    total,
+    where,
+)
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded
@@ -47,13 +57,10 @@ class StickingJoint(Guard):
         """``travel`` is that of the joint if it has stops."""
         super().__init__(joint.dynamics, f"friction{joint.number}", owner)
         self.joint, self.travel = travel or joint, travel
+        self.at = f"at_{self.name}"
+        """The quantity that says at which side's stop it is."""
         self.rubs = joint.index in joint.dynamics.frictions
         """Whether it has friction, and not a stop alone."""
-
-    @property
-    def at(self) -> str:
-        """The quantity that says at which side's stop it is."""
-        return f"at_{self.name}"
 
     def in_step(self, lane: Lane) -> BoundedCoordinate:
         return guarded(self.watched(lane), sticks=True)
@@ -77,10 +84,6 @@ class StickingJoint(Guard):
 
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         return {}
-
-    def side_touched(self, lane: Lane, form: str = "{}") -> Any:
-        """Side of its stop that it touches."""
-        return 0.0 if self.travel is None else self.travel.side_touched(lane, form)
 
     def pull_of(self, x: Quantities, held: Mapping[str, Any] | None) -> Any:
         """Value of its guard; that of a joint that sticks follows from the force that holds it, or is
@@ -148,7 +151,7 @@ class StickingJoint(Guard):
         mode, force = lane[self.side], lane[self.force]
         wrong = where(mode == 0.0, lane[self.pull] > 0.0, mode * lane[self.alpha] < 0.0)
         if self.travel is not None:
-            wrong = wrong | (mode * self.side_touched(lane) > 0.0)
+            wrong = wrong | (mode * self.travel.side_touched(lane) > 0.0)
         wrong = wrong & (rate == 0.0) & settled
         other = where(mode == 0.0, where(force > 0.0, -1.0, 1.0), 0.0)
         lane[self.side] = where(wrong, other, mode)
@@ -168,22 +171,17 @@ class StickingJoint(Guard):
 class NoStiction:
     """A scene in which no joint sticks: its stops hold sliders by themselves."""
 
-    joints: tuple[StickingJoint, ...] = ()
-    passes = 1
-    """Times as many resolutions of contacts as without stiction."""
-
-    @property
-    def rests(self) -> tuple[str, ...]:
-        """Fields of the positions at which joints stick."""
-        return tuple(j.rest for j in self.joints)
+    joints: Sequence[StickingJoint] = ()
+    at_stops: Sequence[StickingJoint] = ()  # those of them that have stops
+    passes = 1  # times as many resolutions of contacts as without stiction
+    node: float | None = None  # the middle stage of a step, as a fraction of it, with dry friction
 
     def fields(self) -> Iterator[Variable]:
         """Fields beside those that every guard has."""
-        return iter(())
-
-    def of_stop(self, travel: Travel) -> StickingJoint:
-        """The joint that a stop holds in one direction."""
-        raise AssertionError("stops hold sliders by themselves")
+        for j in self.joints:
+            yield from j.own("rest", "force", "alpha")
+        for j in self.at_stops:
+            yield from j.own("limit")
 
     def grip(self, lane: Lane, joint: StickingJoint | None) -> Any:
         """Limit of the friction at rest of a joint with a stop; None if stops hold sliders by themselves."""
@@ -195,19 +193,15 @@ class NoStiction:
         for joint in self.joints:
             joint.keep(lane, before, now)
 
-    def stick(self, lane: Lane, before: Mapping[str, Any] | None = None) -> None:
-        """Let joints that stick have the rate 0 in the present state, and after a state ``before`` their
-        positions."""
+    def torn_loose(self, lane: Lane) -> Any:
+        """Whether one that sticks would be torn loose at the start of the common step."""
+        return any_of(lane[j.first] > 0.0 for j in self.joints)
 
-    node: float | None = None
-    """The middle stage of a step, as a fraction of it, with dry friction."""
-
-    def before_move(self, lane: Lane) -> dict[str, Any]:
-        """What :meth:`after_move` needs to know of the state before a last piece."""
-        return {}
+    def stick(self, lane: Lane) -> None:
+        """Let joints that stick have the rate 0 in the present state."""
 
     def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
-        """Lead the motion back to where joints stick, after a last piece."""
+        """After a last piece from a state ``before``: lead the motion back to where joints stick."""
 
     def record(self, lane: Lane, x: Quantities, pulls: Callable[[Quantities], Mapping[str, Any]]) -> None:
         """The forces that hold joints, and the accelerations of others, in the present state."""
@@ -221,10 +215,6 @@ class NoStiction:
         """Decide which joints stick in the lanes that are ``here``; whether the motion goes on."""
         return here
 
-    def torn_loose(self, lane: Lane) -> Any:
-        """Whether one that sticks would be torn loose at the start of the common step."""
-        return False
-
 
 class Stiction(NoStiction):
     """A scene with dry friction, or with stops of revolute joints."""
@@ -232,20 +222,12 @@ class Stiction(NoStiction):
     def __init__(self, dynamics: Dynamics, travels: Mapping[int, Travel], owners: Mapping[int, str]) -> None:
         """``travels`` of joints with stops, and keys of the effects that let joints stick, by joints."""
         self.dynamics = dynamics
-        self.joints = tuple(
+        self.joints = [
             StickingJoint(Joint(dynamics, k), owners[k], travels.get(k)) for k in dynamics.slipping
-        )
+        ]
         self.at_stops = [j for j in self.joints if j.travel is not None]
         self.passes = PASSES_AT_STOPS if self.at_stops else 1
-
-    def fields(self) -> Iterator[Variable]:
-        for j in self.joints:
-            yield from j.own("rest", "force", "alpha")
-        for j in self.at_stops:
-            yield from j.own("limit")
-
-    def of_stop(self, travel: Travel) -> StickingJoint:
-        return next(j for j in self.at_stops if j.travel is travel)
+        self.node = dynamics.method.c[dynamics.method.middle] if dynamics.frictions else None
 
     def grip(self, lane: Lane, joint: StickingJoint | None) -> Any:
         return 0.0 if joint is None else lane[joint.limit]
@@ -253,8 +235,12 @@ class Stiction(NoStiction):
     def stick(self, lane: Lane, before: Mapping[str, Any] | None = None) -> None:
         names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
         now = dict(zip(names, lane.get(names), strict=True))
-        self.keep(lane, dict(now) if before is None else before, now)
+        self.keep(lane, before or {**now}, now)
         lane.set(now, now.values())
+
+    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
+        if self.node is not None:
+            self.stick(lane, before)
 
     def record(self, lane: Lane, x: Quantities, pulls: Callable[[Quantities], Mapping[str, Any]]) -> None:
         for j in self.joints:
@@ -285,24 +271,3 @@ class Stiction(NoStiction):
             settled = j.pivot(lane, settled)
         lane.changes = lane.changes + 1.0
         return settled
-
-    def torn_loose(self, lane: Lane) -> Any:
-        pulled: Any = False
-        for j in self.joints:
-            pulled = pulled | (lane[j.first] > 0.0)
-        return pulled
-
-
-class DryFriction(Stiction):
-    """A scene with dry friction."""
-
-    def __init__(self, dynamics: Dynamics, travels: Mapping[int, Travel], owners: Mapping[int, str]) -> None:
-        super().__init__(dynamics, travels, owners)
-        self.node = dynamics.method.c[dynamics.method.middle]
-
-    def before_move(self, lane: Lane) -> dict[str, Any]:
-        names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
-        return dict(zip(names, lane.get(names), strict=True))
-
-    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
-        self.stick(lane, before)

@@ -11,14 +11,16 @@ from typing import Any, ClassVar
 from redundant_envs.effects.bound_hooks import Bound
 from redundant_envs.language.algebra import logical_not, maximum, total, where
 from redundant_envs.language.dual import Dual, dual
+from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.simulator.events.boundary import leaves_stop
-from redundant_envs.simulator.events.contacts import Contact
+from redundant_envs.simulator.events import contacts
+from redundant_envs.simulator.events.boundary import leaves_stop, starts_at_stop
+from redundant_envs.simulator.events.contacts import Contact, Resolved
 from redundant_envs.simulator.events.first_event import Encounter
 from redundant_envs.simulator.lane.boundary import Bounded
-from redundant_envs.simulator.lane.coordinates import numbers_of, response
-from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Own, Variable
+from redundant_envs.simulator.lane.dynamics import Dynamics, numbers_of, response
+from redundant_envs.simulator.lane.faults import Control
+from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Own, Variable, engine
 from redundant_envs.simulator.lane.joint import Travel
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import StickingJoint
@@ -32,6 +34,7 @@ class Impacting(Bounded):
     """Whether they can hold it."""
     restitution: str
     """Field with that of the stops."""
+    joint: StickingJoint | None = None  # that it holds in one direction, if joints stick
     released = Own("", "is leaving its stop", truth=True)
     happened = Own("", "resolution of the contact (Happening)", book=True)
     speed = Own("m/s", "into the stop, before an impact", book=True)
@@ -102,6 +105,9 @@ class Impacting(Bounded):
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record whether it leaves its stop, in the state in the fields of a form."""
         lane[self.released] = self.rule(lane, leaves_stop, form)
+
+    def starts_at_stop(self, lane: Lane) -> Any:
+        return self.rule(lane, starts_at_stop, "{}_start")
 
     def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
         # It comes to its stop, even if by rounding it seems to move away.
@@ -259,7 +265,7 @@ class Stop(TravelStop):
 
     def __init__(self, travel: Travel, owner: str, restitution: str, joint: StickingJoint) -> None:
         super().__init__(travel, owner, restitution)
-        self.joint = joint
+        self.joint: StickingJoint = joint
 
     def active_side(self, lane: Lane, form: str = "{}") -> Any:
         sticks = lane[form.format(self.joint.side)] == 0.0
@@ -302,3 +308,92 @@ class HingeStop(Stop):
 
     def rate_after(self, velocity: Any, rates: Any) -> Any:
         return self.travel.own_value(velocity, rates, self.dynamics.arm.rates)
+
+
+# ---- how low a bounce ends in rest, and whether bounces that are left out for it matter ----------------
+
+
+class NoStops:
+    """Lanes without stops."""
+
+    def __init__(self, control: Control) -> None:
+        self.control = control
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the lanes."""
+        return iter(())
+
+    def impacts(self, lane: Lane) -> Any:
+        """Impacts of the interval."""
+        return 0.0
+
+    def impacts_since_start(self, lane: Lane) -> Any:
+        """Those since the start of the common step."""
+        return 0.0
+
+    def lowest(self, lane: Lane) -> Any:
+        """Height below which a bounce ends in rest, m."""
+        if self.control is Control.EQUAL:
+            return contacts.lowest_bounce(lane.tip_tolerance)
+        return ROUNDING if self.control is Control.ADAPTIVE else contacts.LOWEST_BOUNCE
+
+    def most_impacts(self, lane: Lane) -> Any:
+        """Most impacts of an interval."""
+        lowered = self.lowest(lane) < contacts.LOWEST_BOUNCE
+        return where(lowered, float(contacts.MAX_WITH_LOW_BOUNCES), float(contacts.MAX_IMPACTS))
+
+    def plan(self, lane: Lane) -> None:
+        """Before the first crossing of an interval."""
+
+    def begin(self, lane: Lane) -> None:
+        """Before each crossing."""
+
+    def note(self, lane: Lane, r: Resolved) -> None:
+        """After contacts are resolved, which leaves out bounces."""
+
+    def missed(self, lane: Lane) -> Any:
+        """Whether bounces were left out that may matter."""
+        return False
+
+    def take_all(self, lane: Lane) -> None:
+        """Before another crossing, with which one is compared."""
+
+
+class Bounces(NoStops):
+    """Bounces of lanes whose lowest height follows from the tolerance alone."""
+
+    def impacts(self, lane: Lane) -> Any:
+        return lane.impacts
+
+    def impacts_since_start(self, lane: Lane) -> Any:
+        return lane.impacts - lane.impacts_start
+
+
+class ComparedBounces(Bounces):
+    """Bounces of an interval that is compared with one that has all of them: with another stop, or dry
+    friction, an impact may come before those that are left out would be over, and find at rest what is still
+    in the air."""
+
+    def fields(self) -> Iterator[Variable]:
+        yield from engine("lowest_bounce", "bounces_end", "bounce_missed")
+
+    def lowest(self, lane: Lane) -> Any:
+        return lane.lowest_bounce
+
+    def plan(self, lane: Lane) -> None:
+        lane.lowest_bounce = contacts.lowest_bounce(lane.tip_tolerance)
+
+    def begin(self, lane: Lane) -> None:
+        lane.bounces_end, lane.bounce_missed = -1.0, False
+
+    def note(self, lane: Lane, r: Resolved) -> None:
+        happens = (r.impacts > lane.impacts) | (r.left_out > 0.0)
+        missed = r.others | (happens & (lane.elapsed < lane.bounces_end))
+        lane.bounce_missed = lane.bounce_missed | missed
+        lane.bounces_end = maximum(lane.bounces_end, lane.elapsed + r.left_out)
+
+    def missed(self, lane: Lane) -> Any:
+        return lane.bounce_missed
+
+    def take_all(self, lane: Lane) -> None:
+        lane.lowest_bounce = ROUNDING

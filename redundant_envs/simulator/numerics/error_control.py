@@ -138,12 +138,6 @@ def growth_allowed(c: Crossed) -> Any:
 
 
 @branches
-def growth_judged_later(c: Crossed) -> Any:
-    """Whether only its number of steps asks to compare a piece of an interval that is compared as a whole."""
-    return logical_not((c.impacts >= CHECKED_IMPACTS) | c.doubtful | c.kinked)
-
-
-@branches
 def confirmed(c: Crossed) -> Any:
     """Whether the result of the previous time confirms that of an interval."""
     if not c.kinked:
