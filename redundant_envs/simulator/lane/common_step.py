@@ -45,9 +45,8 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     def derivatives(*values: Any) -> list[Any]:
         known = dict(zip(arguments, values, strict=True))
         x = features.quantities_in_step([known[name] for name in states], {n: known[n] for n in numbers})
-        results = dynamics.accelerations(
-            x, ClosedFormStage(known, known["elapsed"], dynamics.varying) if start else None
-        )
+        time = ClosedFormStage(known, known["elapsed"], dynamics.varying) if start else None
+        results = dynamics.accelerations(x, time)
         others = zip(states[count:], results, strict=False)
         results = [change for name, change in others if name not in alone] + results[width - count :]
         results += [b.at_stage(x) for b in features.bounded]
@@ -71,10 +70,7 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
         found = dict(zip(late, results, strict=False)) | dynamics.autonomous_changes(known)
         return [*(found[name] for name in states[count:]), *results[len(late) :]]
 
-    values = lane.get(states)
-    step = explicit_step(
-        dynamics.method, changes, values[:count], values[count : 2 * count], values[2 * count :], h
-    )
+    step = explicit_step(dynamics.method, changes, lane.get(states), count, h)
     if start:
         x = features.quantities_in_step([*step.positions, *step.velocities, *step.others], numbers)
         dynamics.close(x, ClosedFormStage(start, h, dynamics.varying))
@@ -84,11 +80,9 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
 
 def _start_of_closed_forms(features: Features, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
     """States in closed form, and what else their forms take, at the start of a step."""
-    dynamics = features.dynamics
-    found = dict(zip(dynamics.closed, lane.get(dynamics.closed), strict=True))
-    at_start = ClosedFormStart(dynamics.varying)
+    dynamics, at_start = features.dynamics, ClosedFormStart(features.dynamics.varying)
     dynamics.close(features.quantities_in_step(lane.get(dynamics.states), numbers), at_start)
-    return found | at_start.found
+    return lane.values(dynamics.closed) | at_start.found
 
 
 def step_error(features: Features, lane: Lane, step: Step) -> Any:
@@ -151,9 +145,8 @@ def departure(features: Features, lane: Lane) -> Any:
     for k, b in enumerate(features.guards, start=len(features.bounded)):
         passed = (lane[b.pull] > 0.0) | (lane.target == float(k))
         others |= b.other_law(lane, passed)
-    slopes = (
-        dynamics.accelerations(features.quantities_in_step(states, known)) for known in (numbers, others)
-    )
+    laws = (features.quantities_in_step(states, known) for known in (numbers, others))
+    slopes = map(dynamics.accelerations, laws)
     apart = [abs(one - other) for one, other in zip(*slopes, strict=True)]
     speed = total(w * a for w, a in zip(tip_weights(features, lane), apart, strict=False))
     shares = []
@@ -188,24 +181,19 @@ class CommonStep:
 
     def clear(self, lane: Lane) -> None:
         """Before an interval; impulses act then."""
+        features = self.features
         lane.error = 0.0
         self.pieces.clear(lane)
-        if self.features.counts_evaluations:
+        if features.counts_evaluations:
             lane.evaluations = 0.0
-        if self.features.local:
-            self._clear_counts(lane)
-        jumps.strike(self.features, lane)
-
-    def _clear_counts(self, lane: Lane) -> None:
-        features = self.features
-        lane.fault = 0.0
-        for name in features.doubts:
-            lane[name] = False
-        for name in features.counted:
-            lane[name] = 0.0
-        features.log.clear(lane)
-        if features.origin != "{}_start":
-            lane.copy(features.kept, to=features.origin)
+        if features.local:
+            lane.fault = 0.0
+            lane.set(features.doubts, [False] * len(features.doubts))
+            lane.set(features.counted, [0.0] * len(features.counted))
+            features.log.clear(lane)
+            if features.origin != "{}_start":
+                lane.copy(features.kept, to=features.origin)
+        jumps.strike(features, lane)
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
@@ -267,13 +255,11 @@ class CommonStep:
             lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
         if self.features.doubts:
             self._doubt(lane, step, h, moving)
-        new = [*step.positions, *step.velocities, *step.others]
-        before, now = (dict(zip(dynamics.states, x, strict=True)) for x in (lane.get(dynamics.states), new))
-        self.features.stiction.keep(lane, before, now)
-        new = list(now.values())
+        now = dict(zip(dynamics.states, (*step.positions, *step.velocities, *step.others), strict=True))
+        self.features.stiction.keep(lane, lane.values(dynamics.states), now)
         if moving is not None:
-            new = [where(moving, x, lane[s]) for s, x in zip(dynamics.states, new, strict=True)]
-        lane.set(dynamics.states, new)
+            now = {s: where(moving, x, lane[s]) for s, x in now.items()}
+        lane.set(now, now.values())
         for b, watched in zip(self.features.boundaries, step.watched, strict=False):
             lane.set(b.watches, watched[: len(b.watches)])
 
@@ -316,10 +302,8 @@ class CommonStep:
         pulled = any_of(crossings.most_pull(s, overshoot) > 0.0 for s in moved)
         near = any_of(crossings.may_meet(s, lane.h, overshoot) for s in moved)
         reason: Any = cases((pulled, Reason.EVENT), (near, Reason.NEAR_BOUNDARY), default=Reason.NONE)
-        passes = [
-            (lane[b.pull] > 0.0) | crossings.may_pass(b.watched(lane), overshoot)
-            for b in self.features.guards
-        ]
+        guards = self.features.guards
+        passes = [(lane[b.pull] > 0.0) | crossings.may_pass(b.watched(lane), overshoot) for b in guards]
         reason = where(any_of(passes), Reason.EVENT, reason)
         goes_on = self.pieces.goes_on(lane)
         if not self.dynamics.controlled:

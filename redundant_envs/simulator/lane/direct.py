@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,18 +47,12 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str
     ``fields`` are states, parameters (:func:`fields_of`) and commands by the names of their fields: floats,
     or arrays or tensors with one number for each lane; others are 0.
     """
-    with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        *_, crossed = in_steps(interval, fields)
-    return crossed
-
-
-def in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
-    """The same lanes after each common step of a control interval, then at its end."""
     several = any(getattr(x, "shape", ()) for x in fields.values())
-    return several_in_steps(interval, fields) if several else one_in_steps(interval, fields)
+    with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
+        return _cross_together(interval, fields) if several else _cross_alone(interval, fields)
 
 
-def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]:
+def _cross_alone(interval: Interval, fields: Mapping[str, Any]) -> Any:
     """One lane: its program runs as it is written."""
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
     layout = interval.layout()
@@ -70,7 +64,6 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
             for procedure in (*begins, *common_procedures(interval)):
                 procedure(lane)
             if not interval.features.local or lane.reason == Reason.NONE:
-                yield lane
                 continue
             for request in interval.program.cross(lane):
                 if request is Request.FORCES:
@@ -80,21 +73,19 @@ def one_in_steps(interval: Interval, fields: Mapping[str, Any]) -> Iterator[Any]
                     for procedure in trial_procedures(interval):
                         procedure(lane)
                 lane.due = False
-            yield lane
         if interval.pieces.attempts > 1:
             interval.pieces.doubt(lane)
             interval.pieces.settle(lane)
             if not lane.again:
                 break
     interval.end(lane)
-    yield lane
+    return lane
 
 
-def common_steps(interval: Interval) -> Iterator[list[Procedure]]:
+def common_steps(interval: Interval) -> list[Sequence[Procedure]]:
     """The common steps of an interval: for each what a lane does before it, if a piece begins there."""
-    for _ in range(interval.pieces.count):
-        for substep in range(interval.dynamics.scene.substeps):
-            yield [*interval.pieces.begins] if substep == 0 else []
+    later: list[Sequence[Procedure]] = [()] * (interval.dynamics.scene.substeps - 1)
+    return [interval.pieces.begins, *later] * interval.pieces.count
 
 
 def common_procedures(interval: Interval) -> list[Procedure]:
@@ -145,9 +136,9 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-def several_in_steps(
+def _cross_together(
     interval: Interval, given: Mapping[str, Any], records: Sequence[Steps] = ()
-) -> Iterator[dict[str, Any]]:
+) -> dict[str, Any]:
     """Many lanes: traced procedures and the traced program, by an interpreter; ``records`` are those of the
     pieces of an interval, if there are any."""
     fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
@@ -163,46 +154,46 @@ def several_in_steps(
         value = fields[name] > 0.0
         return bool(value.any() if hasattr(value, "any") else value)
 
-    def go_on(part: LaneFunction) -> None:
+    def go_on(part: LaneFunction, record: Steps | None) -> None:
         before = dict(fields)
         call(part)
         if record:
             record.tried(before, fields)
+
+    def cross_locally(record: Steps | None) -> None:
+        """The programs of the lanes that leave the common step."""
+        served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
+        fields.update({"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0})
+        fields.update({"moving": 0.0, "touching": 0.0})
+        go_on(program[None], record)
+        if FIRST in program:
+            go_on(program[FIRST], record)
+        while some("moving") or some("touching"):
+            while some("touching"):
+                call(interval.boundaries.find_contact_forces, program[Request.FORCES])
+            call(*trial_procedures(interval))
+            go_on(program[Request.STEP], record)
+        for name, before in served.items():
+            if fields[name] is not before:
+                fields[name] = algebra.where(leaves, fields[name], before)
+        if record:
+            record.crossed(fields)
 
     call(interval.step.clear)
     for _ in range(interval.pieces.attempts):
         for begins, record in itertools.zip_longest(common_steps(interval), records):
             call(*begins)
             if interval.pieces.begins and not some("h"):  # all wait at the end; numbers may divide by h
-                yield fields
                 continue
             call(*common_procedures(interval))
-            if not interval.features.local:
-                yield fields
-                continue
-            served, leaves = dict(fields), fields["reason"] != float(Reason.NONE)
-            fields |= {"entered": algebra.where(leaves, 1.0, 0.0), "state": -2.0, "complete": 0.0}
-            fields |= {"moving": 0.0, "touching": 0.0}
-            go_on(program[None])
-            if FIRST in program:
-                go_on(program[FIRST])
-            while some("moving") or some("touching"):
-                while some("touching"):
-                    call(interval.boundaries.find_contact_forces, program[Request.FORCES])
-                call(*trial_procedures(interval))
-                go_on(program[Request.STEP])
-            for name, before in served.items():
-                if fields[name] is not before:
-                    fields[name] = algebra.where(leaves, fields[name], before)
-            if record:
-                record.crossed(fields)
-            yield fields
+            if interval.features.local:
+                cross_locally(record)
         if interval.pieces.attempts > 1:
             call(interval.pieces.doubt, interval.pieces.settle)
             if not some("again"):
                 break
     call(interval.end)
-    yield fields
+    return fields
 
 
 # ---- the steps of lanes as data ------------------------------------------------------------------------
@@ -218,7 +209,7 @@ def steps_taken(interval: Interval, fields: Mapping[str, Any]) -> list[NDArray[n
     lanes = next(x.size for x in fields.values() if isinstance(x, np.ndarray))
     pieces = [Steps(lanes, sides) for _ in range(interval.pieces.count)]
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        *_, end = several_in_steps(interval, {**dict.fromkeys(sides, 0.0), **fields}, pieces)
+        end = _cross_together(interval, {**dict.fromkeys(sides, 0.0), **fields}, pieces)
     return [piece.shares(np.broadcast_to(end["fault"] < float(GIVEN_UP), lanes)) for piece in pieces]
 
 

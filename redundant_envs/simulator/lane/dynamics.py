@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
-from redundant_envs.effects.hooks import SPEED, Actuation, Field, Force, Friction, Impact, Point, Sensing
+from redundant_envs.effects.hooks import (
+    CONTROL_DT,
+    SPEED,
+    Actuation,
+    Field,
+    Force,
+    Friction,
+    Impact,
+    Point,
+    Sensing,
+)
 from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
@@ -19,12 +29,15 @@ from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
 from redundant_envs.simulator.lane import sensing
 from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart, varying_arguments
+from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.parameters import Parameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
 INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
+ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
+"""Quantities that are no fields in every scene, and whose names they are."""
 
 
 class Dynamics:
@@ -84,6 +97,33 @@ class Dynamics:
     def __reduce__(self) -> tuple[Any, ...]:
         """Without what follows from these: it has functions of effects, which need not be picklable."""
         return Dynamics, (self.scene, self.track_work, self.located)
+
+    def fields(self, length: Lifetime) -> Iterator[Variable]:
+        """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
+        arm, numbers = self.arm, self.parameters
+        of_arm = f"the arm {arm.kind}"
+        owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
+        for effect in self.scene.effects:
+            names = (*effect.parameters(), *effect.states(arm))
+            owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
+        for name in arm.coordinates:
+            yield Variable(name, "rad or m", "generalized coordinate", STATE, owner=of_arm)
+        for name in arm.rates:
+            yield Variable(name, "rad/s or m/s", "generalized velocity", STATE, owner=of_arm)
+        for name, state in self.effect_states.items():
+            yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
+        for name in self.draw_fields:
+            yield Variable(name, "", "from which draws follow", STATE)
+        if self.track_work:
+            yield from engine("work")
+        yield Variable("h", "s", "length of the common step", length)
+        yield from engine("interval")
+        for name in (*numbers.values, *numbers.prepared):
+            doc = "parameter of the scene, or follows from these alone"
+            yield Variable(name, "SI", doc, PARAMETER, owner=owners.get(name, ENGINE))
+        for name, unit in zip(self.commands, self.scene.command_units(), strict=True):
+            yield Variable(name, unit, "command of a motor", SCRATCH)
+        yield from engine("error", "fault")
 
     @cached_property
     def constant(self) -> frozenset[str]:
@@ -349,9 +389,8 @@ def _plus(a: Any, b: Any) -> Any:
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:
     """Quantities of the arm from the fields of a form, by its functions and ``more``."""
-    arm, states = dynamics.arm, lane.get(dynamics.states, of=form)
-    known = dict(zip(dynamics.states, states, strict=True))
-    return Quantities(known, (*dynamics.arm_functions, *more), arm.sincos, numbers_of(dynamics, lane))
+    known, functions = lane.values(dynamics.states, of=form), (*dynamics.arm_functions, *more)
+    return Quantities(known, functions, dynamics.arm.sincos, numbers_of(dynamics, lane))
 
 
 def tip_norms(dynamics: Dynamics, lane: Lane, form: str = "{}") -> list[Any]:

@@ -14,21 +14,13 @@ from redundant_envs.language.algebra import (
     logical_not,
     maximum,
     minimum,
-    numbered,
     total,
     where,
 )
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.scene import identifier
 from redundant_envs.simulator.lane.dynamics import INTERVALS
-from redundant_envs.simulator.lane.faults import (
-    GIVEN_UP,
-    OBSERVED_ANGLE,
-    OBSERVED_RATE,
-    Fault,
-    angle_fault,
-    largest_angle,
-)
+from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, is_observable
 from redundant_envs.simulator.lane.fields import (
     ENGINE,
     PARAMETER,
@@ -65,8 +57,9 @@ class Episode:
         dynamics, scene = interval.dynamics, interval.dynamics.scene
         self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
         self.features = interval.features
-        self.actions = tuple(numbered("action{}", dynamics.count))
-        self.draws = (*numbered("u{}", dynamics.count), *numbered("draw{}", task.draws))
+        self.actions = tuple(f"action{k + 1}" for k in range(dynamics.count))
+        starts = (f"u{k + 1}" for k in range(dynamics.count))
+        self.draws = (*starts, *(f"draw{k + 1}" for k in range(task.draws)))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
         self.terms: tuple[str, ...] = task.reward_terms(scene)
         self.returns = tuple(f"{t}_sum" for t in self.terms)
@@ -185,7 +178,7 @@ class Episode:
             defect = defect + where(reads_nonsense(self.dynamics.scene.attached, x), math.nan, 0.0)
             lane.next_part()
         fastest = reduce(maximum, (abs(lane[v]) for v in self.arm.rates))
-        observable = (largest_angle(self.arm, lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+        observable = is_observable(self.arm, lane, fastest)
         code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
         if self.features.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)

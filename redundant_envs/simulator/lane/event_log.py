@@ -17,17 +17,14 @@ MAX_LOGGED = 256
 class NoLog:
     """A lane whose events are not kept."""
 
-    counted: tuple[str, ...] = ()
-    """Fields with counts of an interval."""
-    read: tuple[str, ...] = ()
-    """Fields that the kernel reads, and no function."""
+    counted: tuple[str, ...] = ()  # fields with counts of an interval
+    read: tuple[str, ...] = ()  # fields that the kernel reads, and no function
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the time of events."""
         return iter(())
 
     def fields_of_events(self) -> Iterator[Variable]:
-        """Fields of the events."""
         return iter(())
 
     def clear(self, lane: Lane) -> None:
@@ -47,9 +44,13 @@ class NoLog:
 
 
 class EventLog(NoLog):
-    """A lane whose events are kept; an interval, or a piece of it, has one common step."""
+    """A lane whose events are kept."""
 
     counted, read = ("logged",), ("span_start",)
+
+    def __init__(self, several: bool) -> None:
+        """``several``: an interval has equal common steps, before the first of which it is one too early."""
+        self.several = several
 
     def fields(self) -> Iterator[Variable]:
         yield from engine("span_start")
@@ -61,26 +62,17 @@ class EventLog(NoLog):
                 yield Variable(f"log_{name}_{n}", unit, f"{name} of event {n}", LOG)
 
     def clear(self, lane: Lane) -> None:
-        lane.span_start = 0.0
+        lane.span_start = -lane.h if self.several else 0.0
 
     def begin_piece(self, lane: Lane, start: Any) -> None:
-        lane.span_start = start
+        lane.span_start = start - lane.h if self.several else start
+
+    def start(self, lane: Lane) -> None:
+        if self.several:
+            lane.span_start = lane.span_start + lane.h
 
     def note(self, lane: Lane, b: Impacting, happened: Any, speed: Any) -> None:
         lane[b.happened], lane[b.speed] = happened, speed
 
     def end(self, lane: Lane, given_up: Any) -> None:
         lane.logged = where(given_up, 0.0, lane.logged)
-
-
-class LogOfSubsteps(EventLog):
-    """One of an interval with equal common steps, before the first of which it is one step too early."""
-
-    def clear(self, lane: Lane) -> None:
-        lane.span_start = -lane.h
-
-    def begin_piece(self, lane: Lane, start: Any) -> None:
-        lane.span_start = start - lane.h
-
-    def start(self, lane: Lane) -> None:
-        lane.span_start = lane.span_start + lane.h

@@ -55,6 +55,11 @@ def largest_angle(arm: Arm, lane: Any) -> Any:
     return reduce(maximum, [abs(lane[q]) for q, slides in joints if not slides] or [0.0])
 
 
+def is_observable(arm: Arm, lane: Any, fastest: Any) -> Any:
+    """Whether the state of a lane can be observed, whose largest rate is ``fastest``."""
+    return (largest_angle(arm, lane) <= OBSERVED_ANGLE) & (fastest <= OBSERVED_RATE)
+
+
 def angle_fault(arm: Arm, lane: Any) -> Any:
     """A fault if an angle is so large that its last digits are lost."""
     return where(largest_angle(arm, lane) > LARGEST_ANGLE, float(Fault.LARGE_ANGLE), 0.0)

@@ -15,26 +15,15 @@ from redundant_envs.effects.hooks import Force, Gap, Impact, Impulse
 from redundant_envs.language.algebra import arguments_of, where
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.crossings import Overshoot
-from redundant_envs.simulator.lane import kinks
+from redundant_envs.simulator.lane import kinks, stops
 from redundant_envs.simulator.lane.boundary import Boundary, Bounded
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.simulator.lane.event_log import EventLog, LogOfSubsteps, NoLog
+from redundant_envs.simulator.lane.event_log import EventLog, NoLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.joint import HingeTravel, Joint, SliderTravel, Travel
 from redundant_envs.simulator.lane.laws import Guard, LateGuard, LawChange
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import NoStiction, Stiction
-from redundant_envs.simulator.lane.stops import (
-    Bounces,
-    ComparedBounces,
-    HingeStop,
-    HoldingStop,
-    Impacting,
-    NoStops,
-    Stop,
-    TravelStop,
-    Wall,
-)
 from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 
 
@@ -55,12 +44,12 @@ class Features:
         self.sticking = self.stiction.joints
         """Joints that stick and slip, in their order."""
         of_joints = [self._stop(a, travels[a.hook.joint]) for a in impacts]
-        self.stops: tuple[Impacting, ...] = (*of_joints, *self._walls())
+        self.stops: tuple[stops.Impacting, ...] = (*of_joints, *self._walls())
         """Boundaries that bounce: stops of joints, and walls, whose coordinates are any functions."""
-        self.holding = tuple(b for b in of_joints if isinstance(b, HoldingStop))
+        self.holding = tuple(b for b in of_joints if isinstance(b, stops.HoldingStop))
         """Stops that hold their sliders by themselves."""
         by_joint = sorted(of_joints, key=lambda b: b.travel.index)
-        self.from_base = sorted(by_joint, key=lambda b: isinstance(b, HingeStop))
+        self.from_base = sorted(by_joint, key=lambda b: isinstance(b, stops.HingeStop))
         """Stops of sliders, then those of revolute joints from base to tip: an angle may be a difference of
         coordinates, of which those of the links before it are known first."""
         self.active = tuple(b.active_stop for b in self.holding)
@@ -99,14 +88,13 @@ class Features:
         states = (*dynamics.states, *dynamics.effect_states.updated, *count)
         self.kept = (*states, *self.active, *self.rests)
         """Fields that are kept at the start of an interval, and restored when it is given up."""
-        kept_log = EventLog() if controlled else LogOfSubsteps()
-        self.log = kept_log if self.stops and dynamics.track_work else NoLog()
+        self.log = EventLog(several=not controlled) if self.stops and dynamics.track_work else NoLog()
         """The log of events."""
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
         """Fields with counts of an interval, which are restored when it is crossed again or given up."""
         several = len(self.stops) > 1 or bool(dynamics.frictions)
-        bounces = ComparedBounces if self.control is Control.EQUAL and several else Bounces
-        self.bounces = (bounces if self.stops else NoStops)(self.control)
+        bounces = stops.ComparedBounces if self.control is Control.EQUAL and several else stops.Bounces
+        self.bounces = (bounces if self.stops else stops.NoStops)(self.control)
         """How low a bounce ends in rest."""
 
         # ---- error estimates
@@ -130,17 +118,17 @@ class Features:
         kind = SliderTravel if self.arm.prismatic[a.hook.joint] else HingeTravel
         return kind(self.dynamics, a.hook.joint, a.parameter(a.hook.lower), a.parameter(a.hook.upper))
 
-    def _stop(self, a: Attached[Impact], travel: Travel) -> TravelStop:
+    def _stop(self, a: Attached[Impact], travel: Travel) -> stops.TravelStop:
         bounce = a.parameter(a.hook.restitution)
         if not self.sticking:
-            return HoldingStop(travel, a.key, bounce)
-        kind = Stop if self.arm.prismatic[travel.index] else HingeStop
+            return stops.HoldingStop(travel, a.key, bounce)
+        kind = stops.Stop if self.arm.prismatic[travel.index] else stops.HingeStop
         return kind(travel, a.key, bounce, next(j for j in self.sticking if j.travel is travel))
 
-    def _walls(self) -> Iterator[Wall]:
+    def _walls(self) -> Iterator[stops.Wall]:
         for k, a in enumerate(self.scene.attached.of(Gap), start=1):
             restitution = a.parameter(a.hook.restitution)
-            yield Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], restitution)
+            yield stops.Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], restitution)
 
     def _law_changes(self) -> Iterator[LawChange]:
         for a in self.scene.attached.of(Force):

@@ -12,26 +12,15 @@ from typing import Any
 from redundant_envs.compiler.tracing.flow import LaneFunction
 from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.compiler.tracing.program import Machine
-from redundant_envs.effects.hooks import CONTROL_DT
 from redundant_envs.language.algebra import gives_of, where
 from redundant_envs.language.quantities import check_names
 from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.boundaries import Boundaries
 from redundant_envs.simulator.lane.common_step import CommonStep
-from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
+from redundant_envs.simulator.lane.dynamics import ARGUMENTS, INTERVALS, Dynamics
 from redundant_envs.simulator.lane.faults import GIVEN_UP, Control
 from redundant_envs.simulator.lane.features import Features
-from redundant_envs.simulator.lane.fields import (
-    ENGINE,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Layout,
-    Lifetime,
-    Variable,
-    copies,
-    engine,
-)
+from redundant_envs.simulator.lane.fields import SCRATCH, Layout, Variable, copies, engine
 from redundant_envs.simulator.lane.memory import Lane, TracedLane, function_of
 from redundant_envs.simulator.lane.pieces import pieces_of
 from redundant_envs.simulator.lane.program import LaneProgram, Request
@@ -42,8 +31,6 @@ ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 FIRST = "first"
 """Key of what a program does after its first trial step, if the common step was that: a part of what it does
 after any, and half as long."""
-ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
-"""Quantities that are no fields in every scene, and whose names they are."""
 CONDITIONS = ("entered", "due", "moving", "touching", "complete")
 """Fields about the program of a lane."""
 
@@ -61,7 +48,7 @@ class Interval:
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes, without those that only the program of a lane sets."""
         dynamics, features = self.dynamics, self.features
-        yield from motion_fields(dynamics, self.pieces.length)
+        yield from dynamics.fields(self.pieces.length)
         yield from self.pieces.fields()
         if not features.local:
             if features.counts_evaluations:
@@ -136,8 +123,7 @@ class Interval:
     def declare_program(self, layout: Layout) -> None:
         """Declare the fields that only the program of a lane sets."""
         for variable in self.program.fields():
-            declared = layout.fields.get(variable.name)
-            if declared is None or declared.owner != ENGINE:
+            if layout.fields.get(variable.name) != variable:
                 layout.add(variable)
 
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
@@ -176,33 +162,3 @@ class Interval:
         kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
         check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
         return layout
-
-
-def motion_fields(dynamics: Dynamics, length: Lifetime) -> Iterator[Variable]:
-    """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
-    arm, scene, numbers = dynamics.arm, dynamics.scene, dynamics.parameters
-    of_arm = f"the arm {arm.kind}"
-    owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
-    for effect in scene.effects:
-        names = (*effect.parameters(), *effect.states(arm))
-        owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
-    units = ["m" if slides else "rad" for slides in arm.prismatic]
-    for name, unit in zip(arm.coordinates, units, strict=True):
-        yield Variable(name, unit, "generalized coordinate", STATE, owner=of_arm)
-    for name, unit in zip(arm.rates, units, strict=True):
-        yield Variable(name, f"{unit}/s", "generalized velocity", STATE, owner=of_arm)
-    for name, state in dynamics.effect_states.items():
-        yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
-    for name in dynamics.draw_fields:
-        yield Variable(name, "", "from which draws follow", STATE)
-    if dynamics.track_work:
-        yield from engine("work")
-    yield Variable("h", "s", "length of the common step", length)
-    yield from engine("interval")
-    for name in numbers.values:
-        yield Variable(name, "SI", "parameter of the scene", PARAMETER, owner=owners.get(name, ENGINE))
-    for name in numbers.prepared:
-        yield Variable(name, "SI", "follows from parameters alone", PARAMETER, owner=owners.get(name, ENGINE))
-    for name, unit in zip(dynamics.commands, scene.command_units(), strict=True):
-        yield Variable(name, unit, "command of a motor", SCRATCH)
-    yield from engine("error", "fault")

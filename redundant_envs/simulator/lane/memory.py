@@ -47,17 +47,16 @@ class Lane(EngineFields):
             else:
                 self[name] = value
 
-    @property
-    def layout(self) -> Layout:
-        """The fields that it has."""
-        return self._layout
-
     def next_part(self) -> None:
         """Start a part that is computed apart from the previous ones: it has the same bits as alone."""
 
     def get(self, names: Iterable[str], of: str = "{}") -> list[Any]:
         """Several fields, ``of`` being a form of their names such as "{}_start"."""
         return [self[of.format(name)] for name in names]
+
+    def values(self, names: Iterable[str], of: str = "{}") -> dict[str, Any]:
+        """The same by their names, without the form."""
+        return {name: self[of.format(name)] for name in names}
 
     def set(self, names: Iterable[str], values: Iterable[Any], of: str = "{}") -> None:
         """Set several fields."""

@@ -268,7 +268,7 @@ class LaneProgram:
         """Move the state by a last piece, with the accelerations at its start."""
         arm, closed = self.dynamics.arm, self.dynamics.closed
         moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
-        before = {s: lane[s] for s in self.dynamics.states}
+        before = lane.values(self.dynamics.states)
         if closed:
             x = self.boundaries.quantities_of_motion(lane)
             self.dynamics.close(x, ClosedFormStage(before, time, {}))

@@ -27,10 +27,8 @@ class Randomized:
         self.dynamics = dynamics
         self.drawn: dict[Range, list[str]] = entries_of(dynamics.scene, dynamics.scene.randomize, of_task)
         self._nominal = {**dynamics.scene.parameters(), **of_task}
-        self.fields_by_name = {
-            one.name: [dynamics.parameters.field_of(name) for name in names]
-            for one, names in self.drawn.items()
-        }
+        field_of = dynamics.parameters.field_of
+        self.fields_by_name = {one.name: [*map(field_of, names)] for one, names in self.drawn.items()}
         """For every range the fields that it draws."""
         self.entries = [name for names in self.drawn.values() for name in names]
 
@@ -77,17 +75,14 @@ class Randomized:
             for k, name in enumerate(names):
                 nominal = lane[f"nominal {name}"] if one.scale else 1.0
                 value = one.drawn(values[0 if one.shared else k], nominal)
-                field, drawn = (
-                    self.dynamics.parameters.field_of(name),
-                    lane.resetting & logical_not(lane[fixed(name)]),
-                )
+                field = self.dynamics.parameters.field_of(name)
+                drawn = lane.resetting & logical_not(lane[fixed(name)])
                 lane[field] = where(drawn, value, lane[field])
 
     def prepare(self, lane: Lane) -> None:
         """What follows from the numbers alone, in the lanes that are ``resetting``."""
-        made = self.dynamics.parameters.prepare(
-            {name: lane[name] for name in self.dynamics.parameters.values}
-        )
+        parameters = self.dynamics.parameters
+        made = parameters.prepare(lane.values(parameters.values))
         for name, value in made.items():
             lane[name] = where(lane.resetting, value, lane[name])
 

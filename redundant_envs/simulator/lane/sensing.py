@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.bound_hooks import Attached, Attachments, Bound
+from redundant_envs.effects.bound_hooks import Attachments, Bound
 from redundant_envs.effects.hooks import Reading, Sensing
 from redundant_envs.language.algebra import any_of, arguments_of, gives_of, logical_not
 from redundant_envs.language.quantities import Quantities
@@ -21,46 +21,37 @@ Read = dict[tuple[Reading, int], Any]
 """Readings by what they measure, and the number of the joint."""
 
 
-def readings(attached: Attachments, x: Quantities) -> Read:
-    """Readings of the scene's sensors, from true quantities and the states of the sensors."""
-    read: Read = {}
-    for a in attached.of(Sensing):
-        key, reaching = _place(a), _reaching(a, read, x)
-        read[key] = reaching(a.functions["function"])
-    return read
-
-
 def renewed(attached: Attachments, what: str, x: Quantities) -> dict[str, Any]:
     """New values of the sensors' states, by their fields: the "update" at the end of an interval, or those
-    that are "initial"; ``x`` then has them. Each sensor gets what those before it read at this instant."""
+    that are "initial"; ``x`` then has them."""
+    owned = (own for a in attached.of(Sensing) for own in a.states.values())
+    return _read(attached, x, what)[1] if any(what in own for own in owned) else {}
+
+
+def _read(attached: Attachments, x: Quantities, what: str = "") -> tuple[Read, dict[str, Any]]:
+    """Readings of the scene's sensors, from true quantities and the states of the sensors, and new values of
+    these. Each sensor gets what those before it read at this instant."""
     read: Read = {}
     new: dict[str, Any] = {}
-    sensors = attached.of(Sensing)
-    if not any(what in own for a in sensors for own in a.states.values()):
-        return new
-    for a in sensors:
-        key, reaching = _place(a), _reaching(a, read, x)
+    for a in attached.of(Sensing):
+        key = a.hook.reading, a.hook.joint
+        reaching = _reaching(a.hook.reading.value.format(a.hook.joint + 1), read.get(key), x)
         own = {field: reaching(functions[what]) for field, functions in a.states.items() if what in functions}
         x.update(own)
         new |= own
         read[key] = reaching(a.functions["function"])
-    return new
+    return read, new
 
 
-def _place(a: Attached[Sensing]) -> tuple[Reading, int]:
-    return a.hook.reading, a.hook.joint
-
-
-def _reaching(a: Attached[Sensing], read: Read, x: Quantities) -> Callable[[Bound], Any]:
+def _reaching(name: str, read: Any, x: Quantities) -> Callable[[Bound], Any]:
     """Evaluates functions of a sensor, for which the quantity that it measures is what reaches it."""
-    name = a.hook.reading.value.format(a.hook.joint + 1)
-    reaching = read.get(_place(a), x[name])
+    reaching = x[name] if read is None else read
     return lambda function: function.on(reaching if n == name else x[n] for n in function.names)
 
 
 def measured(attached: Attachments, arm: Arm, x: Quantities) -> dict[str, Any]:
     """Coordinates and rates as the sensors read them, from true quantities; {} without sensors."""
-    read = readings(attached, x)
+    read, _ = _read(attached, x)
     if not read:
         return {}
     kinds = [(r, k) for r in Reading for k in range(len(arm.coordinates))]
@@ -77,5 +68,5 @@ def measured(attached: Attachments, arm: Arm, x: Quantities) -> dict[str, Any]:
 
 def reads_nonsense(attached: Attachments, x: Quantities) -> Any:
     """Whether a reading is NaN, or too large for an observation."""
-    read = readings(attached, x)
+    read, _ = _read(attached, x)
     return any_of(logical_not(abs(value) <= LARGEST[kind]) for (kind, _), value in read.items())

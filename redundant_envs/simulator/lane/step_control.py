@@ -25,8 +25,7 @@ TRIALS_OF_SUBSTEP = 16
 class End(enum.Enum):
     """What comes after a trial step without an event."""
 
-    GOES_ON = "goes on"  # the planned step has not ended: an event had cut it short
-    NEXT = "next"  # the next planned step begins
+    GOES_ON = "goes on"  # the rest of the planned step, which an event had cut short, or the next one
     REPEATED = "repeated"  # the interval is crossed again with more steps
     CROSSED = "crossed"  # the interval is crossed
 
@@ -121,7 +120,7 @@ class EqualSteps(StepControl):
             return End.GOES_ON
         if not last:
             lane.left, lane.steps_left = self.pieces.span(lane) / lane.divisions, lane.steps_left - 1.0
-            return End.NEXT
+            return End.GOES_ON
         accurate = lane.error <= self.pieces.allowed_error(lane)
         passed = accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees
         if not passed:
@@ -171,7 +170,7 @@ class AdaptiveSteps(StepControl):
         if not rest > error_control.CROSSED_SHARE * self.pieces.span(lane):
             return End.CROSSED
         lane.left = error_control.rest_of_interval(rest, lane.next_step)
-        return End.NEXT
+        return End.GOES_ON
 
     def within_budget(self, lane: Lane) -> Any:
         taken = lane.steps_left

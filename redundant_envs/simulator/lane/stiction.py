@@ -233,8 +233,7 @@ class Stiction(NoStiction):
         return 0.0 if joint is None else lane[joint.limit]
 
     def stick(self, lane: Lane, before: Mapping[str, Any] | None = None) -> None:
-        names = (*self.dynamics.arm.coordinates, *self.dynamics.arm.rates)
-        now = dict(zip(names, lane.get(names), strict=True))
+        now = lane.values((*self.dynamics.arm.coordinates, *self.dynamics.arm.rates))
         self.keep(lane, before or {**now}, now)
         lane.set(now, now.values())
 

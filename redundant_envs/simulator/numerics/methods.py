@@ -69,20 +69,16 @@ def watch(values: Numbers, method: Tableau) -> Watched:
     return Watched(values[0], values[-1], least, most, values[method.middle], inner)
 
 
-def explicit_step(
-    method: Tableau, derivative: Derivative, positions: Numbers, velocities: Numbers, others: Numbers, h: Any
-) -> Step:
-    """A step of length ``h``."""
-    n, m = len(positions), len(others)
-    state = [*positions, *velocities, *others]
+def explicit_step(method: Tableau, derivative: Derivative, state: Numbers, n: int, h: Any) -> Step:
+    """A step of length ``h`` from the state: positions, velocities, ``n`` of each, and others."""
     slopes: list[list[Any]] = [[] for _ in state]
     watched: list[list[Any]] = []
+    count = len(state) - n  # of derivatives
     if method.name == "euler":
-        results = derivative(positions, velocities, others, 0.0)
-        new = [s + h * k for s, k in zip((*velocities, *others), results, strict=False)]
-        moved = [p + h * v for p, v in zip(positions, new, strict=False)]
-        seen = [watch([w], method) for w in results[n + m :]]
-        return Step(moved, new[:n], new[n:], seen, ())
+        results = derivative(state[:n], state[n : 2 * n], state[2 * n :], 0.0)
+        new = [s + h * k for s, k in zip(state[n:], results, strict=False)]
+        moved = [p + h * v for p, v in zip(state[:n], new, strict=False)]
+        return Step(moved, new[:n], new[n:], [watch([w], method) for w in results[count:]], ())
     for row, node in zip(method.a, method.c, strict=True):
         stage = state
         if any(row):
@@ -91,7 +87,7 @@ def explicit_step(
         results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :], node)
         for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
             slope.append(k)
-        watched.append(list(results[n + m :]))
+        watched.append(list(results[count:]))
     totals = [weighted(method.b, slope) for slope in slopes]
     new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
     seen = [watch(values, method) for values in zip(*watched, strict=True)]
