@@ -61,7 +61,8 @@ class Recorder(NoRecorder):
         p, load, pointers = self.p, self.blocks.load, block.pointers
         with p.each(self.blocks.lanes) as lane:
             for k, b in enumerate(self.features.holding):
-                now, before = (load(pointers, lane, name) for name in (b.active_stop, b.active_stop.start))
+                names = b.active_stop, f"{b.active_stop}_start"
+                now, before = (load(pointers, lane, name) for name in names)
                 with p.when(now != before):
                     event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0
                     self._append(pointers[str(LOG)], lane, pointers, lane, event)

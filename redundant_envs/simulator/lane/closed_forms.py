@@ -8,7 +8,7 @@ its value at some time between the start and the stage; :func:`share` says at wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.effects.bound_hooks import TIME, Attached
@@ -36,41 +36,38 @@ def share(decays: Any) -> Any:
     return where(many, exact, 0.5 + 0.08333333333333333 * decays)
 
 
-class ClosedFormStart:
-    """The start of a step: it notes the quantities that closed forms take there."""
+Closing = Callable[[Attached[Any], Quantities], None]
+"""What is done with the states of a hook in closed form, where its inputs are known in quantities."""
 
-    def __init__(self, varying: Mapping[str, tuple[str, ...]]) -> None:
-        self.varying = varying
-        self.found: dict[str, Any] = {}
 
-    def close(self, a: Attached[Any], x: Quantities) -> None:
-        """Note those of the states of a hook; a command is then the input of its link."""
+def noting(varying: Mapping[str, Sequence[str]], found: dict[str, Any]) -> Closing:
+    """Note the quantities that closed forms take at the start of a step."""
+
+    def note(a: Attached[Any], x: Quantities) -> None:
         for field in a.states:
-            self.found |= {noted(field, name): x[name] for name in self.varying.get(field, ())}
+            found.update({noted(field, name): x[name] for name in varying.get(field, ())})
+
+    return note
 
 
-class ClosedFormStage:
-    """A time in a step: the closed forms of states are evaluated there."""
+def closing(start: Mapping[str, Any], elapsed: Any, varying: Mapping[str, Sequence[str]]) -> Closing:
+    """Give quantities the values of states at a time in a step; ``start`` has the states at the start of the
+    step, and what :func:`noting` has found there."""
 
-    def __init__(
-        self, start: Mapping[str, Any], elapsed: Any, varying: Mapping[str, tuple[str, ...]]
-    ) -> None:
-        """``start`` has the states at the start of the step, and what :class:`ClosedFormStart` noted."""
-        self.start, self.elapsed, self.varying = start, elapsed, varying
-
-    def close(self, a: Attached[Any], x: Quantities) -> None:
-        """Give quantities the values of the states of a hook."""
+    def close(a: Attached[Any], x: Quantities) -> None:
         for field, own in a.states.items():
             if "closed" not in own:
                 continue
-            given = {field: self.start[field], TIME: self.elapsed}
-            if field in self.varying:
-                early = share(own["rate"](x) * self.elapsed)
-                for name in self.varying[field]:
-                    before = self.start[noted(field, name)]
+            given = {field: start[field], TIME: elapsed}
+            if field in varying:
+                early = share(own["rate"](x) * elapsed)
+                for name in varying[field]:
+                    before = start[noted(field, name)]
                     given[name] = before + early * (x[name] - before)
             names = own["closed"].names
             x[field] = own["closed"].on(given[name] if name in given else x[name] for name in names)
+
+    return close
 
 
 def noted(field: str, name: str) -> str:

@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import any_of, cases, logical_not, maximum,
 from redundant_envs.simulator.events import crossings
 from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.boundaries import Boundaries
-from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart
+from redundant_envs.simulator.lane.closed_forms import closing, noting
 from redundant_envs.simulator.lane.dynamics import numbers_of, quantities_of_arm, tip_norms
 from redundant_envs.simulator.lane.faults import Control, Reason
 from redundant_envs.simulator.lane.features import Features
@@ -45,8 +45,8 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     def derivatives(*values: Any) -> list[Any]:
         known = dict(zip(arguments, values, strict=True))
         x = features.quantities_in_step([known[name] for name in states], {n: known[n] for n in numbers})
-        time = ClosedFormStage(known, known["elapsed"], dynamics.varying) if start else None
-        results = dynamics.accelerations(x, time)
+        close = closing(known, known["elapsed"], dynamics.varying) if start else None
+        results = dynamics.accelerations(x, close)
         others = zip(states[count:], results, strict=False)
         results = [change for name, change in others if name not in alone] + results[width - count :]
         results += [b.at_stage(x) for b in features.bounded]
@@ -73,16 +73,18 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     step = explicit_step(dynamics.method, changes, lane.get(states), count, h)
     if start:
         x = features.quantities_in_step([*step.positions, *step.velocities, *step.others], numbers)
-        dynamics.close(x, ClosedFormStage(start, h, dynamics.varying))
+        dynamics.close(x, closing(start, h, dynamics.varying))
         step.others.extend(x.each(dynamics.closed))
     return step
 
 
 def _start_of_closed_forms(features: Features, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
     """States in closed form, and what else their forms take, at the start of a step."""
-    dynamics, at_start = features.dynamics, ClosedFormStart(features.dynamics.varying)
-    dynamics.close(features.quantities_in_step(lane.get(dynamics.states), numbers), at_start)
-    return lane.values(dynamics.closed) | at_start.found
+    dynamics = features.dynamics
+    found = lane.values(dynamics.closed)
+    x = features.quantities_in_step(lane.get(dynamics.states), numbers)
+    dynamics.close(x, noting(dynamics.varying, found))
+    return found
 
 
 def step_error(features: Features, lane: Lane, step: Step) -> Any:

@@ -28,7 +28,7 @@ from redundant_envs.robots.held_joints import held_joint_dynamics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
 from redundant_envs.simulator.lane import sensing
-from redundant_envs.simulator.lane.closed_forms import ClosedFormStage, ClosedFormStart, varying_arguments
+from redundant_envs.simulator.lane.closed_forms import Closing, varying_arguments
 from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.parameters import Parameters
@@ -181,10 +181,10 @@ class Dynamics:
     # ---- actuation, and states of effects ----------------------------------------------------------
 
     def efforts(
-        self, x: Quantities, change: str, time: ClosedFormStage | ClosedFormStart | None = None
+        self, x: Quantities, change: str, close: Closing | None = None
     ) -> tuple[list[Any], dict[str, Any]]:
-        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; at a
-        ``time`` in a step states are in closed form."""
+        """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; with
+        ``close`` states are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
@@ -192,8 +192,8 @@ class Dynamics:
                 x[command] = efforts[k]
                 if link.guards and not self.locates_laws:
                     link.settle_law(x)
-                if time is not None:
-                    time.close(link, x)
+                if close is not None:
+                    close(link, x)
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
             x[command] = given
@@ -264,16 +264,16 @@ class Dynamics:
             held = held_joint_dynamics(kind, self.slipping), *(held[1:] if arm.sliders() else ())
         return (*(f for f in self.functions if "qdd1" not in gives_of(f)), *held)
 
-    def close(self, x: Quantities, time: ClosedFormStage | ClosedFormStart) -> None:
-        """Give quantities at a ``time`` in a step the states that are in closed form."""
-        self.efforts(x, "none", time)
-        self._close_forces(x, time)
+    def close(self, x: Quantities, close: Closing) -> None:
+        """Let the states that are in closed form be noted, or give quantities their values."""
+        self.efforts(x, "none", close)
+        self._close_forces(x, close)
 
-    def _close_forces(self, x: Quantities, time: ClosedFormStage | ClosedFormStart) -> None:
+    def _close_forces(self, x: Quantities, close: Closing) -> None:
         for a in self.scene.attached.of(Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
-            time.close(a, x)
+            close(a, x)
 
     def set_field(self, x: Quantities) -> None:
         """The field of the scene, where it does not follow from parameters alone."""
@@ -285,16 +285,16 @@ class Dynamics:
         moving = field_of(attached.moving_fields, x)
         x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
 
-    def accelerations(self, x: Quantities, time: ClosedFormStage | None = None) -> list[Any]:
+    def accelerations(self, x: Quantities, close: Closing | None = None) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
 
-        At a ``time`` in a step states are in closed form; otherwise their rates of change are the last ones.
+        With ``close`` states are in closed form; otherwise their rates of change are the last ones.
         """
         joints = range(self.count)
         self.set_field(x)
-        effort, changes = self.efforts(x, "derivative", time)
-        if time is not None:
-            self._close_forces(x, time)
+        effort, changes = self.efforts(x, "derivative", close)
+        if close is not None:
+            self._close_forces(x, close)
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
@@ -338,7 +338,7 @@ class Dynamics:
             if not at_joints:
                 power += [e * x[v] for e, v in zip(effort, self.arm.rates, strict=True)]
             results.append(total(power or [0.0]))
-        return results if time is not None else results + [changes[name] for name in self.closed]
+        return results if close is not None else results + [changes[name] for name in self.closed]
 
     def _power_of_fields(self, x: Quantities) -> list[Any]:
         """The power of moving fields, -G qd with the weight G in these fields alone."""

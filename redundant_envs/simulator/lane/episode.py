@@ -21,16 +21,7 @@ from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.scene import identifier
 from redundant_envs.simulator.lane.dynamics import INTERVALS
 from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, is_observable
-from redundant_envs.simulator.lane.fields import (
-    ENGINE,
-    PARAMETER,
-    SCRATCH,
-    STATE,
-    Layout,
-    Variable,
-    copies,
-    engine,
-)
+from redundant_envs.simulator.lane.fields import PARAMETER, STATE, Layout, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.randomized import Randomized
@@ -78,7 +69,6 @@ class Episode:
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
-        """Quantities in the rows of the tables."""
         flags, metrics = self.task.flags, self.task.metrics
         beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
         totals = [n for n in SPENT if n in self.counts and n != "error_most"]
@@ -92,7 +82,6 @@ class Episode:
 
     @cached_property
     def drawn(self) -> tuple[str, ...]:
-        """Fields of the numbers that every episode draws anew."""
         return tuple(field for fields in self.randomized.fields_by_name.values() for field in fields)
 
     @cached_property
@@ -108,28 +97,21 @@ class Episode:
         yield from self.interval.fields()
         if not self.features.local:
             yield from copies(self.features.kept, "{}_start", "when the interval began")
-        for name in task.parameters():
-            yield Variable(name, "", "number", PARAMETER, owner=owner)
+        yield from variables(task.parameters(), "number", PARAMETER, owner)
         yield from engine("limit")
-        for name in task.memory:
-            yield Variable(name, "", "memory", STATE, owner=owner)
-        for name in self.returns:
-            yield Variable(name, "", "sum of a reward term over the episode", STATE)
+        yield from variables(task.memory, "memory", STATE, owner)
+        yield from variables(self.returns, "sum of a reward term over the episode", STATE)
         yield from engine(*self.counts[len(self.returns) :], *ENDS)
-        for name in task.held_outputs:
-            yield Variable(name, "", "held output", STATE, owner=owner)
-        for name in self.actions:
-            yield Variable(name, "", "action in [-1, 1] of the last step, which pictures show", STATE)
-        for name in self.draws:
-            yield Variable(name, "", "uniform draw in (0, 1)", SCRATCH)
+        yield from variables(task.held_outputs, "held output", STATE, owner)
+        yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
+        yield from variables(self.draws, "uniform draw in (0, 1)")
         yield from self.randomized.fields()
         yield from engine("resetting")
 
     def layout(self) -> Layout:
-        """The fields of the lanes, and the rows that hold them."""
         self.interval.layout()  # refuses an arm whose quantities are not its own
         layout = Layout(self.fields())
-        shown = dict.fromkeys((*TIP, *GOAL), f"of {ENGINE}: every step has it beside info")
+        shown = dict.fromkeys((*TIP, *GOAL), "of the engine: every step has it beside info")
         shown |= {name: layout.fields[name].whose for name in (*self.counts, *ENDS)}
         check_names(f"{type(self.task).__name__}.metrics", self.task.metrics, shown)
         return layout

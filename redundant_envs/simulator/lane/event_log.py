@@ -44,8 +44,6 @@ class NoLog:
 
 
 class EventLog(NoLog):
-    """A lane whose events are kept."""
-
     counted, read = ("logged",), ("span_start",)
 
     def __init__(self, several: bool) -> None:

@@ -16,12 +16,11 @@ from redundant_envs.language.algebra import arguments_of, where
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.crossings import Overshoot
 from redundant_envs.simulator.lane import kinks, stops
-from redundant_envs.simulator.lane.boundary import Boundary, Bounded
+from redundant_envs.simulator.lane.boundary import Boundary, Bounded, Guard, LateGuard, LawChange
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.event_log import EventLog, NoLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.joint import HingeTravel, Joint, SliderTravel, Travel
-from redundant_envs.simulator.lane.laws import Guard, LateGuard, LawChange
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import NoStiction, Stiction
 from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
@@ -92,9 +91,11 @@ class Features:
         """The log of events."""
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
         """Fields with counts of an interval, which are restored when it is crossed again or given up."""
+        self.restored = (*self.active, *self.rests, *self.counted)
+        """Fields that are as they were where an interval begins anew, beside states."""
         several = len(self.stops) > 1 or bool(dynamics.frictions)
-        bounces = stops.ComparedBounces if self.control is Control.EQUAL and several else stops.Bounces
-        self.bounces = (bounces if self.stops else stops.NoStops)(self.control)
+        compared = self.control is Control.EQUAL and bool(self.stops) and several
+        self.bounces = (stops.ComparedBounces if compared else stops.Bounces)(self.control, bool(self.stops))
         """How low a bounce ends in rest."""
 
         # ---- error estimates
@@ -151,17 +152,13 @@ class Features:
         return kinks.kinks_of(self.scene.attached, self.arm, constant, d.states)
 
     @cached_property
-    def doubts(self) -> dict[str, str]:
-        """Fields with reasons why the error of an interval may exceed its estimate, and their docs."""
+    def doubts(self) -> tuple[str, ...]:
+        """Fields with reasons why the error of an interval may exceed its estimate: a step may have met a
+        kink, or one that no stage has seen, or something else makes its estimate doubtful."""
         if self.control is not Control.EQUAL:
-            return {}
-        found = {}
-        if self.kinks:
-            found["kinked"] = "a step of the interval may have met a kink"
-            found["hidden_kink"] = "it may have met one that no stage has seen"
-        if self.dynamics.effect_states.integrated or self.pose_tells_distances:
-            found["doubtful"] = "a step of the interval makes its estimate doubtful"
-        return found
+            return ()
+        doubtful = self.dynamics.effect_states.integrated or self.pose_tells_distances
+        return (*(("kinked", "hidden_kink") if self.kinks else ()), *(("doubtful",) if doubtful else ()))
 
     # ---- quantities of lanes -------------------------------------------------------------------------
 

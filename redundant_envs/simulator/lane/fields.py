@@ -47,8 +47,6 @@ class Variable:
 
 
 class Layout:
-    """Fields, and the rows that hold them."""
-
     def __init__(self, fields: Iterable[Variable]) -> None:
         self.fields: dict[str, Variable] = {}
         self.rows: dict[Lifetime, dict[str, int]] = {lifetime: {} for lifetime in Lifetime}
@@ -56,11 +54,9 @@ class Layout:
             self.add(f)
 
     def add(self, f: Variable) -> None:
-        """Declare one more field."""
         if f.name in self.fields:
-            raise ValueError(
-                f"{f.name!r} is a name {self.fields[f.name].whose}, and {f.whose}; rename one of them"
-            )
+            first = self.fields[f.name].whose
+            raise ValueError(f"{f.name!r} is a name {first}, and {f.whose}; rename one of them")
         self.fields[f.name] = f
         self.rows[f.lifetime][f.name] = len(self.rows[f.lifetime])
 
@@ -75,28 +71,10 @@ class Layout:
         return str(lifetime), self.rows[lifetime][name]
 
     def places(self) -> dict[str, tuple[str, int]]:
-        """Memory and row of each field, by name."""
         return {name: self.row_of(name) for name in self.fields}
 
     def size(self, lifetime: Lifetime) -> int:
-        """Number of rows of a memory."""
         return len(self.rows[lifetime])
-
-
-class FieldName(str):
-    """Name of a field of a lane, and those of its earlier values."""
-
-    __slots__ = ()
-
-    @property
-    def start(self) -> FieldName:
-        """Before the common step."""
-        return FieldName(f"{self}_start")
-
-    @property
-    def trial(self) -> FieldName:
-        """At the start of the trial step."""
-        return FieldName(f"{self}_trial")
 
 
 class Declared:
@@ -112,29 +90,26 @@ class Declared:
 
 
 class Own(Declared):
-    """A field that each object of a class has: with ``force = Own("N", "that holds the slider")`` in the
-    class, ``lane[stop.force]`` is the force of one stop."""
+    """A field that each object of a class has, and that ends with its name: with ``force = Own("N", "...")``
+    in the class, ``lane[stop.force]`` is the force of one stop."""
 
     @overload
     def __get__(self, owner: None, kind: type) -> Own: ...
     @overload
-    def __get__(self, owner: Owner, kind: type) -> FieldName: ...
-    def __get__(self, owner: Owner | None, kind: type) -> Own | FieldName:
-        return self if owner is None else FieldName(f"{self.name}_{owner.name}")
+    def __get__(self, owner: object, kind: type) -> str: ...
+    def __get__(self, owner: Any, kind: type) -> Own | str:
+        return self if owner is None else f"{self.name}_{owner.name}"
 
 
-class Owner:
-    """An object with fields of its own, whose names end with its name."""
-
-    name: str
-
-    def own(self, *names: str) -> Iterator[Variable]:
-        """Some of its fields, as lanes declare them."""
-        return (replace(getattr(type(self), n).declared, name=getattr(self, n)) for n in names)
+def variables(
+    names: Iterable[str], doc: str, lifetime: Lifetime = SCRATCH, owner: str = ENGINE
+) -> Iterator[Variable]:
+    """Fields of a kind, without a unit, or with several."""
+    return (Variable(name, "", doc, lifetime, owner=owner) for name in names)
 
 
-def copies(names: tuple[str, ...], form: str, doc: str) -> Iterator[Variable]:
-    """Scratch fields that hold earlier values of others."""
+def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Variable]:
+    """Scratch fields that hold other values of fields."""
     for name in names:
         yield Variable(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")
 

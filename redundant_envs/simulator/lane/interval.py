@@ -63,13 +63,8 @@ class Interval:
             yield from copies(features.kept, features.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield from engine("evaluations", "reason", "error_start", "min_steps", "state", *CONDITIONS)
-        for name, doc in features.doubts.items():
-            yield Variable(name, "", doc, SCRATCH, truth=True)
-        yield from self.fields_of_boundaries()
-
-    def fields_of_boundaries(self) -> Iterator[Variable]:
-        """Fields about boundaries, and the log of events."""
-        features = self.features
+        for name in features.doubts:
+            yield Variable(name, "", "why an error may exceed its estimate", SCRATCH, truth=True)
         yield from features.log.fields()
         for b in features.boundaries:
             yield from b.watched_fields()
@@ -78,7 +73,7 @@ class Interval:
         yield from features.stiction.fields()
         for guard in features.guards:
             yield from guard.fields()
-        if self.dynamics.bounds_late_switch:
+        if dynamics.bounds_late_switch:
             yield from engine("departure", "target")
             for guard in features.guards:
                 yield from guard.own("left")
@@ -87,10 +82,9 @@ class Interval:
         if features.stops:
             yield from engine("impacts", "impacts_start")
         if features.resolves:
-            for v in self.dynamics.states[self.dynamics.count :]:
-                yield Variable(f"{v}_slope", "", f"time derivative of {v}", SCRATCH, book=v == "work")
-        for stop in features.stops:
-            yield from stop.fields()
+            yield from copies(dynamics.states[dynamics.count :], "{}_slope", "differentiated by time")
+        for impacting in features.stops:
+            yield from impacting.fields()
         yield from features.bounces.fields()
         yield from features.log.fields_of_events()
 
@@ -151,7 +145,6 @@ class Interval:
         return made
 
     def layout(self) -> Layout:
-        """The fields of the lanes, and the rows that hold them."""
         dynamics, layout = self.dynamics, Layout(self.fields())
         known = (*dynamics.states, *dynamics.parameters.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}

@@ -28,7 +28,6 @@ class Joint:
 
     @property
     def coordinates(self) -> list[str]:
-        """The coordinates from which its position follows."""
         pairs = zip(self.dynamics.arm.coordinates, self.shares, strict=True)
         return [q for q, share in pairs if share != 0.0]
 
@@ -61,7 +60,6 @@ class Travel(Joint):
         self.lower, self.upper = lower, upper
 
     def limits(self, lane: Lane) -> tuple[Any, Any]:
-        """Both ends of the travel."""
         return lane[self.lower], lane[self.upper]
 
     def side_touched(self, lane: Lane, form: str = "{}") -> Any:
@@ -70,8 +68,6 @@ class Travel(Joint):
 
 
 class SliderTravel(Travel):
-    """The travel of a slider, whose length is a coordinate."""
-
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
         return lane[form.format(self.coordinate)], lane[form.format(self.rate)]
 

@@ -24,7 +24,6 @@ class Watch(NamedTuple):
     levels: tuple[bool, ...] = (False,)  # for each of these, whether there is a kink at each whole number
 
     def values(self, x: Quantities) -> list[Any]:
-        """Values that change their signs at the kinks, from quantities."""
         if not self.moving:  # its own value does
             found = self.function(x)
             return [*found] if isinstance(found, tuple) else [found]

@@ -59,7 +59,6 @@ class Lane(EngineFields):
         return {name: self[of.format(name)] for name in names}
 
     def set(self, names: Iterable[str], values: Iterable[Any], of: str = "{}") -> None:
-        """Set several fields."""
         for name, value in zip(names, values, strict=True):
             self[of.format(name)] = value
 

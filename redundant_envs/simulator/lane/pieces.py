@@ -17,14 +17,21 @@ from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.dynamics import tip_distance
 from redundant_envs.simulator.lane.faults import Control, Fault
 from redundant_envs.simulator.lane.features import Features
-from redundant_envs.simulator.lane.fields import PARAMETER, SCRATCH, Lifetime, Variable, engine
+from redundant_envs.simulator.lane.fields import (
+    PARAMETER,
+    SCRATCH,
+    Lifetime,
+    Variable,
+    copies,
+    engine,
+    variables,
+)
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.error_control import MAX_DOUBLINGS, Crossed
 
 Procedure = Callable[[Lane], Any]
 BEFORE = "{}_before"
-"""Form of the fields with coordinates after the attempt before."""
 SHORTER = 0.999
 """With steps shorter than the shortest one before, each piece of several steps has at least twice as many."""
 
@@ -104,13 +111,11 @@ class Pieces(Whole):
 
     def fields(self) -> Iterator[Variable]:
         yield from engine("piece_end")
-        for name in self.dynamics.passed:
-            yield Variable(name, "", "1 from the instant on, 0 before", SCRATCH)
+        yield from variables(self.dynamics.passed, "1 from the instant on, 0 before")
 
     def clear(self, lane: Lane) -> None:
         lane.piece_end = 0.0
-        for name in self.dynamics.passed:
-            lane[name] = 0.0
+        lane.set(self.dynamics.passed, [0.0] * len(self.dynamics.passed))
 
     def goes_on(self, lane: Lane) -> Any:
         return lane.h > 0.0
@@ -153,8 +158,7 @@ class Pieces(Whole):
         length = end - start
         self.take_over(lane, length > 0.0)
         lane.h = length if dynamics.scene.substeps == 1 else length / float(dynamics.scene.substeps)
-        for name in self.features.doubts:
-            lane[name] = False
+        lane.set(self.features.doubts, [False] * len(self.features.doubts))
         self.features.log.begin_piece(lane, start)
 
     def take_over(self, lane: Lane, goes_on: Any) -> None:
@@ -173,13 +177,10 @@ class RepeatedPieces(Pieces):
     crossings = 2.0  # each has twice the steps of the one before
 
     def fields(self) -> Iterator[Variable]:
-        arm = self.dynamics.arm
         yield from super().fields()
         yield from engine("attempts", "again", "longest_step", "divisions", "shortest_step", "steps_taken")
         yield from engine("error_carried", "unsure", "carries_doubt")
-        for q, slides in zip(arm.coordinates, arm.prismatic, strict=True):
-            unit = "m" if slides else "rad"
-            yield Variable(BEFORE.format(q), unit, f"{q} after the attempt before", SCRATCH)
+        yield from copies(self.dynamics.arm.coordinates, BEFORE, "after the attempt before")
 
     def clear(self, lane: Lane) -> None:
         super().clear(lane)

@@ -16,7 +16,7 @@ from redundant_envs.language.algebra import any_of, logical_not, where
 from redundant_envs.simulator.events import contacts, search
 from redundant_envs.simulator.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.simulator.lane.boundaries import Boundaries
-from redundant_envs.simulator.lane.closed_forms import ClosedFormStage
+from redundant_envs.simulator.lane.closed_forms import closing
 from redundant_envs.simulator.lane.faults import Fault
 from redundant_envs.simulator.lane.fields import Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
@@ -45,8 +45,6 @@ class Found(enum.Enum):
 
 
 class LaneProgram:
-    """The program of a lane."""
-
     def __init__(self, boundaries: Boundaries, control: StepControl) -> None:
         self.boundaries, self.control = boundaries, control
         self.features, self.dynamics = boundaries.features, boundaries.dynamics
@@ -69,7 +67,6 @@ class LaneProgram:
             yield from engine(*SEARCH, "for_turn")
 
     def cross(self, lane: Lane) -> Generator[Request, None, None]:
-        """Cross the interval."""
         self.begin(lane)
         while True:
             if lane.at_stop and not (yield from self.resolve(lane)):
@@ -153,7 +150,7 @@ class LaneProgram:
             yield Request.STEP
             if self.is_lost(lane):
                 return Found.LOST
-            trial = self.settled(lane, self.trial(lane))
+            trial = self.trial(lane, settled=True)
             before = Search(*lane.get(SEARCH))
             sought = search.sought_boundary(before, trial)
             other = search.other_event(trial, before, sought)
@@ -172,7 +169,8 @@ class LaneProgram:
             self.retry(lane, search.next_towards_event(trial, after, sought))
 
     def resolve(self, lane: Lane) -> Generator[Request, None, bool]:
-        """Resolve contacts until the motion goes on; false if they do not end."""
+        """Resolve contacts until the motion goes on; false if the interval has more impacts, or resolutions,
+        than it may have."""
         self.boundaries.note_resolving(lane, True)
         while True:
             yield Request.FORCES
@@ -184,19 +182,20 @@ class LaneProgram:
                 return True
 
     def has_too_many_events(self, lane: Lane) -> Any:
-        """Whether the interval has more impacts, or resolutions, than it may have, and is given up."""
         most = self.features.bounces.most_impacts(lane)
         each = contacts.CHANGES_OF_IMPACT * self.features.stiction.passes
         return (lane.changes >= each * most) | (self.features.bounces.impacts(lane) > most)
 
     # ---- a trial step ------------------------------------------------------------------------------------
 
-    def trial(self, lane: Lane) -> Trial:
-        """The trial step, and the first event of each coordinate in it."""
+    def trial(self, lane: Lane, settled: bool = False) -> Trial:
+        """The trial step, and the first event of each coordinate in it; where it has ``settled``, with the
+        accelerations at its end in place of those of its last stage."""
         features = self.features
         encounters = [b.encounter(lane, float(k)) for k, b in enumerate(features.boundaries)]
-        met = zip(features.boundaries, encounters, strict=True)
+        met = [*zip(features.boundaries, encounters, strict=True)]
         events = [b.first_event(e, lane.step) for b, e in met]
+        encounters = [b.settled(lane, e) for b, e in met] if settled else encounters
         impacts = features.bounces.impacts_since_start(lane)
         known = lane.step, lane.left, lane.interval, impacts
         return Trial(*known, encounters, events, self.dynamics.bounds_late_switch, features.stiction.node)
@@ -205,12 +204,6 @@ class LaneProgram:
         """Whether a trial step hides an event of any coordinate, by a rule of :mod:`search`."""
         return any_of(rule(trial, e, self.features.overshoot) for e in trial.encounters)
 
-    def settled(self, lane: Lane, trial: Trial) -> Trial:
-        """A trial step that slots have taken, with the accelerations at its end in place of those of its last
-        stage."""
-        met = zip(self.features.boundaries, trial.encounters, strict=True)
-        return trial._replace(encounters=[b.settled(lane, e) for b, e in met])
-
     def seek(self, lane: Lane, trial: Trial, aim: Aim) -> None:
         """Begin a search for an event."""
         lane.set(SEARCH, search.begun(trial, aim))
@@ -218,7 +211,6 @@ class LaneProgram:
         self.retry(lane, aim.h)
 
     def retry(self, lane: Lane, h: Any) -> None:
-        """Take the next trial step from the same start."""
         self.back_to(lane, "{}_trial")
         lane.step, lane.searched = h, lane.searched + 1.0
 
@@ -228,11 +220,9 @@ class LaneProgram:
         lane.error_trial, lane.step = lane.error, lane.left
         for stop in self.features.holding:
             lane[stop.force_trial] = lane[stop.force]
-        for b in self.features.guards:
-            lane[b.pull.trial] = lane[b.pull]
+        lane.copy((b.pull for b in self.features.guards), to="{}_trial")
 
     def moved(self, lane: Lane) -> Found:
-        """End a trial step without an event."""
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
         self.note_released(lane)
         self.note_left(lane)
@@ -267,15 +257,15 @@ class LaneProgram:
     def move(self, lane: Lane, time: Any) -> None:
         """Move the state by a last piece, with the accelerations at its start."""
         arm, closed = self.dynamics.arm, self.dynamics.closed
-        moving = [s for s in self.dynamics.states[self.dynamics.count :] if s not in closed]
         before = lane.values(self.dynamics.states)
         if closed:
             x = self.boundaries.quantities_of_motion(lane)
-            self.dynamics.close(x, ClosedFormStage(before, time, {}))
+            self.dynamics.close(x, closing(before, time, {}))
             lane.set(closed, x.each(closed))
         for q, v in zip(arm.coordinates, arm.rates, strict=True):
             lane[q] = search.moved_on(time, lane[q], lane[v] + 0.5 * time * lane[f"{v}_slope"])
-        for s in moving:
+        moving = self.dynamics.states[self.dynamics.count :]
+        for s in moving[: len(moving) - len(closed)]:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
         self.features.stiction.after_move(lane, before)
 
@@ -307,7 +297,7 @@ class LaneProgram:
         if lane.due:
             lane.step = lane.h
             for b in self.features.sticking:
-                lane[b.pull.trial] = lane[b.first]
+                lane.set((b.pull,), (lane[b.first],), of="{}_trial")
         else:
             lane.step = lane.left
             lane.at_stop = self.decides_at_start(lane)
@@ -328,24 +318,18 @@ class LaneProgram:
             pulled = pulled | (rests & (first > 0.0))
         return pulled | self.features.stiction.torn_loose(lane)
 
-    @property
-    def restored(self) -> tuple[str, ...]:
-        """Fields that are as they were where an interval begins anew, beside states."""
-        return (*self.features.active, *self.features.rests, *self.features.counted)
-
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""
         lane.copy(self.dynamics.states, of="{}_start", to="{}_trial")
         lane.error_trial, lane.elapsed = lane.error_start, 0.0
         lane.copy(self.features.sides, of="{}_start")
-        for b in self.features.guards:
-            lane[b.pull.trial] = lane[b.pull.start]
+        lane.copy((b.pull for b in self.features.guards), of="{}_start", to="{}_trial")
         self.note_left(lane)
         self.boundaries.note_resolving(lane, False)
         if self.features.resolves:
             lane.changes = 0.0
         self.features.bounces.begin(lane)
-        lane.copy(self.restored, of="{}_start")
+        lane.copy(self.features.restored, of="{}_start")
         self.note_released(lane, "{}_start")
 
     def back_to(self, lane: Lane, form: str) -> None:
@@ -359,12 +343,11 @@ class LaneProgram:
         if self.control.repeats:
             self.at_start(lane)
         lane.step, lane.at_stop = lane.left, False
-        if not self.control.repeats:
-            return self.back_to(lane, "{}_trial")
-        lane.at_stop = self.decides_at_start(lane)
-        return self.back_to(lane, "{}_start")
+        if self.control.repeats:
+            lane.at_stop = self.decides_at_start(lane)
+        self.back_to(lane, "{}_start" if self.control.repeats else "{}_trial")
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
-        lane.copy((*self.dynamics.states, *self.restored), of="{}_start")
+        lane.copy((*self.dynamics.states, *self.features.restored), of="{}_start")
         self.control.note(lane, Fault.EVENT_BUDGET)

@@ -9,7 +9,7 @@ from redundant_envs.language.algebra import logical_not, where
 from redundant_envs.scenes.numbers import ends_of, entries_of
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.simulator.lane.fields import PARAMETER, SCRATCH, Variable
+from redundant_envs.simulator.lane.fields import PARAMETER, Variable, variables
 from redundant_envs.simulator.lane.memory import Lane
 
 PURPOSE = 1 << 31
@@ -36,12 +36,11 @@ class Randomized:
         """Fields of the lanes: what the draws follow from, and draws of an episode."""
         for name in self.numbers():
             yield Variable(name, "", "of the range of a number", PARAMETER, at_reset=True)
-        for name in self.entries:
+        for name in map(fixed, self.entries):
             doc = "whether an option of a reset has set the number, which then is not drawn"
-            yield Variable(fixed(name), "", doc, PARAMETER, truth=True, at_reset=True)
+            yield Variable(name, "", doc, PARAMETER, truth=True, at_reset=True)
         for _, draws in self.streams():
-            for name in draws:
-                yield Variable(name, "", "uniform draw in (0, 1)", SCRATCH)
+            yield from variables(draws, "uniform draw in (0, 1)")
 
     def numbers(self) -> dict[str, float]:
         """Numbers of the ranges by their fields: those of distributions, and the scene's own for factors."""

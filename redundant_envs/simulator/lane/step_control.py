@@ -10,7 +10,7 @@ from redundant_envs.language.algebra import logical_not, maximum
 from redundant_envs.simulator.lane.common_step import CommonStep
 from redundant_envs.simulator.lane.dynamics import tip_distance
 from redundant_envs.simulator.lane.faults import Control, Fault, Reason
-from redundant_envs.simulator.lane.fields import SCRATCH, Variable, engine
+from redundant_envs.simulator.lane.fields import Variable, copies, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.error_control import Crossed, Verdict
@@ -20,6 +20,7 @@ MAX_TRIALS = 65536
 events; of an interval in pieces as many for each. With fixed steps the same, and :data:`TRIALS_OF_SUBSTEP`
 more for each substep."""
 TRIALS_OF_SUBSTEP = 16
+SEEN = "{}_seen"
 
 
 class End(enum.Enum):
@@ -81,8 +82,7 @@ class EqualSteps(StepControl):
 
     def fields(self) -> Iterator[Variable]:
         yield from engine("divisions", "steps_left")
-        for q in self.dynamics.arm.coordinates:
-            yield Variable(f"{q}_seen", "", f"{q} after the crossing before", SCRATCH)
+        yield from copies(self.dynamics.arm.coordinates, SEEN, "after the crossing before")
 
     def begin(self, lane: Lane) -> Any:
         inaccurate = lane.reason == Reason.ACCURACY
@@ -90,7 +90,7 @@ class EqualSteps(StepControl):
         steps = maximum(for_error, error_control.steps_allowed(lane.min_steps))
         lane.divisions = lane.steps_left = steps
         for q in self.dynamics.arm.coordinates:
-            lane[f"{q}_seen"] = error_control.NEVER_SEEN
+            lane[SEEN.format(q)] = error_control.NEVER_SEEN
         self.features.bounces.plan(lane)
         lane.left = self.pieces.span(lane) / steps
         return inaccurate
@@ -113,7 +113,7 @@ class EqualSteps(StepControl):
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
-                lane.copy(self.dynamics.arm.coordinates, to="{}_seen")
+                lane.copy(self.dynamics.arm.coordinates, to=SEEN)
                 self.features.bounces.take_all(lane)
             return End.REPEATED
         if not ended:
@@ -128,7 +128,7 @@ class EqualSteps(StepControl):
         return End.CROSSED
 
     def _crossed(self, lane: Lane) -> Crossed:
-        change, impacts = tip_distance(self.dynamics, lane, "{}_seen"), self.features.bounces.impacts(lane)
+        change, impacts = tip_distance(self.dynamics, lane, SEEN), self.features.bounces.impacts(lane)
         known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
         doubtful, *kinks = self.step.doubts(lane)
         return Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)

@@ -20,10 +20,10 @@ from redundant_envs.language.algebra import (
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded
+from redundant_envs.simulator.lane.boundary import SMALLEST_LATE_SHARE, Guard
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.fields import STATE, Own, Variable
 from redundant_envs.simulator.lane.joint import Joint, Travel, times
-from redundant_envs.simulator.lane.laws import SMALLEST_LATE_SHARE, Guard
 from redundant_envs.simulator.lane.memory import Lane
 
 LARGEST_LATE_SHARE = 1e-6

@@ -20,7 +20,7 @@ from redundant_envs.simulator.events.first_event import Encounter
 from redundant_envs.simulator.lane.boundary import Bounded
 from redundant_envs.simulator.lane.dynamics import Dynamics, numbers_of, response
 from redundant_envs.simulator.lane.faults import Control
-from redundant_envs.simulator.lane.fields import SCRATCH, STATE, Own, Variable, engine
+from redundant_envs.simulator.lane.fields import STATE, Own, Variable, engine, variables
 from redundant_envs.simulator.lane.joint import Travel
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import StickingJoint
@@ -45,8 +45,7 @@ class Impacting(Bounded):
 
     def fields(self) -> Iterator[Variable]:
         yield from self.fields_of_kind()
-        for v in self.dynamics.arm.rates:
-            yield Variable(self.mobility_per(v), "", f"{v} per impulse along {self.name}", SCRATCH)
+        yield from variables(map(self.mobility_per, self.dynamics.arm.rates), "rate per impulse on it")
         yield from self.own("happened", "speed")
 
     def fields_of_kind(self) -> Iterator[Variable]:
@@ -126,16 +125,13 @@ class Wall(Impacting):
         self.gap, self.restitution = gap, restitution
 
     def normal_per(self, rate: str) -> str:
-        """The field with the rate of the gap per rate of the arm."""
         return f"normal_{rate}_{self.name}"
 
     def fields_of_kind(self) -> Iterator[Variable]:
         yield from self.own("acceleration", "arrived")
-        for v in self.dynamics.arm.rates:
-            yield Variable(self.normal_per(v), "", f"rate of the gap per {v}", SCRATCH)
+        yield from variables(map(self.normal_per, self.dynamics.arm.rates), "rate of the gap per rate")
 
     def _on(self, coordinates: Sequence[Dual], numbers: Any) -> Dual:
-        """The gap on coordinates with derivatives."""
         arm = self.dynamics.arm
         known = dict(zip(arm.coordinates, coordinates, strict=True))
         return dual(self.gap(Quantities(known, self.dynamics.arm_functions, arm.sincos, numbers)))
@@ -198,7 +194,6 @@ class TravelStop(Impacting):
 
     @property
     def number(self) -> int:
-        """Number of its joint, from 1 on, as quantities have it."""
         return self.travel.number
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
@@ -313,23 +308,23 @@ class HingeStop(Stop):
 # ---- how low a bounce ends in rest, and whether bounces that are left out for it matter ----------------
 
 
-class NoStops:
-    """Lanes without stops."""
+class Bounces:
+    """Bounces of lanes whose lowest height follows from the tolerance alone."""
 
-    def __init__(self, control: Control) -> None:
-        self.control = control
+    def __init__(self, control: Control, happen: bool = True) -> None:
+        """``happen``: there are stops."""
+        self.control, self.happen = control, happen
 
     def fields(self) -> Iterator[Variable]:
-        """Fields of the lanes."""
         return iter(())
 
     def impacts(self, lane: Lane) -> Any:
         """Impacts of the interval."""
-        return 0.0
+        return lane.impacts if self.happen else 0.0
 
     def impacts_since_start(self, lane: Lane) -> Any:
         """Those since the start of the common step."""
-        return 0.0
+        return lane.impacts - lane.impacts_start if self.happen else 0.0
 
     def lowest(self, lane: Lane) -> Any:
         """Height below which a bounce ends in rest, m."""
@@ -357,16 +352,6 @@ class NoStops:
 
     def take_all(self, lane: Lane) -> None:
         """Before another crossing, with which one is compared."""
-
-
-class Bounces(NoStops):
-    """Bounces of lanes whose lowest height follows from the tolerance alone."""
-
-    def impacts(self, lane: Lane) -> Any:
-        return lane.impacts
-
-    def impacts_since_start(self, lane: Lane) -> Any:
-        return lane.impacts - lane.impacts_start
 
 
 class ComparedBounces(Bounces):
