@@ -12,8 +12,7 @@ from redundant_envs.envs.arguments import check_of_reward, reach_of
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory
 from redundant_envs.scenes.numbers import Table, names_of
-from redundant_envs.simulator.lane.episode import Episode
-from redundant_envs.simulator.lane.randomized import fixed
+from redundant_envs.simulator.lane.episode import Episode, fixed
 from redundant_envs.support.values import check_keys, shown
 from redundant_envs.tasks.base import hard_stops
 

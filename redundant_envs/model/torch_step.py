@@ -134,8 +134,7 @@ def torch_step(scene: Scene) -> Step:
                 for name, side in zip(features.sides, sides, strict=True):
                     fields[name] = torch.where(taken, side, fields[name])
                 made = lane_step(features, lane_now(), h)
-                new = (*made.positions, *made.velocities, *made.others)
-                states = [torch.where(taken, x, y) for x, y in zip(new, states, strict=True)]
+                states = [torch.where(taken, x, y) for x, y in zip(made.state, states, strict=True)]
         lane = lane_now()
         interval.update_effect_states(lane)
         parts = dynamics.states[:count], dynamics.states[count : 2 * count], of_effects, of_draws

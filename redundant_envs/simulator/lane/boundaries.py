@@ -14,7 +14,6 @@ from redundant_envs.simulator.lane.faults import Reason
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.pieces import Whole
-from redundant_envs.simulator.lane.stops import Impacting
 
 
 class Boundaries:
@@ -31,10 +30,6 @@ class Boundaries:
             s = b.in_step(lane, origin)
             lane[b.crossing] = crossings.crossing_of(s, h, self.features.overshoot)
             lane[b.turning] = crossings.turning_time(s, h)
-
-    def touched_before(self, lane: Lane) -> Any:
-        """Whether a coordinate was at a stop, or rested there, before the common step."""
-        return any_of(b.rule(lane, side_touched, "{}_start") != 0.0 for b in self.features.stops)
 
     def touches(self, lane: Lane) -> Any:
         """Whether a coordinate that rests at no stop is at one now."""
@@ -114,13 +109,13 @@ class Boundaries:
         """
         x, holding = self.quantities(lane), self.features.holding
         lowest = self.features.bounces.lowest(lane)
-        resting = [b.contact(lane, x[f"hold{b.number}"], None, lowest) for b in holding]
+        resting = [b.resting(lane, x[f"hold{b.number}"], lowest) for b in holding]
         w = symmetric(holding, lambda a, b: x[f"W{a.number}{b.number}"])
         for b, leaves in zip(holding, contacts.leaving(resting, w), strict=True):
             leaves = leaves & self.pieces.goes_on(lane)
             lane[b.active_stop] = where(leaves, 0.0, lane[b.active_stop])
         for b in holding:
-            lane[b.mobility_per(b.travel.rate)] = x[f"W{b.number}{b.number}"]
+            lane[b.mobilities[b.travel.index]] = x[f"W{b.number}{b.number}"]
 
     def find_contact_forces(self, lane: Lane) -> None:
         """Accelerations, holding forces and mobilities, of the present state."""
@@ -130,7 +125,7 @@ class Boundaries:
         self.features.stiction.record(lane, x, self.features.pulls)
         lane.set(dynamics.states[dynamics.count :], x["derivatives"], of="{}_slope")
         for b in self.features.stops:
-            b.record_forces(lane, x)
+            lane.set(b.mobilities, b.pushed(lane, x))
 
     def decide(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, and then which joints stick; whether the motion goes on."""
@@ -140,14 +135,15 @@ class Boundaries:
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""
         features, stops = self.features, self.features.stops
-        touching = [self._contact(lane, b) for b in stops]
+        lowest = features.bounces.lowest(lane)
+        grips = [features.stiction.grip(lane, b.joint) for b in stops]
+        touching = [b.contact(lane, grip, lowest) for b, grip in zip(stops, grips, strict=True)]
         w = symmetric(stops, lambda a, b: a.mobility(lane, b))
         r = contacts.resolve_contacts(lane.impacts, touching, w)
         for s, value in self._struck(lane, touching, r).items():
             lane[s] = where(r.strikes, value, lane[s])
-        for b, side, force, released, happened, speed in zip(
-            stops, r.active_stops, r.forces, r.released, r.happened, r.speeds, strict=True
-        ):
+        results = r.active_stops, r.forces, r.released, r.happened, r.speeds
+        for b, side, force, released, happened, speed in zip(stops, *results, strict=True):
             b.resolved(lane, side, force)
             lane[b.released] = released
             features.log.note(lane, b, happened, speed)
@@ -155,17 +151,12 @@ class Boundaries:
         lane.impacts, lane.changes = r.impacts, lane.changes + 1.0
         return features.stiction.strike(lane, r.strikes, r.going_on)
 
-    def _contact(self, lane: Lane, b: Impacting) -> contacts.Contact:
-        grip = self.features.stiction.grip(lane, b.joint)
-        known = b.holding_force(lane), grip, self.features.bounces.lowest(lane)
-        return b.contact(lane, *known, b.pressing(lane), lane[b.released])
-
     def _struck(self, lane: Lane, touching: Sequence[contacts.Contact], r: Resolved) -> dict[str, Any]:
         """Velocities of the arm, and the work, after impulses."""
         stops, exact = self.features.stops, dict(zip(self.features.stops, r.velocities, strict=True))
         struck = {}
-        for v in self.dynamics.arm.rates:
-            pushes = (j * lane[b.mobility_per(v)] for j, b in zip(r.impulses, stops, strict=True))
+        for k, v in enumerate(self.dynamics.arm.rates):
+            pushes = (j * lane[b.mobilities[k]] for j, b in zip(r.impulses, stops, strict=True))
             struck[v] = lane[v] + total(pushes)
         for b in self.features.from_base:
             struck[b.travel.rate] = b.rate_after(exact[b], struck)

@@ -192,9 +192,9 @@ class Guard(Boundary):
         return guarded(self.watched(lane))
 
     def encounter(self, lane: Lane, number: float) -> Encounter:
-        pulls, still = lane.get((self.pull, f"{self.pull}_trial")), (0.0, lane.step, False, 0.0)
-        late = self.late_share(lane), self.steepness(lane), self.has_left(lane)
-        return Encounter(number, self.in_step(lane), *pulls, *still, *late)  # type: ignore[call-arg]
+        now, before = lane.get((self.pull, f"{self.pull}_trial"))
+        still, steepness = (0.0, lane.step, False, 0.0), 0.0  # it is not known
+        return Encounter(number, self.in_step(lane), now, before, *still, self.late_share(lane), steepness)
 
     def first_event(self, e: Encounter, h: Any) -> Event:
         method = self.dynamics.method
@@ -204,14 +204,6 @@ class Guard(Boundary):
         """Fraction of the planned step by which a change of law may be found late: until then the motion
         departs by what the laws differ."""
         return SMALLEST_LATE_SHARE
-
-    def steepness(self, lane: Lane) -> Any:
-        """Rate at which the pull grows at the end of the step; 0 if it is not known."""
-        return 0.0
-
-    def has_left(self, lane: Lane) -> Any:
-        """Whether it has passed 0 just before the step."""
-        return False
 
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         """The side of the other law, where it has ``passed`` 0, by the field of the side."""
@@ -230,8 +222,8 @@ class LateGuard(Guard):
         allowed = LATE_ERROR * lane.tip_tolerance / (lane.departure * lane.left)
         return minimum(maximum(allowed, SMALLEST_LATE_SHARE), MAX_LATE_SHARE)
 
-    def has_left(self, lane: Lane) -> Any:
-        return lane[self.left]
+    def encounter(self, lane: Lane, number: float) -> Encounter:
+        return super().encounter(lane, number)._replace(left=lane[self.left])
 
     def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
         lane[self.left] = sought | (lane[self.pull] > 0.0)

@@ -62,8 +62,8 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
         asides = [k for k, name in enumerate(late) if name == "work"]
         right_hand_side = Subroutine(derivatives, len(early), len(late) + more, arguments, asides)
 
-    def changes(q: Numbers, v: Numbers, z: Numbers, node: float) -> Numbers:
-        known = {**numbers, **start, **dict(zip(states, (*q, *v, *z), strict=True))}
+    def changes(state: Numbers, node: float) -> Numbers:
+        known = {**numbers, **start, **dict(zip(states, state, strict=True))}
         if start:
             known["elapsed"] = node * h
         results = right_hand_side(*(known[name] for name in arguments))
@@ -72,9 +72,9 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
 
     step = explicit_step(dynamics.method, changes, lane.get(states), count, h)
     if start:
-        x = features.quantities_in_step([*step.positions, *step.velocities, *step.others], numbers)
+        x = features.quantities_in_step(step.state, numbers)
         dynamics.close(x, closing(start, h, dynamics.varying))
-        step.others.extend(x.each(dynamics.closed))
+        step.state.extend(x.each(dynamics.closed))
     return step
 
 
@@ -92,9 +92,7 @@ def step_error(features: Features, lane: Lane, step: Step) -> Any:
     dynamics = features.dynamics
     if features.control is Control.ADAPTIVE:
         names = tuple(name for name in dynamics.states if name != "work")
-        after = [*step.positions, *step.velocities, *step.others]
-        strikes = bool(features.stops)
-        states = zip(lane.get(names), after, strict=False)
+        strikes, states = bool(features.stops), zip(lane.get(names), step.state, strict=False)
         scales = [error_control.rounding_scale(a, b, strikes) for a, b in states]
 
         def size(errors: Sequence[Any], h: Any) -> Any:
@@ -116,12 +114,12 @@ def others_error(features: Features, lane: Lane, step: Step, h: Any) -> Any:
     """Estimated tip error from errors of effects' states, m. No other estimate contains an error that does
     not act yet. Each error is related to the size of its state, now or at the end of the interval at the pace
     of the step; the same share of the tip's motion by the step's change of velocity is the estimate."""
-    dynamics = features.dynamics
-    gained = gained_speed(features, lane, lane.get(dynamics.arm.rates), step.velocities)
+    dynamics, n = features.dynamics, features.dynamics.count
+    gained = gained_speed(features, lane, lane.get(dynamics.arm.rates), step.state[n : 2 * n])
     shares = []
-    for k, name in enumerate(dynamics.effect_states.integrated):
-        sizes = [abs(error[2 * dynamics.count + k]) * factor for error, factor in step.errors]
-        size = size_of_state(lane[name], step.others[k], lane.interval, h)
+    for k, name in enumerate(dynamics.effect_states.integrated, start=2 * n):
+        sizes = [abs(error[k]) * factor for error, factor in step.errors]
+        size = size_of_state(lane[name], step.state[k], lane.interval, h)
         shares.append(error_control.tip_error(*sizes, sharpness=features.sharpness) / size)
     return lane.interval * gained * total(shares)
 
@@ -257,7 +255,7 @@ class CommonStep:
             lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
         if self.features.doubts:
             self._doubt(lane, step, h, moving)
-        now = dict(zip(dynamics.states, (*step.positions, *step.velocities, *step.others), strict=True))
+        now = dict(zip(dynamics.states, step.state, strict=True))
         self.features.stiction.keep(lane, lane.values(dynamics.states), now)
         if moving is not None:
             now = {s: where(moving, x, lane[s]) for s, x in now.items()}

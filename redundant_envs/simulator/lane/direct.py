@@ -233,7 +233,7 @@ class Steps:
         """Record a trial step of lanes that have left the common step, from their fields before and after the
         program has judged it: it counts, or not, or all begins anew."""
         left, elapsed = after["reason"] != float(Reason.NONE), after["elapsed"]
-        self._clear(left & (elapsed == 0.0))
+        self._counts = np.where(left & (elapsed == 0.0), 0, self._counts)
         if "elapsed" in before:
             self._take(left & (elapsed > before["elapsed"]), before["step"], before, "{}")
 
@@ -241,12 +241,9 @@ class Steps:
         """Record the common step of the lanes that it has served."""
         goes_on = lane["h"] > 0.0
         served = goes_on & (lane["reason"] == float(Reason.NONE))
-        self._clear(served)
+        self._counts = np.where(served, 0, self._counts)
         self._take(served, lane["h"], lane, "{}_start")
         self._span = np.where(goes_on, lane["h"], self._span)
-
-    def _clear(self, lanes: NDArray[np.bool_]) -> None:
-        self._counts = np.where(lanes, 0, self._counts)
 
     def _take(self, lanes: NDArray[np.bool_], length: Any, lane: Mapping[str, Any], form: str) -> None:
         here = np.flatnonzero(np.broadcast_to(lanes, self._counts.shape))

@@ -8,18 +8,8 @@ from functools import cached_property
 from typing import Any
 
 from redundant_envs.compiler.tracing.graph import owned
+from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
-from redundant_envs.effects.hooks import (
-    CONTROL_DT,
-    SPEED,
-    Actuation,
-    Field,
-    Force,
-    Friction,
-    Impact,
-    Point,
-    Sensing,
-)
 from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
@@ -84,11 +74,11 @@ class Dynamics:
         """Forces and links with guards whose changes of sign are located."""
         self.bounds_late_switch = bool(self.guarded) and scene.tolerance is not None
         """Whether laws are compared where a guard has passed 0: how late that may be found depends on it."""
-        self.frictions: dict[int, list[Attached[Friction]]] = {}
+        self.frictions: dict[int, list[Attached[hooks.Friction]]] = {}
         """Dry friction by the numbers of its joints."""
-        for a in attached.of(Friction):
+        for a in attached.of(hooks.Friction):
             self.frictions.setdefault(a.hook.joint, []).append(a)
-        stopped = {a.hook.joint for a in attached.of(Impact)}
+        stopped = {a.hook.joint for a in attached.of(hooks.Impact)}
         slips = self.frictions or any(not arm.prismatic[k] for k in stopped)
         self.slipping = tuple(sorted({*self.frictions, *stopped})) if slips else ()
         """Joints that stick and slip, in their order: those with dry friction and, if there are any or if a
@@ -102,7 +92,8 @@ class Dynamics:
         """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
         arm, numbers = self.arm, self.parameters
         of_arm = f"the arm {arm.kind}"
-        owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys((*ARGUMENTS, CONTROL_DT), ENGINE)
+        own = (*ARGUMENTS, hooks.CONTROL_DT)
+        owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys(own, ENGINE)
         for effect in self.scene.effects:
             names = (*effect.parameters(), *effect.states(arm))
             owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
@@ -145,8 +136,8 @@ class Dynamics:
             known = {*a.states, *self.constant} - {*self.closed}  # closed forms are those of a stage
             return bool(own) and all(known.issuperset(f.names) for f in own)
 
-        hooks = (*self.scene.attached.of(Field), *self.scene.attached.of(Force))
-        return tuple(a for a in hooks if follows(a))
+        kinds = (*self.scene.attached.of(hooks.Field), *self.scene.attached.of(hooks.Force))
+        return tuple(a for a in kinds if follows(a))
 
     @cached_property
     def autonomous(self) -> tuple[str, ...]:
@@ -175,7 +166,7 @@ class Dynamics:
         limits = []
         for a in self.frictions.get(joint, ()):
             function = a.functions["limit"]
-            limits.append(function.on(speed if n == SPEED else x[n] for n in function.names))
+            limits.append(function.on(speed if n == hooks.SPEED else x[n] for n in function.names))
         return total(limits or [0.0])
 
     # ---- actuation, and states of effects ----------------------------------------------------------
@@ -205,7 +196,7 @@ class Dynamics:
         x.update(self._drawn(what, lane))
         _, changes = self.efforts(x, what)
         for a in self.scene.attached:
-            if not isinstance(a.hook, Actuation | Sensing):
+            if not isinstance(a.hook, hooks.Actuation | hooks.Sensing):
                 changes |= a.changes(what, x)
         return changes | sensing.renewed(self.scene.attached, what, x)
 
@@ -216,7 +207,7 @@ class Dynamics:
 
     def begun(self, x: Quantities) -> dict[str, Any]:
         """Those of them that no sensor has, from quantities that have the draws."""
-        own = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, Sensing))
+        own = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, hooks.Sensing))
         return {name: value for changes in own for name, value in changes.items()}
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
@@ -270,7 +261,7 @@ class Dynamics:
         self._close_forces(x, close)
 
     def _close_forces(self, x: Quantities, close: Closing) -> None:
-        for a in self.scene.attached.of(Force):
+        for a in self.scene.attached.of(hooks.Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
             close(a, x)
@@ -298,17 +289,17 @@ class Dynamics:
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
-        for moving in self.scene.attached.of(Field):
+        for moving in self.scene.attached.of(hooks.Field):
             changes |= moving.changes("derivative", x)
-        for a in self.scene.attached.of(Force):
+        for a in self.scene.attached.of(hooks.Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
             force = _components(a, "function", x)
             changes |= a.changes("derivative", x)
             for rate, component in force.items():
                 acting[rate] = _plus(acting.get(rate), component)
-            if isinstance(a.hook.joint, Point):
-                self._add_at_coordinates(a, a.hook.joint, force, x, at_points)
+            if isinstance(a.hook.joint, hooks.Point):
+                self._add_at_coordinates(a, force, x, at_points)
             if a.hook.conservative is a.hook.function:
                 continue
             for rate, component in force.items():
@@ -351,16 +342,14 @@ class Dynamics:
         alone = Quantities(known, self.functions, self.arm.sincos)
         return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]
 
-    def _add_at_coordinates(
-        self, a: Attached[Force], at: Point, force: Mapping[str, Any], x: Quantities, forces: dict[str, Any]
-    ) -> None:
+    def _add_at_coordinates(self, a: Any, force: Any, x: Quantities, sums: dict[str, Any]) -> None:
         """Add the generalized force of a force at a point, J^T f of that point."""
         with owned(a.key):
             for j in range(self.count):
                 for axis, component in zip("XY", force.values(), strict=True):
-                    slope = x[f"{axis}{at.number + 1}{j + 1}"]
+                    slope = x[f"{axis}{a.hook.joint.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
-                        forces[f"Q{j + 1}"] = _plus(forces.get(f"Q{j + 1}"), slope * component)
+                        sums[f"Q{j + 1}"] = _plus(sums.get(f"Q{j + 1}"), slope * component)
 
 
 @functools.lru_cache(maxsize=64)
@@ -374,7 +363,7 @@ def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
     return made
 
 
-def _components(a: Attached[Force], field: str, x: Quantities) -> dict[str, Any]:
+def _components(a: Attached[hooks.Force], field: str, x: Quantities) -> dict[str, Any]:
     """A force by the names of the velocities along which it acts."""
     force = a.functions[field](x)
     return dict(zip(a.hook.rates, force if isinstance(force, tuple) else (force,), strict=True))

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.effects.hooks import Sensing
-from redundant_envs.language.algebra import (
-    arguments_of,
-    gives_of,
-    logical_not,
-    maximum,
-    minimum,
-    total,
-    where,
-)
+from redundant_envs.language import algebra
+from redundant_envs.language.algebra import logical_not, maximum, minimum, total, where
 from redundant_envs.language.quantities import Quantities, check_names
+from redundant_envs.scenes.numbers import ends_of, entries_of
+from redundant_envs.scenes.ranges import Range
 from redundant_envs.scenes.scene import identifier
-from redundant_envs.simulator.lane.dynamics import INTERVALS
+from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, is_observable
 from redundant_envs.simulator.lane.fields import PARAMETER, STATE, Layout, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.randomized import Randomized
 from redundant_envs.simulator.lane.sensing import measured, reads_nonsense
 from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
 
@@ -38,6 +34,14 @@ SPENT = ("evaluations_sum", "events_sum", "error_most")
 """What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
+
+
+PURPOSE = 1 << 31
+"""Bit of the second word of Philox's counter in which these draws differ from all others, whose second word
+is 0 or a count of control steps."""
+Stream = tuple[tuple[int, int], list[str]]
+"""Two words of Philox's counter, to the first of which the number of a group of four draws is added, and the
+fields of the draws."""
 
 
 class Episode:
@@ -57,6 +61,11 @@ class Episode:
         self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
         self.held_outputs = (*ENDS, *task.held_outputs)
         self.randomized = Randomized(dynamics, task.parameters())
+        self.drawn = tuple(itertools.chain(*self.randomized.fields_by_name.values()))
+        """Fields of the numbers that every episode draws anew."""
+        of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
+        self.aliases = {**{identifier(name): name for name in of_effects}, **task.aliases(scene)}
+        """What functions of the task call numbers and states of effects -> their fields."""
         self.observed_numbers = observed_numbers
         self.observed = (*task.observation(scene), *observed_numbers)
         self.sensors = bool(scene.attached.of(Sensing))
@@ -79,17 +88,6 @@ class Episode:
             "counts": ("numerics", "saturated", "steps", *totals),
             "values": ("reward", *measured, *beyond, *most, *self.returns, *self.drawn, *TIP, *self.goal),
         }
-
-    @cached_property
-    def drawn(self) -> tuple[str, ...]:
-        return tuple(field for fields in self.randomized.fields_by_name.values() for field in fields)
-
-    @cached_property
-    def aliases(self) -> dict[str, str]:
-        """What functions of the task call numbers and states of effects -> their fields."""
-        scene = self.dynamics.scene
-        of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
-        return {**{identifier(name): name for name in of_effects}, **self.task.aliases(scene)}
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes, those of the interval included."""
@@ -176,8 +174,8 @@ class Episode:
                 lane[name] = where(faulty, lane[name], x[source])
         x = self.quantities_now(lane)
         terms = self.terms
-        taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in arguments_of(f)]
-        earned = [t for t in terms if not any(t in gives_of(f) for f in taking)]
+        taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in algebra.arguments_of(f)]
+        earned = [t for t in terms if not any(t in algebra.gives_of(f) for f in taking)]
         if taking:
             x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
@@ -220,11 +218,7 @@ class Episode:
         for table, element in TABLES.items():
             for k, name in enumerate(self.tables[table]):
                 if name == "beyond_limit":
-                    limits = spring_limits(self.dynamics.scene)
-                    depths = (
-                        depth_beyond(x[f"phi{k + 1}"], lane[low], lane[high]) for k, low, high in limits
-                    )
-                    value = reduce(maximum, depths)
+                    value = reduce(maximum, self.depths_beyond(lane, x))
                 elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
                     bad = reads_nonsense(self.dynamics.scene.attached, x) & (lane.numerics == 0.0)
                     value = where(bad, float(Fault.NON_FINITE), lane.numerics)
@@ -233,13 +227,17 @@ class Episode:
                 shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
         return shown
 
+    def depths_beyond(self, lane: Lane, x: Quantities) -> Iterator[Any]:
+        for k, low, high in spring_limits(self.dynamics.scene):
+            yield depth_beyond(x[f"phi{k + 1}"], lane[low], lane[high])
+
     # ---- a new episode ---------------------------------------------------------------------------------
 
     def reset(self, lane: Lane) -> None:
         """A new episode in the lanes that are ``resetting``, from their draws and their numbers."""
         task, arm = self.task, self.arm
         functions = (
-            *(f for f in self.dynamics.functions if "phi1" not in gives_of(f)),
+            *(f for f in self.dynamics.functions if "phi1" not in algebra.gives_of(f)),
             *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
         )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]
@@ -262,3 +260,78 @@ class Episode:
         """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
         for name, value in self.interval.initial_states(lane).items():
             lane[name] = where(lane.resetting, value, lane[name])
+
+
+class Randomized:
+    """The ranges of a scene, and of the task of its environments, in a lane."""
+
+    def __init__(self, dynamics: Dynamics, of_task: Mapping[str, float]) -> None:
+        self.dynamics = dynamics
+        self.drawn: dict[Range, list[str]] = entries_of(dynamics.scene, dynamics.scene.randomize, of_task)
+        self._nominal = {**dynamics.scene.parameters(), **of_task}
+        field_of = dynamics.parameters.field_of
+        self.fields_by_name = {one.name: [*map(field_of, names)] for one, names in self.drawn.items()}
+        """For every range the fields that it draws."""
+        self.entries = [name for names in self.drawn.values() for name in names]
+
+    def fields(self) -> Iterator[Variable]:
+        """Fields of the lanes: what the draws follow from, and draws of an episode."""
+        for name in self.numbers():
+            yield Variable(name, "", "of the range of a number", PARAMETER, at_reset=True)
+        for name in map(fixed, self.entries):
+            doc = "whether an option of a reset has set the number, which then is not drawn"
+            yield Variable(name, "", doc, PARAMETER, truth=True, at_reset=True)
+        for _, draws in self.streams():
+            yield from variables(draws, "uniform draw in (0, 1)")
+
+    def numbers(self) -> dict[str, float]:
+        """Numbers of the ranges by their fields: those of distributions, and the scene's own for factors."""
+        found: dict[str, float] = {}
+        for one, names in self.drawn.items():
+            found |= {_of(one, part): value for part, value in one.distribution.numbers().items()}
+            found |= {f"nominal {name}": self._nominal[name] for name in names if one.scale}
+        return found
+
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest value of each scalar parameter that is drawn."""
+        return ends_of(self.drawn, self._nominal)
+
+    def streams(self) -> list[Stream]:
+        """A stream of draws for each range, which follows from the name alone: no range changes the draws of
+        another one."""
+        made = []
+        for one, names in self.drawn.items():
+            digest = hashlib.sha256(one.name.encode()).digest()
+            first, second = (int.from_bytes(digest[k : k + 4], "big") for k in (0, 4))
+            draws = [_of(one, f"draw {k + 1}") for k in range(1 if one.shared else len(names))]
+            made.append(((first & ~0xFF, PURPOSE | second >> 1), draws))
+        return made
+
+    def draw(self, lane: Lane) -> None:
+        """Set the numbers of the lanes that are ``resetting``."""
+        for (one, names), (_, draws) in zip(self.drawn.items(), self.streams(), strict=True):
+            formula, parts = one.distribution.formula, one.distribution.numbers()
+            given = [lane[_of(one, part)] for part in parts]
+            values = [formula(lane[name], *given) for name in draws]
+            for k, name in enumerate(names):
+                nominal = lane[f"nominal {name}"] if one.scale else 1.0
+                value = one.drawn(values[0 if one.shared else k], nominal)
+                field = self.dynamics.parameters.field_of(name)
+                drawn = lane.resetting & logical_not(lane[fixed(name)])
+                lane[field] = where(drawn, value, lane[field])
+
+    def prepare(self, lane: Lane) -> None:
+        """What follows from the numbers alone, in the lanes that are ``resetting``."""
+        parameters = self.dynamics.parameters
+        made = parameters.prepare(lane.values(parameters.values))
+        for name, value in made.items():
+            lane[name] = where(lane.resetting, value, lane[name])
+
+
+def fixed(name: str) -> str:
+    """The field that says whether an option of a reset has set a number."""
+    return f"fixed {name}"
+
+
+def _of(one: Range, part: str) -> str:
+    return f"{part} of {one.name}"

@@ -101,15 +101,13 @@ class Features:
         # ---- error estimates
         forces = attached.of(Force)
         springs = any("stiffness" in a.functions for a in forces)
-        bends = any(
-            "kink" in a.functions and "guard" not in a.functions and a.hook.switch is None for a in forces
-        )
+        single = [a.functions for a in forces if a.hook.switch is None]
+        bends = any("kink" in own and "guard" not in own for own in single)
         self.sharpness = SHARPNESS_OF_SPRINGS if (springs and self.stops) or bends else SHARPNESS
         """The factor of the error estimate: the larger one with springs and stops, and with a force that
         declares where its single law bends."""
-        self.pose_tells_distances = not (
-            set(arguments_of(self.arm.column_norms)) <= {*self.arm.parameter_values()}
-        )
+        of_pose = {*arguments_of(self.arm.column_norms)} - {*self.arm.parameter_values()}
+        self.pose_tells_distances = bool(of_pose)
         """Whether the distances of the tip from the joints follow from the pose."""
         estimates = self.scene.tolerance is not None and dynamics.located
         self.watched_sliders = tuple(self.arm.sliders()) if estimates and self.pose_tells_distances else ()

@@ -25,11 +25,9 @@ class Joint:
         self.coordinate, self.rate = arm.coordinates[index], arm.rates[index]
         self.shares: list[float] = arm.motor_map[:, index].tolist()
         """Generalized forces of a unit force of its motor."""
-
-    @property
-    def coordinates(self) -> list[str]:
-        pairs = zip(self.dynamics.arm.coordinates, self.shares, strict=True)
-        return [q for q, share in pairs if share != 0.0]
+        pairs = zip(arm.coordinates, self.shares, strict=True)
+        self.coordinates = [q for q, share in pairs if share != 0.0]
+        """The coordinates from which its position follows."""
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
         """Position and rate, from the fields of a form."""

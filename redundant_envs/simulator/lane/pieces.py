@@ -17,15 +17,7 @@ from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.dynamics import tip_distance
 from redundant_envs.simulator.lane.faults import Control, Fault
 from redundant_envs.simulator.lane.features import Features
-from redundant_envs.simulator.lane.fields import (
-    PARAMETER,
-    SCRATCH,
-    Lifetime,
-    Variable,
-    copies,
-    engine,
-    variables,
-)
+from redundant_envs.simulator.lane.fields import PARAMETER, SCRATCH, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
 from redundant_envs.simulator.numerics.error_control import MAX_DOUBLINGS, Crossed
@@ -49,7 +41,7 @@ class Whole:
     attempts = 1  # most times that it is crossed in all its pieces
     crossings = 1.0  # the same of a piece, in units of the steps that one may have
     begins: tuple[Procedure, ...] = ()  # what a lane does before each piece
-    length: Lifetime = PARAMETER  # how long the length "h" of the common step is kept
+    length = PARAMETER  # how long the length "h" of the common step is kept
 
     def __init__(self, features: Features) -> None:
         self.features, self.dynamics = features, features.dynamics

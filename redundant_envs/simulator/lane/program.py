@@ -14,6 +14,7 @@ from typing import Any
 
 from redundant_envs.language.algebra import any_of, logical_not, where
 from redundant_envs.simulator.events import contacts, search
+from redundant_envs.simulator.events.boundary import side_touched
 from redundant_envs.simulator.events.search import Aim, LastPiece, Search, Sought, Trial
 from redundant_envs.simulator.lane.boundaries import Boundaries
 from redundant_envs.simulator.lane.closed_forms import closing
@@ -305,18 +306,19 @@ class LaneProgram:
 
     def decides_at_start(self, lane: Lane) -> Any:
         """Whether contacts, or which joints stick, must be resolved before the first trial step."""
-        return bool(self.features.sticking) or self.boundaries.touched_before(lane)
+        touched = (b.rule(lane, side_touched, "{}_start") for b in self.features.stops)
+        return bool(self.features.sticking) or any_of(side != 0.0 for side in touched)
 
     def forces_in_common_step(self, lane: Lane) -> Any:
         """The forces that hold sliders at both ends of the common step; whether a stop would have to pull one
-        from the beginning, so that the common step is of no use."""
+        from the beginning, or one that sticks is torn loose, so that the common step is of no use."""
         pulled: Any = False
         for b in self.features.holding:
             side, rests, first = lane[b.active_stop], lane[b.active_stop] != 0.0, lane[b.first]
             lane[b.force_trial] = where(rests, side * first, 0.0)
             lane[b.force] = where(rests, side * lane[b.last], 0.0)
             pulled = pulled | (rests & (first > 0.0))
-        return pulled | self.features.stiction.torn_loose(lane)
+        return pulled | any_of(lane[b.first] > 0.0 for b in self.features.sticking)
 
     def at_start(self, lane: Lane) -> None:
         """The trial start, and what is counted, at the start of the interval."""

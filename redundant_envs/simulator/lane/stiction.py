@@ -6,20 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.effects.hooks import Impact
-from redundant_envs.language.algebra import (
-    all_of,
-    any_of,
-    cases,
-    logical_not,
-    maximum,
-    minimum,
-    sqrt,
-    total,
-    where,
-)
+from redundant_envs.language.algebra import all_of, cases, logical_not, maximum, minimum, sqrt, total, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded
+from redundant_envs.simulator.events.first_event import Encounter
 from redundant_envs.simulator.lane.boundary import SMALLEST_LATE_SHARE, Guard
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.fields import STATE, Own, Variable
@@ -79,8 +70,9 @@ class StickingJoint(Guard):
         late = LATE_REST * sqrt(lane.tip_tolerance) * (lane.step / lane.left)
         return where(lane[self.side] == 0.0, least, maximum(least, late))
 
-    def steepness(self, lane: Lane) -> Any:
-        return -(lane[self.side] * lane[self.alpha])
+    def encounter(self, lane: Lane, number: float) -> Encounter:
+        steepness = -(lane[self.side] * lane[self.alpha])
+        return super().encounter(lane, number)._replace(steepness=steepness)
 
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         return {}
@@ -193,10 +185,6 @@ class NoStiction:
         for joint in self.joints:
             joint.keep(lane, before, now)
 
-    def torn_loose(self, lane: Lane) -> Any:
-        """Whether one that sticks would be torn loose at the start of the common step."""
-        return any_of(lane[j.first] > 0.0 for j in self.joints)
-
     def stick(self, lane: Lane) -> None:
         """Let joints that stick have the rate 0 in the present state."""
 
@@ -222,9 +210,8 @@ class Stiction(NoStiction):
     def __init__(self, dynamics: Dynamics, travels: Mapping[int, Travel], owners: Mapping[int, str]) -> None:
         """``travels`` of joints with stops, and keys of the effects that let joints stick, by joints."""
         self.dynamics = dynamics
-        self.joints = [
-            StickingJoint(Joint(dynamics, k), owners[k], travels.get(k)) for k in dynamics.slipping
-        ]
+        joints = [Joint(dynamics, k) for k in dynamics.slipping]
+        self.joints = [StickingJoint(j, owners[j.index], travels.get(j.index)) for j in joints]
         self.at_stops = [j for j in self.joints if j.travel is not None]
         self.passes = PASSES_AT_STOPS if self.at_stops else 1
         self.node = dynamics.method.c[dynamics.method.middle] if dynamics.frictions else None

@@ -32,37 +32,30 @@ class Impacting(Bounded):
     bounces: ClassVar[bool] = True
     holds: ClassVar[bool] = True
     """Whether they can hold it."""
-    restitution: str
-    """Field with that of the stops."""
     joint: StickingJoint | None = None  # that it holds in one direction, if joints stick
     released = Own("", "is leaving its stop", truth=True)
     happened = Own("", "resolution of the contact (Happening)", book=True)
     speed = Own("m/s", "into the stop, before an impact", book=True)
 
-    def mobility_per(self, rate: str) -> str:
-        """The field with the change of a rate of the arm per impulse along the coordinate."""
-        return f"mobility_{rate}_{self.name}"
+    def __init__(self, dynamics: Dynamics, name: str, owner: str, restitution: str) -> None:
+        """``restitution`` is the field with that of the stops."""
+        super().__init__(dynamics, name, owner)
+        self.restitution = restitution
+        self.mobilities = [f"mobility_{v}_{name}" for v in dynamics.arm.rates]
+        """Fields with the changes of the rates of the arm per impulse along the coordinate."""
 
     def fields(self) -> Iterator[Variable]:
-        yield from self.fields_of_kind()
-        yield from variables(map(self.mobility_per, self.dynamics.arm.rates), "rate per impulse on it")
+        yield from variables(self.mobilities, "rate of the arm per impulse along the coordinate")
         yield from self.own("happened", "speed")
-
-    def fields_of_kind(self) -> Iterator[Variable]:
-        """Those that the kind has alone."""
-        return iter(())
 
     def rule(self, lane: Lane, rule: Any, form: str = "{}") -> Any:
         """Apply a rule of :mod:`events.boundary` to the state in the fields of a form."""
         return rule(*self.motion(lane, form), self.active_side(lane, form), *self.limits(lane))
 
-    def record_forces(self, lane: Lane, x: Quantities) -> None:
-        """What contacts take from the present state; ``x`` has its accelerations."""
-        lane.set(map(self.mobility_per, self.dynamics.arm.rates), self.pushed(lane, x))
-
     @abc.abstractmethod
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
-        """Change of the rates of the arm per impulse along the coordinate."""
+        """Change of the rates of the arm per impulse along the coordinate; ``x`` has the accelerations of the
+        present state, of which it records what contacts take beside."""
 
     @abc.abstractmethod
     def present_acceleration(self, lane: Lane) -> Any:
@@ -80,15 +73,17 @@ class Impacting(Bounded):
         """Force with which its stop holds it."""
         return 0.0
 
-    def contact(
-        self, lane: Lane, force: Any, grip: Any, lowest: Any, acceleration: Any = None, released: Any = None
-    ) -> Contact:
-        """The stop as a contact, with the limit of the friction at rest and the height of the lowest bounce;
-        the other arguments are those of :class:`Contact`."""
-        return Contact(
-            *self.place(lane), self.active_side(lane), *self.limits(lane), acceleration, force, released,
-            lane[self.restitution], self.holds, self.owner, grip, lowest,
-        )  # fmt: skip
+    def resting(self, lane: Lane, force: Any, lowest: Any) -> Contact:
+        """The stop as a contact for a slider that a ``force`` holds there; ``lowest`` is the height of the
+        lowest bounce."""
+        place = *self.place(lane), self.active_side(lane), *self.limits(lane)
+        known = lane[self.restitution], self.holds, self.owner
+        return Contact(*place, None, force, None, *known, None, lowest)
+
+    def contact(self, lane: Lane, grip: Any, lowest: Any) -> Contact:
+        """The same for any coordinate, with the limit of the friction at rest."""
+        contact, acceleration = self.resting(lane, self.holding_force(lane), lowest), self.pressing(lane)
+        return contact._replace(acceleration=acceleration, released=lane[self.released], grip=grip)
 
     def place(self, lane: Lane) -> tuple[Any, Any]:
         """Value and rate for a contact."""
@@ -121,15 +116,13 @@ class Wall(Impacting):
     arrived = Own("", "is at its stop, but for rounding", truth=True)
 
     def __init__(self, dynamics: Dynamics, name: str, owner: str, gap: Bound, restitution: str) -> None:
-        super().__init__(dynamics, name, owner)
-        self.gap, self.restitution = gap, restitution
+        super().__init__(dynamics, name, owner, restitution)
+        self.gap, self.normals = gap, [f"normal_{v}_{name}" for v in dynamics.arm.rates]
 
-    def normal_per(self, rate: str) -> str:
-        return f"normal_{rate}_{self.name}"
-
-    def fields_of_kind(self) -> Iterator[Variable]:
+    def fields(self) -> Iterator[Variable]:
         yield from self.own("acceleration", "arrived")
-        yield from variables(map(self.normal_per, self.dynamics.arm.rates), "rate of the gap per rate")
+        yield from variables(self.normals, "rate of the gap per rate of the arm")
+        yield from super().fields()
 
     def _on(self, coordinates: Sequence[Dual], numbers: Any) -> Dual:
         arm = self.dynamics.arm
@@ -162,15 +155,14 @@ class Wall(Impacting):
         q, n = x.each(self.dynamics.arm.coordinates), range(self.dynamics.count)
         numbers = numbers_of(self.dynamics, x)
         normal = [self._on([Dual(q[j], float(j == k)) for j in n], numbers).slope for k in n]
-        lane.set(map(self.normal_per, self.dynamics.arm.rates), normal)
+        lane.set(self.normals, normal)
         return response(self.dynamics, normal, x)
 
     def present_acceleration(self, lane: Lane) -> Any:
         return lane[self.acceleration]
 
     def mobility(self, lane: Lane, by: Impacting) -> Any:
-        rates = self.dynamics.arm.rates
-        return total(lane[self.normal_per(v)] * lane[by.mobility_per(v)] for v in rates)
+        return total(lane[n] * lane[w] for n, w in zip(self.normals, by.mobilities, strict=True))
 
     def place(self, lane: Lane) -> tuple[Any, Any]:
         position, velocity = self.motion(lane)
@@ -189,12 +181,8 @@ class TravelStop(Impacting):
     """Both ends of the travel of a joint."""
 
     def __init__(self, travel: Travel, owner: str, restitution: str) -> None:
-        super().__init__(travel.dynamics, travel.dynamics.arm.joints[travel.index], owner)
-        self.travel, self.restitution = travel, restitution
-
-    @property
-    def number(self) -> int:
-        return self.travel.number
+        super().__init__(travel.dynamics, travel.dynamics.arm.joints[travel.index], owner, restitution)
+        self.travel, self.number = travel, travel.number
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
         return self.travel.motion(lane, form)
@@ -209,7 +197,7 @@ class TravelStop(Impacting):
         return lane[f"{self.travel.rate}_slope"]
 
     def mobility(self, lane: Lane, by: Impacting) -> Any:
-        return lane[by.mobility_per(self.travel.rate)]
+        return lane[by.mobilities[self.travel.index]]
 
     def set_position(self, lane: Lane, position: Any) -> None:
         """At an event: its exact position."""
@@ -227,8 +215,9 @@ class HoldingStop(TravelStop):
     force = Own("N", "that holds the slider")
     force_trial = Own("N", "at the start of the trial step")
 
-    def fields_of_kind(self) -> Iterator[Variable]:
+    def fields(self) -> Iterator[Variable]:
         yield from self.own("force", "force_trial")
+        yield from super().fields()
 
     def active_side(self, lane: Lane, form: str = "{}") -> Any:
         return lane[form.format(self.active_stop)]
@@ -293,7 +282,7 @@ class HingeStop(Stop):
         return self.travel.along(lane.get(self.dynamics.arm.rates, of="{}_slope"))
 
     def mobility(self, lane: Lane, by: Impacting) -> Any:
-        return self.travel.along(lane.get(map(by.mobility_per, self.dynamics.arm.rates)))
+        return self.travel.along(lane.get(by.mobilities))
 
     def set_position(self, lane: Lane, position: Any) -> None:
         lower, upper = self.limits(lane)

@@ -147,11 +147,8 @@ def confirmed(c: Crossed) -> Any:
         return c.change <= maximum(MANY_SHARE * c.tip_tolerance, most)
     growth = KINKED_GROWTH if c.impacts < CHECKED_IMPACTS else GROWTH
     least = maximum(STEPS_PER_IMPACT * c.impacts, STEPS_OF_HIDDEN_KINK if c.hidden_kink else 1.0)
-    return (
-        (growth * c.error <= c.tip_tolerance)
-        & (c.change <= KINKED_SHARE * c.tip_tolerance)
-        & (c.steps >= minimum(least, most_steps(c.impacts)))
-    )
+    accurate = (growth * c.error <= c.tip_tolerance) & (c.change <= KINKED_SHARE * c.tip_tolerance)
+    return accurate & (c.steps >= minimum(least, most_steps(c.impacts)))
 
 
 @branches

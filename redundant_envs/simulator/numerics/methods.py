@@ -11,9 +11,9 @@ from redundant_envs.language.algebra import maximum, minimum
 from redundant_envs.scenes.tableaus import Tableau
 
 Numbers = Sequence[Any]
-Derivative = Callable[[Numbers, Numbers, Numbers, float], Numbers]
-"""(positions, velocities, others, node) -> accelerations, derivatives of the others, and watched quantities;
-the node is the share of the step that has passed."""
+Derivative = Callable[[Numbers, float], Numbers]
+"""(state, node) -> accelerations, derivatives of other states, and watched quantities; a state has positions,
+velocities and others, and the node is the share of the step that has passed."""
 
 
 class Watched(NamedTuple):
@@ -30,9 +30,7 @@ class Watched(NamedTuple):
 class Step(NamedTuple):
     """A step from a state."""
 
-    positions: list[Any]  # the new state
-    velocities: list[Any]
-    others: list[Any]
+    state: list[Any]  # the new one
     watched: list[Watched]  # further results of the derivative function, beside derivatives
     errors: Sequence[tuple[list[Any], Any]]  # estimates 6, 5 and 3 of each state, if any, and their factors
 
@@ -70,30 +68,29 @@ def watch(values: Numbers, method: Tableau) -> Watched:
 
 
 def explicit_step(method: Tableau, derivative: Derivative, state: Numbers, n: int, h: Any) -> Step:
-    """A step of length ``h`` from the state: positions, velocities, ``n`` of each, and others."""
+    """A step of length ``h`` from a state with ``n`` positions."""
     slopes: list[list[Any]] = [[] for _ in state]
     watched: list[list[Any]] = []
     count = len(state) - n  # of derivatives
     if method.name == "euler":
-        results = derivative(state[:n], state[n : 2 * n], state[2 * n :], 0.0)
+        results = derivative(state, 0.0)
         new = [s + h * k for s, k in zip(state[n:], results, strict=False)]
         moved = [p + h * v for p, v in zip(state[:n], new, strict=False)]
-        return Step(moved, new[:n], new[n:], [watch([w], method) for w in results[count:]], ())
+        return Step([*moved, *new], [watch([w], method) for w in results[count:]], ())
     for row, node in zip(method.a, method.c, strict=True):
         stage = state
         if any(row):
             sums = [stage_slope(row, slope) for slope in slopes]
             stage = [s + (h * f) * total for s, (f, total) in zip(state, sums, strict=True)]
-        results = derivative(stage[:n], stage[n : 2 * n], stage[2 * n :], node)
+        results = derivative(stage, node)
         for slope, k in zip(slopes, (*stage[n : 2 * n], *results), strict=False):
             slope.append(k)
         watched.append(list(results[count:]))
     totals = [weighted(method.b, slope) for slope in slopes]
     new = [s + (h * f) * total for s, (f, total) in zip(state, totals, strict=True)]
     seen = [watch(values, method) for values in zip(*watched, strict=True)]
-    parts = new[:n], new[n : 2 * n], new[2 * n :], seen
     if not method.error5:
-        return Step(*parts, ())
+        return Step(new, seen, ())
     # The lower of the two embedded methods differs from the method itself in three weights only.
     first = method.b[0]
     lower = [(e - b) / first for e, b in zip(method.error3, method.b, strict=True)]
@@ -102,4 +99,4 @@ def explicit_step(method: Tableau, derivative: Derivative, state: Numbers, n: in
     lows = [weighted(lower, slope) for slope in slopes]
     error3 = [whole + f * total for (_, whole), (f, total) in zip(totals, lows, strict=True)]
     factors = h * abs(factor6), h * abs(factor5), h * first
-    return Step(*parts, list(zip(map(list, (error6, error5, error3)), factors, strict=True)))
+    return Step(new, seen, list(zip(map(list, (error6, error5, error3)), factors, strict=True)))
