@@ -29,7 +29,7 @@ EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_ine
 NUMERICS = ("methods", "error_control")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "parameters", "kinks", "common_step", "step_control", "boundaries",
-        "boundary", "joint", "stiction", "stops", "features", "program",
+        "boundary", "stiction", "stops", "features", "program",
         "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS, "scenes/tableaus", "language/limits",

@@ -75,8 +75,7 @@ class Boundaries:
             lane.resolving = resolving
 
     def record_pulls(self, lane: Lane) -> None:
-        """After a step: the values of guards in the present state; those of joints that stick are from the
-        last stage."""
+        """After a step: the present values of guards; those of joints that stick are from the last stage."""
         held = {b.name: lane[b.last] for b in self.features.sticking}
         for name, value in self.features.pulls(self.features.quantities(lane), held).items():
             lane[f"pull_{name}"] = value

@@ -1,4 +1,4 @@
-"""What every kind of boundary of a lane can do, and the kinds at which laws of effects change.
+"""What every kind of boundary of a lane can do, joints between limits, and where laws of effects change.
 
 A boundary bounds a coordinate, or it is a guard, a value that keeps its sign as long as a law holds. Other
 kinds are in :mod:`stops` and :mod:`stiction`.
@@ -7,18 +7,20 @@ kinds are in :mod:`stops` and :mod:`stiction`.
 from __future__ import annotations
 
 import abc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any, ClassVar
 
-from redundant_envs.language.algebra import maximum, minimum, where
-from redundant_envs.language.limits import side_beyond
+from redundant_envs.language.algebra import maximum, minimum, total, where
+from redundant_envs.language.limits import ROUNDING, side_beyond
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded, law_behind, limits_of_law
+from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.simulator.events import boundary
+from redundant_envs.simulator.events.boundary import BoundedCoordinate, law_behind, limits_of_law, size_of
 from redundant_envs.simulator.events.first_event import Encounter, Event, first_event, first_passage
-from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.dynamics import Dynamics, quantities_of_arm
 from redundant_envs.simulator.lane.fields import Own, Variable, copies
-from redundant_envs.simulator.lane.joint import Joint
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics.methods import Watched
 
@@ -134,6 +136,84 @@ class Bounded(Boundary):
         return first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1)
 
 
+# ---- joints, which move between limits ----------------------------------------------------------------
+
+
+class Joint:
+    """A joint, and what it has of the motion of the coordinates: its angle may be a difference of two."""
+
+    def __init__(self, dynamics: Dynamics, index: int) -> None:
+        arm = dynamics.arm
+        self.dynamics, self.index = dynamics, index
+        self.number = index + 1
+        """As quantities have it."""
+        self.coordinate, self.rate = arm.coordinates[index], arm.rates[index]
+        self.shares: list[float] = arm.motor_map[:, index].tolist()
+        """Generalized forces of a unit force of its motor."""
+        pairs = zip(arm.coordinates, self.shares, strict=True)
+        self.coordinates = [q for q, share in pairs if share != 0.0]
+        """The coordinates from which its position follows."""
+
+    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+        """Position and rate, from the fields of a form."""
+        x = quantities_of_arm(self.dynamics, lane, form)
+        return x[f"phi{self.number}"], x[f"phid{self.number}"]
+
+    def along(self, values: Sequence[Any]) -> Any:
+        """What it has of values for the coordinates: of rates, accelerations or mobilities."""
+        return total(times(share, x) for share, x in zip(self.shares, values, strict=True) if share != 0.0)
+
+    def others(self) -> list[tuple[int, float]]:
+        """The other coordinates from which its own follows while it is at rest, and their shares."""
+        row = joint_rates(self.dynamics.arm.__class__)[self.index]
+        return [(k, float(-s / row[self.index])) for k, s in enumerate(row) if s != 0.0 and k != self.index]
+
+    def own_value(self, value: Any, others: Any, names: Sequence[str]) -> Any:
+        """Value of its coordinate from that of the joint, a position or a rate, and those of other
+        coordinates, by ``names``."""
+        return total([value, *(times(share, others[names[k]]) for k, share in self.others())])
+
+
+class Travel(Joint):
+    """A joint that moves between two stops."""
+
+    def __init__(self, dynamics: Dynamics, index: int, lower: str, upper: str) -> None:
+        """``lower`` and ``upper`` are fields with the ends of the travel, rad or m."""
+        super().__init__(dynamics, index)
+        self.lower, self.upper = lower, upper
+
+    def limits(self, lane: Lane) -> tuple[Any, Any]:
+        return lane[self.lower], lane[self.upper]
+
+    def side_touched(self, lane: Lane, form: str = "{}") -> Any:
+        """Side of the stop that the joint touches: 1 upper, -1 lower, 0 none."""
+        return boundary.side_touched(*self.motion(lane, form), 0.0, *self.limits(lane))
+
+
+class SliderTravel(Travel):
+    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+        return lane[form.format(self.coordinate)], lane[form.format(self.rate)]
+
+
+class HingeTravel(Travel):
+    """The travel of a revolute joint."""
+
+    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
+        """An end of the travel where rounding alone differs: coordinates that are set for an angle at an end
+        give it back within two ulps of the largest of them."""
+        position, rate = super().motion(lane, form)
+        size = reduce(maximum, [abs(lane[form.format(q)]) for q in self.coordinates])
+        for end in self.limits(lane):
+            near = 0.5 * ROUNDING * maximum(size, size_of(end))
+            position = where(abs(position - end) <= near, end, position)
+        return position, rate
+
+
+def times(share: float, x: Any) -> Any:
+    """The product, without an operation for a share of 1."""
+    return x if share == 1.0 else share * x
+
+
 # ---- boundaries at which laws of effects change -----------------------------------------------------
 
 
@@ -189,7 +269,7 @@ class Guard(Boundary):
         return (*super().watches, self.middle, self.inner)
 
     def in_step(self, lane: Lane) -> BoundedCoordinate:
-        return guarded(self.watched(lane))
+        return boundary.guarded(self.watched(lane))
 
     def encounter(self, lane: Lane, number: float) -> Encounter:
         now, before = lane.get((self.pull, f"{self.pull}_trial"))

@@ -211,8 +211,7 @@ class Dynamics:
         return {name: value for changes in own for name, value in changes.items()}
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
-        """The draws that functions of states take, by the names of quantities: of the start, or of the next
-        interval."""
+        """Draws that functions of states take, by the names of quantities: at a start, or in an interval."""
         functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
         needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
         if not needed:

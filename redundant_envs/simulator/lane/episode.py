@@ -297,8 +297,7 @@ class Randomized:
         return ends_of(self.drawn, self._nominal)
 
     def streams(self) -> list[Stream]:
-        """A stream of draws for each range, which follows from the name alone: no range changes the draws of
-        another one."""
+        """A stream of draws for each range, from its name alone: no range changes the draws of another."""
         made = []
         for one, names in self.drawn.items():
             digest = hashlib.sha256(one.name.encode()).digest()

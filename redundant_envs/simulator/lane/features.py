@@ -15,12 +15,10 @@ from redundant_envs.effects.hooks import Force, Gap, Impact, Impulse
 from redundant_envs.language.algebra import arguments_of, where
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.crossings import Overshoot
-from redundant_envs.simulator.lane import kinks, stops
-from redundant_envs.simulator.lane.boundary import Boundary, Bounded, Guard, LateGuard, LawChange
+from redundant_envs.simulator.lane import boundary, kinks, stops
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.event_log import EventLog, NoLog
 from redundant_envs.simulator.lane.faults import Control
-from redundant_envs.simulator.lane.joint import HingeTravel, Joint, SliderTravel, Travel
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import NoStiction, Stiction
 from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
@@ -55,13 +53,13 @@ class Features:
         """Fields of the stops at which sliders rest."""
         self.laws = tuple(self._law_changes()) if dynamics.locates_laws else ()
         """Positions at which forces change their laws, where that is located."""
-        guard = LateGuard if dynamics.bounds_late_switch else Guard
+        guard = boundary.LateGuard if dynamics.bounds_late_switch else boundary.Guard
         own = (guard(dynamics, name, a.key) for a in dynamics.guarded for name in a.guards)
-        self.guards: tuple[Guard, ...] = (*own, *self.sticking)
+        self.guards: tuple[boundary.Guard, ...] = (*own, *self.sticking)
         """Guards that are located, and joints that stick and slip, which always are."""
-        self.bounded: tuple[Bounded, ...] = (*self.stops, *self.laws)
+        self.bounded: tuple[boundary.Bounded, ...] = (*self.stops, *self.laws)
         """Boundaries of coordinates."""
-        self.boundaries: tuple[Boundary, ...] = (*self.bounded, *self.guards)
+        self.boundaries: tuple[boundary.Boundary, ...] = (*self.bounded, *self.guards)
         """Boundaries at which the motion has events; guards come last."""
         self.sides = (*(b.side for b in self.laws), *(b.side for b in self.guards))
         """Fields that say which laws hold, where their changes are located."""
@@ -113,11 +111,11 @@ class Features:
         self.watched_sliders = tuple(self.arm.sliders()) if estimates and self.pose_tells_distances else ()
         """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
 
-    def _travel(self, a: Attached[Impact]) -> Travel:
-        kind = SliderTravel if self.arm.prismatic[a.hook.joint] else HingeTravel
+    def _travel(self, a: Attached[Impact]) -> boundary.Travel:
+        kind = boundary.SliderTravel if self.arm.prismatic[a.hook.joint] else boundary.HingeTravel
         return kind(self.dynamics, a.hook.joint, a.parameter(a.hook.lower), a.parameter(a.hook.upper))
 
-    def _stop(self, a: Attached[Impact], travel: Travel) -> stops.TravelStop:
+    def _stop(self, a: Attached[Impact], travel: boundary.Travel) -> stops.TravelStop:
         bounce = a.parameter(a.hook.restitution)
         if not self.sticking:
             return stops.HoldingStop(travel, a.key, bounce)
@@ -129,11 +127,11 @@ class Features:
             restitution = a.parameter(a.hook.restitution)
             yield stops.Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], restitution)
 
-    def _law_changes(self) -> Iterator[LawChange]:
+    def _law_changes(self) -> Iterator[boundary.LawChange]:
         for a in self.scene.attached.of(Force):
             if a.hook.switch is not None and isinstance(a.hook.joint, int):
-                joint = Joint(self.dynamics, a.hook.joint)
-                yield LawChange(joint, a.law, a.key, *map(a.parameter, a.hook.switch))
+                joint = boundary.Joint(self.dynamics, a.hook.joint)
+                yield boundary.LawChange(joint, a.law, a.key, *map(a.parameter, a.hook.switch))
 
     @cached_property
     def overshoot(self) -> Overshoot:
@@ -161,8 +159,7 @@ class Features:
     # ---- quantities of lanes -------------------------------------------------------------------------
 
     def known_numbers(self, lane: Lane) -> dict[str, Any]:
-        """Inputs of the equations beside the state: efforts, parameters, and the stops at which sliders
-        rest."""
+        """Inputs of the equations beside the state: efforts, parameters, and stops at which sliders rest."""
         d = self.dynamics
         names = (*d.commands, *d.parameters.numbers, *d.effect_states.updated, *self.active)
         at = {b.at: b.travel.side_touched(lane) for b in self.sticking if b.travel is not None}

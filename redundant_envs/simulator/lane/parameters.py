@@ -136,8 +136,7 @@ def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
 def rates_of_motion(
     scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any], interval: Any
 ) -> list[Any]:
-    """Steps per second that dampers require now, if their damping depends on positions and rates ``x``, in an
-    ``interval`` [s]."""
+    """Steps per second that dampers require now which depend on positions and rates ``x``."""
     rates = []
     for field, a in dampers(scene):
         position, rate = a.hook.motion

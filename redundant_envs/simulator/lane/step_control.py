@@ -114,7 +114,7 @@ class EqualSteps(StepControl):
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
                 lane.copy(self.dynamics.arm.coordinates, to=SEEN)
-                self.features.bounces.take_all(lane)
+                self.features.bounces.plan(lane, every=True)
             return End.REPEATED
         if not ended:
             return End.GOES_ON

@@ -11,10 +11,9 @@ from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded
 from redundant_envs.simulator.events.first_event import Encounter
-from redundant_envs.simulator.lane.boundary import SMALLEST_LATE_SHARE, Guard
+from redundant_envs.simulator.lane.boundary import SMALLEST_LATE_SHARE, Guard, Joint, Travel, times
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.fields import STATE, Own, Variable
-from redundant_envs.simulator.lane.joint import Joint, Travel, times
 from redundant_envs.simulator.lane.memory import Lane
 
 LARGEST_LATE_SHARE = 1e-6
@@ -102,8 +101,7 @@ class StickingJoint(Guard):
     # ---- what a lane does with it --------------------------------------------------------------------
 
     def begin_mode(self, lane: Lane) -> None:
-        """Before a common step: with a rate it slips that way; without one it sticks, unless the forces say
-        otherwise."""
+        """Before a common step: with a rate it slips that way; else it sticks, unless forces object."""
         position, rate = self.joint.motion(lane)
         lane[self.side] = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
         lane[self.pull] = -abs(rate)
@@ -116,8 +114,7 @@ class StickingJoint(Guard):
         lane[self.rest] = where(sticks & logical_not(known), position, lane[self.rest])
 
     def keep(self, lane: Lane, before: Mapping[str, Any], now: dict[str, Any]) -> None:
-        """While it sticks, keep its position and its rate 0 to the last bit, in a state ``now`` after a state
-        ``before``."""
+        """While it sticks, keep its position and its rate 0 to the last bit."""
         arm, joint, others = self.dynamics.arm, self.joint, self.joint.others()
         sticks = lane[self.side] == 0.0
         rate, kept = 0.0, before[joint.coordinate]
@@ -195,8 +192,7 @@ class NoStiction:
         """The forces that hold joints, and the accelerations of others, in the present state."""
 
     def strike(self, lane: Lane, strikes: Any, going_on: Any) -> Any:
-        """After contacts are resolved once, with impulses where one ``strikes``; whether the motion goes
-        on."""
+        """After contacts are resolved, with impulses where one ``strikes``: whether the motion goes on."""
         return going_on
 
     def decide(self, lane: Lane, here: Any) -> Any:

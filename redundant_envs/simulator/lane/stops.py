@@ -17,11 +17,10 @@ from redundant_envs.simulator.events import contacts
 from redundant_envs.simulator.events.boundary import leaves_stop, starts_at_stop
 from redundant_envs.simulator.events.contacts import Contact, Resolved
 from redundant_envs.simulator.events.first_event import Encounter
-from redundant_envs.simulator.lane.boundary import Bounded
+from redundant_envs.simulator.lane.boundary import Bounded, Travel
 from redundant_envs.simulator.lane.dynamics import Dynamics, numbers_of, response
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.fields import STATE, Own, Variable, engine, variables
-from redundant_envs.simulator.lane.joint import Travel
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.stiction import StickingJoint
 
@@ -54,8 +53,7 @@ class Impacting(Bounded):
 
     @abc.abstractmethod
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
-        """Change of the rates of the arm per impulse along the coordinate; ``x`` has the accelerations of the
-        present state, of which it records what contacts take beside."""
+        """Change of the arm's rates per impulse along the coordinate; it records what else contacts take."""
 
     @abc.abstractmethod
     def present_acceleration(self, lane: Lane) -> Any:
@@ -74,8 +72,7 @@ class Impacting(Bounded):
         return 0.0
 
     def resting(self, lane: Lane, force: Any, lowest: Any) -> Contact:
-        """The stop as a contact for a slider that a ``force`` holds there; ``lowest`` is the height of the
-        lowest bounce."""
+        """The stop as a contact where a ``force`` holds a slider; ``lowest`` is the height of a bounce, m."""
         place = *self.place(lane), self.active_side(lane), *self.limits(lane)
         known = lane[self.restitution], self.holds, self.owner
         return Contact(*place, None, force, None, *known, None, lowest)
@@ -326,8 +323,8 @@ class Bounces:
         lowered = self.lowest(lane) < contacts.LOWEST_BOUNCE
         return where(lowered, float(contacts.MAX_WITH_LOW_BOUNCES), float(contacts.MAX_IMPACTS))
 
-    def plan(self, lane: Lane) -> None:
-        """Before the first crossing of an interval."""
+    def plan(self, lane: Lane, every: bool = False) -> None:
+        """Before the first crossing of an interval, and one with ``every`` bounce, to compare them."""
 
     def begin(self, lane: Lane) -> None:
         """Before each crossing."""
@@ -338,9 +335,6 @@ class Bounces:
     def missed(self, lane: Lane) -> Any:
         """Whether bounces were left out that may matter."""
         return False
-
-    def take_all(self, lane: Lane) -> None:
-        """Before another crossing, with which one is compared."""
 
 
 class ComparedBounces(Bounces):
@@ -354,8 +348,8 @@ class ComparedBounces(Bounces):
     def lowest(self, lane: Lane) -> Any:
         return lane.lowest_bounce
 
-    def plan(self, lane: Lane) -> None:
-        lane.lowest_bounce = contacts.lowest_bounce(lane.tip_tolerance)
+    def plan(self, lane: Lane, every: bool = False) -> None:
+        lane.lowest_bounce = ROUNDING if every else contacts.lowest_bounce(lane.tip_tolerance)
 
     def begin(self, lane: Lane) -> None:
         lane.bounces_end, lane.bounce_missed = -1.0, False
@@ -368,6 +362,3 @@ class ComparedBounces(Bounces):
 
     def missed(self, lane: Lane) -> Any:
         return lane.bounce_missed
-
-    def take_all(self, lane: Lane) -> None:
-        lane.lowest_bounce = ROUNDING
