@@ -190,11 +190,6 @@ class Travel(Joint):
         return boundary.side_touched(*self.motion(lane, form), 0.0, *self.limits(lane))
 
 
-class SliderTravel(Travel):
-    def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
-        return lane[form.format(self.coordinate)], lane[form.format(self.rate)]
-
-
 class HingeTravel(Travel):
     """The travel of a revolute joint."""
 

@@ -112,7 +112,7 @@ class Features:
         """Sliders that may carry the tip past a joint and back in a step, if estimates decide on steps."""
 
     def _travel(self, a: Attached[Impact]) -> boundary.Travel:
-        kind = boundary.SliderTravel if self.arm.prismatic[a.hook.joint] else boundary.HingeTravel
+        kind = boundary.Travel if self.arm.prismatic[a.hook.joint] else boundary.HingeTravel
         return kind(self.dynamics, a.hook.joint, a.parameter(a.hook.lower), a.parameter(a.hook.upper))
 
     def _stop(self, a: Attached[Impact], travel: boundary.Travel) -> stops.TravelStop:

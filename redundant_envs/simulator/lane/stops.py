@@ -190,11 +190,14 @@ class TravelStop(Impacting):
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
         return x.each(f"W{k + 1}{self.number}" for k in range(self.dynamics.count))
 
+    def at_stage(self, x: Quantities) -> Any:
+        return self.travel.along(x.each(f"qdd{k + 1}" for k in range(self.dynamics.count)))
+
     def present_acceleration(self, lane: Lane) -> Any:
-        return lane[f"{self.travel.rate}_slope"]
+        return self.travel.along(lane.get(self.dynamics.arm.rates, of="{}_slope"))
 
     def mobility(self, lane: Lane, by: Impacting) -> Any:
-        return lane[by.mobilities[self.travel.index]]
+        return self.travel.along(lane.get(by.mobilities))
 
     def set_position(self, lane: Lane, position: Any) -> None:
         """At an event: its exact position."""
@@ -202,7 +205,7 @@ class TravelStop(Impacting):
 
     def rate_after(self, velocity: Any, rates: Any) -> Any:
         """Rate of its coordinate after impulses, from the joint's exact one and the rates before it."""
-        return velocity
+        return self.travel.own_value(velocity, rates, self.dynamics.arm.rates)
 
 
 class HoldingStop(TravelStop):
@@ -252,9 +255,6 @@ class Stop(TravelStop):
         sticks = lane[form.format(self.joint.side)] == 0.0
         return where(sticks, self.travel.side_touched(lane, form), 0.0)
 
-    def at_stage(self, x: Quantities) -> Any:
-        return x[f"qdd{self.number}"]
-
     def pressing(self, lane: Lane) -> Any:
         acceleration, joint = self.present_acceleration(lane), self.joint
         if not joint.rubs:
@@ -269,26 +269,14 @@ class HingeStop(Stop):
     def scale(self, lane: Lane) -> Any:
         return reduce(maximum, [abs(lane[q]) for q in self.travel.coordinates])
 
-    def at_stage(self, x: Quantities) -> Any:
-        return self.travel.along(x.each(f"qdd{k + 1}" for k in range(self.dynamics.count)))
-
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
         return response(self.dynamics, self.travel.shares, x)
-
-    def present_acceleration(self, lane: Lane) -> Any:
-        return self.travel.along(lane.get(self.dynamics.arm.rates, of="{}_slope"))
-
-    def mobility(self, lane: Lane, by: Impacting) -> Any:
-        return self.travel.along(lane.get(by.mobilities))
 
     def set_position(self, lane: Lane, position: Any) -> None:
         lower, upper = self.limits(lane)
         at_stop = (position == lower) | (position == upper)
         own = self.travel.own_value(position, lane, self.dynamics.arm.coordinates)
         lane[self.travel.coordinate] = where(at_stop, own, lane[self.travel.coordinate])
-
-    def rate_after(self, velocity: Any, rates: Any) -> Any:
-        return self.travel.own_value(velocity, rates, self.dynamics.arm.rates)
 
 
 # ---- how low a bounce ends in rest, and whether bounces that are left out for it matter ----------------
