@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, overload
+from typing import Any
 
 
 class Lifetime(enum.StrEnum):
@@ -93,11 +93,7 @@ class Own(Declared):
     """A field that each object of a class has, and that ends with its name: with ``force = Own("N", "...")``
     in the class, ``lane[stop.force]`` is the force of one stop."""
 
-    @overload
-    def __get__(self, owner: None, kind: type) -> Own: ...
-    @overload
-    def __get__(self, owner: object, kind: type) -> str: ...
-    def __get__(self, owner: Any, kind: type) -> Own | str:
+    def __get__(self, owner: Any, kind: type) -> Any:
         return self if owner is None else f"{self.name}_{owner.name}"
 
 
@@ -117,10 +113,6 @@ def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Variable]:
 class EngineField(Declared):
     """A field that a lane has once: a descriptor of :class:`~redundant_envs.simulator.lane.memory.Lane`."""
 
-    @overload
-    def __get__(self, lane: None, kind: type) -> EngineField: ...
-    @overload
-    def __get__(self, lane: object, kind: type) -> Any: ...
     def __get__(self, lane: Any, kind: type) -> Any:
         return self if lane is None else lane[self.name]
 

@@ -68,9 +68,9 @@ class Whole:
         """The error that the interval may have at the end of the present piece, m."""
         return lane.tip_tolerance
 
-    def worst(self, lane: Lane, fault: float) -> Any:
-        """The fault of an interval of which the present piece has one."""
-        return fault
+    def note(self, lane: Lane, fault: Fault) -> None:
+        """Record a fault; the worst one of an interval counts."""
+        lane.fault = float(fault)
 
     def least_rate(self, lane: Lane, rate: Any) -> Any:
         """Least number of steps per second, of which motion and effects ask for a ``rate``."""
@@ -126,8 +126,8 @@ class Pieces(Whole):
         """Its tolerance, times the share of the interval that is crossed then."""
         return lane.tip_tolerance * (lane.piece_end / lane.interval)
 
-    def worst(self, lane: Lane, fault: float) -> Any:
-        return maximum(lane.fault, fault)
+    def note(self, lane: Lane, fault: Fault) -> None:
+        lane.fault = maximum(lane.fault, float(fault))
 
     def begin(self, lane: Lane) -> None:
         """Begin the next piece: let the instants at its start happen, and determine its length."""

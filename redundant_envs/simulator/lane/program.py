@@ -268,7 +268,8 @@ class LaneProgram:
         moving = self.dynamics.states[self.dynamics.count :]
         for s in moving[: len(moving) - len(closed)]:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
-        self.features.stiction.after_move(lane, before)
+        if self.features.stiction.node is not None:
+            self.features.stiction.stick(lane, before)
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         """Record which coordinates leave their stops, in the state in the fields of a form."""
@@ -352,4 +353,4 @@ class LaneProgram:
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
         lane.copy((*self.dynamics.states, *self.features.restored), of="{}_start")
-        self.control.note(lane, Fault.EVENT_BUDGET)
+        self.boundaries.pieces.note(lane, Fault.EVENT_BUDGET)

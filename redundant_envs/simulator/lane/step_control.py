@@ -46,10 +46,6 @@ class StepControl:
         """Fields of the plan, beside the length of the present step."""
         return iter(())
 
-    def note(self, lane: Lane, fault: Fault) -> None:
-        """Record a fault; the worst one of an interval counts."""
-        lane.fault = self.pieces.worst(lane, float(fault))
-
     def begin(self, lane: Lane) -> Any:
         """Plan the first step of an interval; whether the common step is useless for the lane."""
         lane.left = lane.h
@@ -124,7 +120,7 @@ class EqualSteps(StepControl):
         accurate = lane.error <= self.pieces.allowed_error(lane)
         passed = accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees
         if not passed:
-            self.note(lane, Fault.TOLERANCE_NOT_REACHED)
+            self.pieces.note(lane, Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
 
     def _crossed(self, lane: Lane) -> Crossed:
@@ -165,7 +161,7 @@ class AdaptiveSteps(StepControl):
             return End.GOES_ON
         rest = self.pieces.span(lane) - lane.elapsed
         if not lane.next_step > 0.0:
-            self.note(lane, Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
+            self.pieces.note(lane, Fault.TOLERANCE_NOT_REACHED | Fault.NO_STEP_FOUND)
             return End.CROSSED
         if not rest > error_control.CROSSED_SHARE * self.pieces.span(lane):
             return End.CROSSED

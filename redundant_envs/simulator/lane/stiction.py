@@ -182,11 +182,9 @@ class NoStiction:
         for joint in self.joints:
             joint.keep(lane, before, now)
 
-    def stick(self, lane: Lane) -> None:
-        """Let joints that stick have the rate 0 in the present state."""
-
-    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
-        """After a last piece from a state ``before``: lead the motion back to where joints stick."""
+    def stick(self, lane: Lane, before: Mapping[str, Any] | None = None) -> None:
+        """Let joints that stick have the rate 0 in the present state; after a last piece from a state
+        ``before`` lead the motion back to where they stick."""
 
     def record(self, lane: Lane, x: Quantities, pulls: Callable[[Quantities], Mapping[str, Any]]) -> None:
         """The forces that hold joints, and the accelerations of others, in the present state."""
@@ -219,10 +217,6 @@ class Stiction(NoStiction):
         now = lane.values((*self.dynamics.arm.coordinates, *self.dynamics.arm.rates))
         self.keep(lane, before or {**now}, now)
         lane.set(now, now.values())
-
-    def after_move(self, lane: Lane, before: Mapping[str, Any]) -> None:
-        if self.node is not None:
-            self.stick(lane, before)
 
     def record(self, lane: Lane, x: Quantities, pulls: Callable[[Quantities], Mapping[str, Any]]) -> None:
         for j in self.joints:
