@@ -165,10 +165,9 @@ class Features:
         at = {b.at: b.travel.side_touched(lane) for b in self.sticking if b.travel is not None}
         return {name: lane[name] for name in (*names, *self.sides, *d.passed)} | at
 
-    def quantities(self, lane: Lane, numbers: Mapping[str, Any] | None = None) -> Quantities:
+    def quantities(self, lane: Lane) -> Quantities:
         """Quantities of the present state, as if no joint could be held."""
-        numbers = self.known_numbers(lane) if numbers is None else numbers
-        return self.dynamics.quantities(lane.get(self.dynamics.states), numbers)
+        return self.dynamics.quantities(lane.get(self.dynamics.states), self.known_numbers(lane))
 
     def quantities_in_step(self, states: Sequence[Any], numbers: Mapping[str, Any]) -> Quantities:
         """Quantities in a step, in which joints may be held: "held1", ... are 1 while they are."""

@@ -31,8 +31,6 @@ ANSWERED = {None: "entered", Request.STEP: "due", Request.FORCES: "touching"}
 FIRST = "first"
 """Key of what a program does after its first trial step, if the common step was that: a part of what it does
 after any, and half as long."""
-CONDITIONS = ("entered", "due", "moving", "touching", "complete")
-"""Fields about the program of a lane."""
 
 
 class Interval:
@@ -62,7 +60,8 @@ class Interval:
         if features.origin != "{}_start":
             yield from copies(features.kept, features.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
-        yield from engine("evaluations", "reason", "error_start", "min_steps", "state", *CONDITIONS)
+        yield from engine("evaluations", "reason", "error_start", "min_steps", "state")
+        yield from engine("entered", "due", "moving", "touching", "complete")
         for name in features.doubts:
             yield Variable(name, "", "why an error may exceed its estimate", SCRATCH, truth=True)
         yield from features.log.fields()

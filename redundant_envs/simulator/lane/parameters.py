@@ -86,11 +86,6 @@ class Parameters:
 # ---- steps that springs, dampers and states require, independent of error estimates --------------------
 
 
-def steps_of_spring(stiffness: Any, mobility: Any) -> Any:
-    """Steps per second that resolve an oscillation: 2 rad of its phase in each."""
-    return 0.5 * sqrt(stiffness * mobility)
-
-
 def steps_of_damper(damping: Any, mobility: Any) -> Any:
     """Steps per second that resolve a decay: two of its time constants in each."""
     return 0.5 * damping * mobility
@@ -108,13 +103,13 @@ def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     """Steps per second that follow from the parameters alone."""
     rates = []
     for a in scene.attached:
-        # A state, too, has two of its time constants in each step.
+        # A state, too, has two of its time constants in each step, and an oscillation 2 rad of its phase.
         rates += [0.5 * own["rate"](x) for own in a.states.values() if "rate" in own]
-        if not isinstance(a.hook, Force):
-            continue
-        for field, rule in (("stiffness", steps_of_spring), ("damping", steps_of_damper)):
-            if field in a.functions and not (field == "damping" and depends_on_motion(a)):
-                rates.append(rule(a.functions[field](x), most_mobility(scene, a, x)))
+        of_force = a.functions if isinstance(a.hook, Force) else {}
+        if "stiffness" in of_force:
+            rates.append(0.5 * sqrt(of_force["stiffness"](x) * most_mobility(scene, a, x)))
+        if "damping" in of_force and not depends_on_motion(a):
+            rates.append(steps_of_damper(of_force["damping"](x), most_mobility(scene, a, x)))
     return rates
 
 

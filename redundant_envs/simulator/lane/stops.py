@@ -67,24 +67,17 @@ class Impacting(Bounded):
     def mobility(self, lane: Lane, by: Impacting) -> Any:
         """Change of the rate of the coordinate per impulse along another one."""
 
-    def holding_force(self, lane: Lane) -> Any:
-        """Force with which its stop holds it."""
-        return 0.0
-
     def resting(self, lane: Lane, force: Any, lowest: Any) -> Contact:
         """The stop as a contact where a ``force`` holds a slider; ``lowest`` is the height of a bounce, m."""
-        place = *self.place(lane), self.active_side(lane), *self.limits(lane)
+        place = *self.motion(lane), self.active_side(lane), *self.limits(lane)
         known = lane[self.restitution], self.holds, self.owner
         return Contact(*place, None, force, None, *known, None, lowest)
 
     def contact(self, lane: Lane, grip: Any, lowest: Any) -> Contact:
         """The same for any coordinate, with the limit of the friction at rest."""
-        contact, acceleration = self.resting(lane, self.holding_force(lane), lowest), self.pressing(lane)
-        return contact._replace(acceleration=acceleration, released=lane[self.released], grip=grip)
-
-    def place(self, lane: Lane) -> tuple[Any, Any]:
-        """Value and rate for a contact."""
-        return self.motion(lane)
+        force, *_ = self.forces(lane)
+        known = {"acceleration": self.pressing(lane), "released": lane[self.released], "grip": grip}
+        return self.resting(lane, force, lowest)._replace(**known)
 
     def resolved(self, lane: Lane, side: Any, force: Any) -> None:
         """After contacts are resolved: the side of the stop at which it rests, and the force there."""
@@ -161,9 +154,9 @@ class Wall(Impacting):
     def mobility(self, lane: Lane, by: Impacting) -> Any:
         return total(lane[n] * lane[w] for n, w in zip(self.normals, by.mobilities, strict=True))
 
-    def place(self, lane: Lane) -> tuple[Any, Any]:
-        position, velocity = self.motion(lane)
-        return where(lane[self.arrived], 0.0, position), velocity
+    def resting(self, lane: Lane, force: Any, lowest: Any) -> Contact:
+        contact = super().resting(lane, force, lowest)
+        return contact._replace(position=where(lane[self.arrived], 0.0, contact.position))
 
     def note_released(self, lane: Lane, form: str = "{}") -> None:
         super().note_released(lane, form)
@@ -236,9 +229,6 @@ class HoldingStop(TravelStop):
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
         lane[self.force] = x[f"hold{self.number}"]
         return super().pushed(lane, x)
-
-    def holding_force(self, lane: Lane) -> Any:
-        return lane[self.force]
 
     def resolved(self, lane: Lane, side: Any, force: Any) -> None:
         lane[self.active_stop], lane[self.force] = side, force
