@@ -81,8 +81,7 @@ class Boundary(abc.ABC):
 class Bounded(Boundary):
     """A coordinate between two limits."""
 
-    bounces: ClassVar[bool] = False
-    """Whether these are stops."""
+    bounces: ClassVar[bool] = False  # whether these are stops
     crossing = Own("", "how the trial step meets a limit (Crossing)")
     turning = Own("s", "when the coordinate turns in the trial step")
     cleared = Own("", "is known to turn before its limit", truth=True)
@@ -145,8 +144,7 @@ class Joint:
     def __init__(self, dynamics: Dynamics, index: int) -> None:
         arm = dynamics.arm
         self.dynamics, self.index = dynamics, index
-        self.number = index + 1
-        """As quantities have it."""
+        self.number = index + 1  # as quantities have it
         self.coordinate, self.rate = arm.coordinates[index], arm.rates[index]
         self.shares: list[float] = arm.motor_map[:, index].tolist()
         """Generalized forces of a unit force of its motor."""

@@ -26,6 +26,8 @@ from redundant_envs.simulator.lane.parameters import Parameters
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
 INTERVALS = "draw_interval"
 """Fields with the words of the key of a lane's draws, and the control intervals since it began to draw."""
+Changes = dict[str, Any]
+"""Rates of change, or new values, of effects' states by their fields."""
 ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector, m/s^2")
 """Quantities that are no fields in every scene, and whose names they are."""
 
@@ -145,7 +147,7 @@ class Dynamics:
         own = {field for a in self._autonomous for field in a.states} - {*self.closed}
         return tuple(name for name in self.effect_states.integrated if name in own)
 
-    def autonomous_changes(self, known: Mapping[str, Any]) -> dict[str, Any]:
+    def autonomous_changes(self, known: Mapping[str, Any]) -> Changes:
         """Rates of change of such states by their names, from them and from constants."""
         x = Quantities(known, (), {})
         return {k: v for a in self._autonomous for k, v in a.changes("derivative", x).items()}
@@ -171,9 +173,7 @@ class Dynamics:
 
     # ---- actuation, and states of effects ----------------------------------------------------------
 
-    def efforts(
-        self, x: Quantities, change: str, close: Closing | None = None
-    ) -> tuple[list[Any], dict[str, Any]]:
+    def efforts(self, x: Quantities, change: str, close: Closing | None = None) -> tuple[list[Any], Changes]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; with
         ``close`` states are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
@@ -190,7 +190,7 @@ class Dynamics:
             x[command] = given
         return efforts, changes
 
-    def changes(self, x: Quantities, what: str, lane: Any) -> dict[str, Any]:
+    def changes(self, x: Quantities, what: str, lane: Any) -> Changes:
         """New values of effects' states, by their fields: the "update" at the end of an interval, or
         :data:`INSTANT_UPDATE`."""
         x.update(self._drawn(what, lane))
@@ -200,12 +200,12 @@ class Dynamics:
                 changes |= a.changes(what, x)
         return changes | sensing.renewed(self.scene.attached, what, x)
 
-    def initial_states(self, x: Quantities, lane: Any) -> dict[str, Any]:
+    def initial_states(self, x: Quantities, lane: Any) -> Changes:
         """Values of effects' states at a start, by their fields, of those that are computed then."""
         x.update(self._drawn("initial", lane))
         return self.begun(x) | sensing.renewed(self.scene.attached, "initial", x)
 
-    def begun(self, x: Quantities) -> dict[str, Any]:
+    def begun(self, x: Quantities) -> Changes:
         """Those of them that no sensor has, from quantities that have the draws."""
         own = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, hooks.Sensing))
         return {name: value for changes in own for name, value in changes.items()}

@@ -37,9 +37,7 @@ class Features:
         owners = {a.hook.joint: a.key for a in impacts}
         owners |= {k: some[0].key for k, some in dynamics.frictions.items()}
         self.stiction = Stiction(dynamics, travels, owners) if dynamics.slipping else NoStiction()
-        """How joints stick and slip."""
         self.sticking = self.stiction.joints
-        """Joints that stick and slip, in their order."""
         of_joints = [self._stop(a, travels[a.hook.joint]) for a in impacts]
         self.stops: tuple[stops.Impacting, ...] = (*of_joints, *self._walls())
         """Boundaries that bounce: stops of joints, and walls, whose coordinates are any functions."""
@@ -69,7 +67,6 @@ class Features:
         # ---- steps
         equal = Control.FIXED if self.scene.tolerance is None else Control.EQUAL
         self.control = Control.ADAPTIVE if self.scene.integrator == "dop853" else equal
-        """How steps are chosen."""
         self.local = self.resolves or controlled
         """Whether lanes may take local steps."""
         self.counts_evaluations = self.local or bool(attached.instants)
@@ -86,7 +83,6 @@ class Features:
         self.kept = (*states, *self.active, *self.rests)
         """Fields that are kept at the start of an interval, and restored when it is given up."""
         self.log = EventLog(several=not controlled) if self.stops and dynamics.track_work else NoLog()
-        """The log of events."""
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
         """Fields with counts of an interval, which are restored when it is crossed again or given up."""
         self.restored = (*self.active, *self.rests, *self.counted)
@@ -94,7 +90,6 @@ class Features:
         several = len(self.stops) > 1 or bool(dynamics.frictions)
         compared = self.control is Control.EQUAL and bool(self.stops) and several
         self.bounces = (stops.ComparedBounces if compared else stops.Bounces)(self.control, bool(self.stops))
-        """How low a bounce ends in rest."""
 
         # ---- error estimates
         forces = attached.of(Force)

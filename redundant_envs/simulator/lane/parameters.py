@@ -128,9 +128,7 @@ def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
     return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
 
 
-def rates_of_motion(
-    scene: Scene, lane: Any, x: Quantities, numbers: Mapping[str, Any], interval: Any
-) -> list[Any]:
+def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Any, interval: Any) -> list[Any]:
     """Steps per second that dampers require now which depend on positions and rates ``x``."""
     rates = []
     for field, a in dampers(scene):

@@ -29,8 +29,7 @@ class Impacting(Bounded):
     """A coordinate whose limits are stops."""
 
     bounces: ClassVar[bool] = True
-    holds: ClassVar[bool] = True
-    """Whether they can hold it."""
+    holds: ClassVar[bool] = True  # whether they can hold it
     joint: StickingJoint | None = None  # that it holds in one direction, if joints stick
     released = Own("", "is leaving its stop", truth=True)
     happened = Own("", "resolution of the contact (Happening)", book=True)
