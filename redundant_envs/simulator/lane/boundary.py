@@ -116,10 +116,9 @@ class Bounded(Boundary):
 
     def in_step(self, lane: Lane, origin: str) -> BoundedCoordinate:
         """The coordinate in a step, whose initial values are in fields of this form."""
-        return BoundedCoordinate(
-            *self.motion(lane), *self.motion(lane, origin), self.watched(lane), self.active_side(lane),
-            *self.limits(lane), self.bounces, self.scale(lane),
-        )  # fmt: skip
+        ends = *self.motion(lane), *self.motion(lane, origin)
+        limits = self.active_side(lane), *self.limits(lane)
+        return BoundedCoordinate(*ends, self.watched(lane), *limits, self.bounces, self.scale(lane))
 
     def forces(self, lane: Lane) -> tuple[Any, Any, Any]:
         """Force of its stop at the end and at the start of a trial step, and the coordinate's mobility."""
@@ -133,9 +132,6 @@ class Bounded(Boundary):
 
     def first_event(self, e: Encounter, h: Any) -> Event:
         return first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1)
-
-
-# ---- joints, which move between limits ----------------------------------------------------------------
 
 
 class Joint:
@@ -205,9 +201,6 @@ class HingeTravel(Travel):
 def times(share: float, x: Any) -> Any:
     """The product, without an operation for a share of 1."""
     return x if share == 1.0 else share * x
-
-
-# ---- boundaries at which laws of effects change -----------------------------------------------------
 
 
 class LawChange(Bounded):

@@ -166,10 +166,8 @@ def tip_weights(features: Features, lane: Lane) -> list[Any]:
         return norms
     lengths = lane.get(f"l{k + 1}" for k in range(arm.num_lengths))
     reach = total(lengths or [0.0])  # an arm of sliders alone has none
-    return [
-        n if slides else error_control.tip_weight(n, reach, lane.tip_tolerance)
-        for n, slides in zip(norms, arm.prismatic, strict=True)
-    ]
+    pairs, weight = zip(norms, arm.prismatic, strict=True), error_control.tip_weight
+    return [n if slides else weight(n, reach, lane.tip_tolerance) for n, slides in pairs]
 
 
 class CommonStep:

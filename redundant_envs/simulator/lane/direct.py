@@ -21,6 +21,7 @@ from redundant_envs.simulator.lane.memory import Lane, traced
 from redundant_envs.simulator.lane.program import Request
 
 Procedure = Callable[[Lane], Any]
+Fields = Mapping[str, Any]
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg,
     "abs": abs, "sqrt": algebra.sqrt, "floor": algebra.floor, "exp": algebra.exp, "expm1": algebra.expm1,
@@ -32,7 +33,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 """Operations of a graph that is recorded with whole functions (:class:`Graph`)."""
 
 
-def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def fields_of(dynamics: Dynamics, parameters: Fields | None = None) -> dict[str, Any]:
     """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
     scene = dynamics.scene
     values = {**dynamics.parameters.values, **(parameters or {})}
@@ -40,7 +41,7 @@ def fields_of(dynamics: Dynamics, parameters: Mapping[str, Any] | None = None) -
     return {**values, **dynamics.parameters.prepare(values), **steps}
 
 
-def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str, Any]:
+def cross_interval(interval: Interval, fields: Fields) -> Fields:
     """Lanes after a control interval: the new states by their names, and "fault", "error", "evaluations"
     where the scene has them.
 
@@ -52,7 +53,7 @@ def cross_interval(interval: Interval, fields: Mapping[str, Any]) -> Mapping[str
         return _cross_together(interval, fields) if several else _cross_alone(interval, fields)
 
 
-def _cross_alone(interval: Interval, fields: Mapping[str, Any]) -> Any:
+def _cross_alone(interval: Interval, fields: Fields) -> Any:
     """One lane: its program runs as it is written."""
     numbers = {n: np.float64(x) for n, x in fields.items()}  # whose division by 0 is no error
     layout = interval.layout()
@@ -136,9 +137,7 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-def _cross_together(
-    interval: Interval, given: Mapping[str, Any], records: Sequence[Steps] = ()
-) -> dict[str, Any]:
+def _cross_together(interval: Interval, given: Fields, records: Sequence[Steps] = ()) -> dict[str, Any]:
     """Many lanes: traced procedures and the traced program, by an interpreter; ``records`` are those of the
     pieces of an interval, if there are any."""
     fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
@@ -196,10 +195,7 @@ def _cross_together(
     return fields
 
 
-# ---- the steps of lanes as data ------------------------------------------------------------------------
-
-
-def steps_taken(interval: Interval, fields: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def steps_taken(interval: Interval, fields: Fields) -> list[NDArray[np.float64]]:
     """The steps in each piece of an interval, from the fields at its start: arrays (lanes,) or floats.
 
     A piece has (1 + laws, steps, lanes) numbers: shares of the piece, 0 where a lane takes no step any more,
@@ -229,7 +225,7 @@ class Steps:
         found[0] = np.where(taken, found[0] / self._span, 0.0)
         return found
 
-    def tried(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    def tried(self, before: Fields, after: Fields) -> None:
         """Record a trial step of lanes that have left the common step, from their fields before and after the
         program has judged it: it counts, or not, or all begins anew."""
         left, elapsed = after["reason"] != float(Reason.NONE), after["elapsed"]
@@ -237,7 +233,7 @@ class Steps:
         if "elapsed" in before:
             self._take(left & (elapsed > before["elapsed"]), before["step"], before, "{}")
 
-    def crossed(self, lane: Mapping[str, Any]) -> None:
+    def crossed(self, lane: Fields) -> None:
         """Record the common step of the lanes that it has served."""
         goes_on = lane["h"] > 0.0
         served = goes_on & (lane["reason"] == float(Reason.NONE))
@@ -245,7 +241,7 @@ class Steps:
         self._take(served, lane["h"], lane, "{}_start")
         self._span = np.where(goes_on, lane["h"], self._span)
 
-    def _take(self, lanes: NDArray[np.bool_], length: Any, lane: Mapping[str, Any], form: str) -> None:
+    def _take(self, lanes: NDArray[np.bool_], length: Any, lane: Fields, form: str) -> None:
         here = np.flatnonzero(np.broadcast_to(lanes, self._counts.shape))
         if here.size and self._counts.max() == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])

@@ -121,8 +121,8 @@ class Dynamics:
     @cached_property
     def constant(self) -> frozenset[str]:
         """Quantities that are constant in a step."""
-        effects = (*self.commands, *self.effect_states.updated, *self.passed)
-        return frozenset((*self.parameters.numbers, *effects))
+        of_effects = (*self.commands, *self.effect_states.updated, *self.passed)
+        return frozenset((*self.parameters.numbers, *of_effects))
 
     @cached_property
     def varying(self) -> dict[str, tuple[str, ...]]:
@@ -370,9 +370,6 @@ def _components(a: Attached[hooks.Force], field: str, x: Quantities) -> dict[str
 
 def _plus(a: Any, b: Any) -> Any:
     return b if a is None else a + b
-
-
-# ---- quantities of a lane ------------------------------------------------------------------------------
 
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:

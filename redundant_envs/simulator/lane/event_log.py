@@ -21,7 +21,6 @@ class NoLog:
     read: tuple[str, ...] = ()  # fields that the kernel reads, and no function
 
     def fields(self) -> Iterator[Variable]:
-        """Fields of the time of events."""
         return iter(())
 
     def fields_of_events(self) -> Iterator[Variable]:

@@ -1,8 +1,4 @@
-"""A control interval of a lane: the step that all lanes take together, and the program of the others.
-
-A lane leaves the common step for three reasons: an error above its tolerance, a boundary that it meets, and
-the integrator dop853, whose steps are always local.
-"""
+"""A control interval of a lane: the step that all lanes take together, and the program of the others."""
 
 from __future__ import annotations
 

@@ -47,12 +47,8 @@ def levels_of(watches: Watches) -> list[bool]:
 
 def kink_values(attached: Attachments, watches: Watches, x: Quantities) -> list[Any]:
     """Values that change their signs at kinks, from quantities."""
-    return [
-        value for a in attached.along(x, watches) for watch in watches.get(a, ()) for value in watch.values(x)
-    ]
-
-
-# ---- finding kinks --------------------------------------------------------------------------------
+    chosen = (watch for a in attached.along(x, watches) for watch in watches.get(a, ()))
+    return [value for watch in chosen for value in watch.values(x)]
 
 
 def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: Iterable[str]) -> Watches:

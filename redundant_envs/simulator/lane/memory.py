@@ -72,10 +72,8 @@ class Lane(EngineFields):
 
     def written(self) -> dict[str, Any]:
         """Fields that were set, and the last values of each: conditions as 1 or 0."""
-        return {
-            name: where(value, 1.0, 0.0) if self._layout.fields[name].truth else value
-            for name, value in self._written.items()
-        }
+        fields = self._layout.fields
+        return {n: where(x, 1.0, 0.0) if fields[n].truth else x for n, x in self._written.items()}
 
 
 class TracedLane(Lane):

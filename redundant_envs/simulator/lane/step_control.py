@@ -56,8 +56,7 @@ class StepControl:
         return True
 
     def shorten(self, lane: Lane) -> None:
-        """Plan a shorter step after an inaccurate one."""
-        raise AssertionError("fixed steps are never inaccurate")
+        """Plan a shorter step after an inaccurate one, which a fixed step never is."""
 
     def end(self, lane: Lane) -> End:
         """After a trial step without an event, whose time is spent: what comes next."""

@@ -192,7 +192,6 @@ class TravelStop(Impacting):
         return self.travel.along(lane.get(by.mobilities))
 
     def set_position(self, lane: Lane, position: Any) -> None:
-        """At an event: its exact position."""
         lane[self.travel.coordinate] = position
 
     def rate_after(self, velocity: Any, rates: Any) -> Any:
@@ -268,11 +267,8 @@ class HingeStop(Stop):
         lane[self.travel.coordinate] = where(at_stop, own, lane[self.travel.coordinate])
 
 
-# ---- how low a bounce ends in rest, and whether bounces that are left out for it matter ----------------
-
-
 class Bounces:
-    """Bounces of lanes whose lowest height follows from the tolerance alone."""
+    """How low a bounce ends in rest; here it follows from the tolerance alone."""
 
     def __init__(self, control: Control, happen: bool = True) -> None:
         """``happen``: there are stops."""
@@ -282,7 +278,6 @@ class Bounces:
         return iter(())
 
     def impacts(self, lane: Lane) -> Any:
-        """Impacts of the interval."""
         return lane.impacts if self.happen else 0.0
 
     def impacts_since_start(self, lane: Lane) -> Any:
@@ -296,7 +291,6 @@ class Bounces:
         return ROUNDING if self.control is Control.ADAPTIVE else contacts.LOWEST_BOUNCE
 
     def most_impacts(self, lane: Lane) -> Any:
-        """Most impacts of an interval."""
         lowered = self.lowest(lane) < contacts.LOWEST_BOUNCE
         return where(lowered, float(contacts.MAX_WITH_LOW_BOUNCES), float(contacts.MAX_IMPACTS))
 
