@@ -282,13 +282,12 @@ Results = SimpleQueue[BaseException | None]
 
 def _serve(asked: SimpleQueue[Any]) -> None:
     while (given := asked.get()) is not None:
-        call, results = given
+        (call, results), error = given, None
         try:
             call()
-        except BaseException as error:
-            results.put(error)
-        else:
-            results.put(None)
+        except BaseException as raised:
+            error = raised
+        results.put(error)
 
 
 WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
@@ -310,14 +309,11 @@ class Team:
         cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
         self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
         self._memory, self._also = memory, also
-        of_block = SUBSTEP * simulator.dynamics.scene.substeps
-        of_part = of_block * -(-memory.blocks // len(self.parts))
-        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0  # ns of a step, if that is long
+        scene = simulator.dynamics.scene
         self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
-        self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
-        of_unknown_length = self._timed and simulator.dynamics.scene.tolerance is not None
+        self._least = SUBSTEP * scene.substeps * -(-memory.blocks // len(self.parts))  # ns of a call
         # ns that the last call took; of the first one, what it may take
-        self._took = self._long if of_unknown_length else self._least
+        self._took = self._least if scene.tolerance is None or memory.blocks == 1 else self._long
         self._start()
 
     @property
@@ -332,23 +328,19 @@ class Team:
         self._process = os.getpid()
 
     def __call__(self) -> None:
-        if len(self.parts) > 1 or self.is_long:
-            self._run()
-            return
-        (part,) = self.parts
-        part.set_pointers()
-        start = time.perf_counter_ns() if self._timed else 0
-        part.entry(part.address)
-        if self._timed:
-            self._took = max(self._least, time.perf_counter_ns() - start)
-
-    def _run(self) -> None:
-        """Run several parts, or a long one."""
+        start, long = time.perf_counter_ns(), self.is_long
         for part in self.parts:
             part.set_pointers()
+        if long or len(self.parts) > 1:
+            self._share_out(long)
+        else:
+            self.parts[0]()
+        self._took = max(self._least, time.perf_counter_ns() - start)
+
+    def _share_out(self, long: bool) -> None:
+        """Run several parts, or a long one, in threads."""
         if self._process != os.getpid():
             self._start()
-        start, long = time.perf_counter_ns(), self.is_long
         workers = self._workers
         if long:
             self._first = self._first or Worker()
@@ -372,7 +364,6 @@ class Team:
                 stopped = error
         if stopped:
             raise stopped
-        self._took = max(self._least, time.perf_counter_ns() - start)
 
     def _settle(
         self, workers: Sequence[Worker], arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]
