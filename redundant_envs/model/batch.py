@@ -154,16 +154,14 @@ class BatchSimulator(Copied):
             return []
         if not self.track_work:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
-        counts = memory.read(("logged",))[:, 0]
-        log = memory.arrays[str(LOG)]
-        happened = []
+        counts, happened = memory.read(("logged",))[:, 0], []
         for lane in np.flatnonzero(counts).tolist():
             if counts[lane] >= MAX_LOGGED:
                 raise ValueError(
                     f"environment {lane} had {MAX_LOGGED} events or more at its stops in one interval, and "
                     f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
                 )
-            row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
+            row = memory.arrays[str(LOG)][lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
                 joint = features.stops[slider].name
@@ -292,22 +290,19 @@ class BatchSimulator(Copied):
         duration = float(duration) if isinstance(duration, np.floating) else duration
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
-        memory, times = self._memory, {"h": duration / self.scene.substeps, "interval": duration}
-        names = [name for name in times if name in memory]  # pieces have steps of their own lengths
-        usual = [memory.column(name).copy() for name in names]
-        for name in names:
-            memory.column(name)[:] = times[name]
+        times = {"h": duration / self.scene.substeps, "interval": duration}
+        columns = {
+            n: self._memory.column(n) for n in times if n in self._memory
+        }  # pieces have h of their own
+        usual = {name: column.copy() for name, column in columns.items()}
         try:
+            for name, column in columns.items():
+                column[:] = times[name]
             return self._advanced(efforts)
         finally:
-            for name, value in zip(names, usual, strict=True):
-                memory.column(name)[:] = value
+            for name, column in columns.items():
+                column[:] = usual[name]
 
     def _table(self, name: str, values: ArrayLike, lanes: int) -> NDArray[np.float64]:
         """Numbers of the joints of some lanes, (lanes, joints)."""
-        table, width = parameters.numbers(name, values), self.simulator.dynamics.count
-        if table.shape == (lanes, width):
-            return table
-        if table.shape != (width,):
-            raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
-        return np.broadcast_to(table, (lanes, width))
+        return parameters.shaped(name, parameters.numbers(name, values), lanes, self.simulator.dynamics.count)

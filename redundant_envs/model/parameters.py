@@ -49,10 +49,16 @@ def table(
         array = np.full(width, array)
     elif width == 1 and array.shape == (lanes,):
         array = array[:, None]
-    if array.shape not in ((width,), (1, width), (lanes, width)):
-        raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
+    array = shaped(name, array, lanes, width)
     if not (np.isfinite(array) | (array == absent)).all():
         raise ValueError(f"{name} has non-finite entries; give finite numbers")
+    return array
+
+
+def shaped(name: str, array: NDArray[np.float64], lanes: int, width: int) -> NDArray[np.float64]:
+    """Numbers (lanes, width) from those of one lane or of all."""
+    if array.shape not in ((width,), (1, width), (lanes, width)):
+        raise ValueError(f"{name} has shape {array.shape}; give ({width},) or ({lanes}, {width})")
     return np.broadcast_to(array, (lanes, width))
 
 

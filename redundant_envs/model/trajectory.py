@@ -137,16 +137,9 @@ def simulate(
     joints = len(scene.robot.joints)
     starts = {name: numbers(name, given) for name, given in (("q", q), ("qd", qd))}
     for name, start in starts.items():
-        if start.shape[-1:] != (joints,):
-            raise ValueError(f"{name} has shape {start.shape}; the last axis must have {joints} entries")
-    try:
-        q0, qd0 = np.broadcast_arrays(*starts.values())
-    except ValueError:
-        raise ValueError(
-            f"q and qd have shapes {np.shape(q)} and {np.shape(qd)}, which do not broadcast; give equal ones"
-        ) from None
-    if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
-        raise ValueError("q or qd has non-finite entries; give finite numbers")
+        if start.shape[-1:] != (joints,) or not np.isfinite(start).all():
+            raise ValueError(f"{name} is {shown(start)}; give finite numbers, {joints} along the last axis")
+    q0, qd0 = np.broadcast_arrays(*starts.values())
     shape, count = q0.shape[:-1], q0.size // joints
     if not count:
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
@@ -291,7 +284,7 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
 
 def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
     """ValueError for invalid arguments of :func:`energy_run`."""
-    if not np.isfinite(seconds) or seconds <= 0.0:
+    if not 0.0 < seconds < np.inf:
         raise ValueError(f"seconds is {seconds}; it must be positive and finite")
     joints = len(scene.robot.joints)
     for name, value in (("q", q), ("qd", qd)):
