@@ -79,7 +79,7 @@ def torch_step(scene: Scene) -> Step:
         for name, value, columns in (("z", z, of_effects), ("draws", draws, of_draws)):
             if (value is not None) != bool(columns):
                 raise ValueError(
-                    f"{name} is {shown(value)}, and effects of the scene have {len(columns)} numbers of these; "
+                    f"{name} is {shown(value)}, and effects of the scene have {len(columns)} of its numbers; "
                     f"give at the start torch.tensor(BatchSimulator(scene, num_envs).{name}), and then what "
                     f"the step returns, or leave {name} out if there are none"
                 )

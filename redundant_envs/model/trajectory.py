@@ -282,22 +282,13 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
     return tuple(q)
 
 
-def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
-    """ValueError for invalid arguments of :func:`energy_run`."""
-    if not 0.0 < seconds < np.inf:
-        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
-    joints = len(scene.robot.joints)
-    for name, value in (("q", q), ("qd", qd)):
-        if value is not None and (np.shape(value) != (joints,) or not np.isfinite(value).all()):
-            raise ValueError(f"{name} is {shown(value)}; give {joints} finite numbers")
-
-
 def energy_run(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> Trajectory:
     """The motion of an arm released at q, with velocities qd or at rest, without motor efforts."""
-    qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
-    check_start(scene, seconds, q, qd)
+    if not 0.0 < seconds < np.inf:
+        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
-    return simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
+    start = np.zeros(len(scene.robot.joints)) if qd is None else qd
+    return simulate(scene, q, start, np.linspace(0.0, seconds, rows + 1))
 
 
 def write_csv(motion: Trajectory, path: Path) -> None:

@@ -16,7 +16,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.tasks.base import hard_stops, narrowed
-from redundant_envs.verify.promises import Finding, Mode, NotApplicable, NotRun, Promise, Verdict, nothing
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, Verdict, nothing
 from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
@@ -36,7 +36,7 @@ class Check:
     family: str
     promise: Promised
     mode: Mode  # the smallest one in which it runs
-    measure: Measure  # raises NotApplicable or NotRun with a reason
+    measure: Measure  # raises NotApplicable with a reason
 
     def run(self, trial: Sample) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
@@ -47,7 +47,7 @@ class Check:
                 finding = self.measure(trial)
         except NotApplicable as reason:
             verdict, finding = Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason))
-        except (NotRun, MissingPackage) as reason:
+        except MissingPackage as reason:
             verdict, finding = Verdict.NOT_RUN, Finding(math.nan, "", str(reason))
         except Exception as error:  # code of users may raise any error, and the other checks continue
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
@@ -162,19 +162,26 @@ class Sample:
             self._kept[make] = make(self)
         return self._kept[make]
 
-    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
-        """The largest of (states,) or (states, joints or names, ...) numbers, and where it is."""
+    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str, int]:
+        """The largest of (states,) or (states, joints or names, ...) numbers, where it is, and its state."""
         told = np.where(np.isnan(gaps), np.inf, gaps)
         place = np.unravel_index(int(np.argmax(told)), told.shape)
         where = f"state {place[0]}"
         if len(place) > 1:
             where += f", {(tuple(names) or self.arm.joints)[place[1]]}"
-        return float(gaps[place]), where
+        return float(gaps[place]), where, int(place[0])
 
     def finding(self, gaps: Array, words: str, names: Iterable[str] = ()) -> Finding:
         """The largest of some numbers; ``{:.1e}`` in the words is replaced by it."""
-        most, where = self.worst(gaps, names)
+        most, where, _ = self.worst(gaps, names)
         return Finding(most, where, words.format(most))
+
+
+def worst_of(findings: list[Finding], reason: str) -> Finding:
+    """The finding with the largest number; NotApplicable with a reason if there is none."""
+    if not findings:
+        raise NotApplicable(reason)
+    return max(findings, key=lambda f: np.inf if np.isnan(f.found) else f.found)
 
 
 def enough(good: Array, reason: str, share: float = ENOUGH_SMOOTH) -> None:

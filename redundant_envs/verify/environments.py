@@ -82,9 +82,8 @@ def ranges(trial: Sample) -> Finding:
             without += bool(unknown) or not np.isfinite(reward).all()
     what = ", ".join(sorted(named)) or "rewards"
     words = (
-        f"of {2 * (WHOLE + 1)} resets and steps of {MANY} lanes {outside} have observations outside their "
-        f"space, and in {without} rewards or metrics ({what}) are not finite; the "
-        "task's functions must give -1 to 1, and finite rewards and metrics, always"
+        f"{outside} resets and steps have observations outside their space, and in {without} rewards or "
+        f"metrics ({what}) are not finite"
     )
     return Finding(outside + without, "", words)
 

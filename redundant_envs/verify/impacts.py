@@ -142,6 +142,6 @@ def inside(trial: Sample) -> Finding:
                 largest += [np.full(len(q), abs(end)) for end in (low, high) if np.isfinite(end)]
                 out = np.where(out <= 4.0 * np.spacing(np.max(largest, axis=0)), 0.0, out)
             beyond[:, joint] = np.maximum(beyond[:, joint], np.where(np.isnan(out), 0.0, out))
-    most, where = trial.worst(beyond)
+    most, where, _ = trial.worst(beyond)
     lanes = int((beyond > 0.0).any(axis=1).sum())
     return Finding(lanes, where if lanes else "", f"a joint is up to {most:.1e} m or rad beyond its stop")

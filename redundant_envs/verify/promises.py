@@ -27,10 +27,6 @@ class NotApplicable(Exception):
     """A check does not apply to a subject; the message is the reason."""
 
 
-class NotRun(Exception):
-    """A check could not be run here; the message is the reason."""
-
-
 @dataclass(frozen=True)
 class Promise:
     """Condition on a number."""

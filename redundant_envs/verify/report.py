@@ -1,4 +1,4 @@
-"""All checks of some subjects, and their table as text, Markdown and JSON; the command."""
+"""All checks of some subjects, and their table as text and JSON; the command."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from typing import Any
 
 from redundant_envs.scenes.scene import load_scene, scene_names
 from redundant_envs.support import tables
-from redundant_envs.support.disk import DiskFull, write_text
+from redundant_envs.support.disk import write_text
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import say
 from redundant_envs.verify import (
     accuracy,
     bits,
-    closed_forms,
     conservation,
     engines,
     environments,
@@ -39,7 +38,7 @@ from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, kinematics, forces, hints, closed_forms, rest, conservation, accuracy, impacts, symmetries,
+    equations, kinematics, forces, hints, rest, conservation, accuracy, impacts, symmetries,
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
@@ -117,40 +116,25 @@ def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
 
 def text_table(outcomes: Iterable[Outcome]) -> str:
     """Outcomes as text in aligned columns; checks that are not applicable are listed below, by reason."""
-    shown, left = _split(outcomes)
-    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
-    return "\n".join([*lines, *(f"not applicable, {reason}: {names}" for reason, names in left)])
-
-
-def notes(outcomes: Iterable[Outcome]) -> list[str]:
-    """Faults, and advice for the reader, in words."""
-    before = {Verdict.MISSED: "MISSED: {}: ", Verdict.MEASURED: ""}
-    told = [o for o in outcomes if o.verdict in before and (o.finding.words or before[o.verdict])]
-    return [before[o.verdict].format(o.check) + o.finding.words for o in told]
-
-
-def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
-    """Lines of the table; reasons for checks that are not applicable, and the names or kinds of these."""
-    shown: list[Outcome] = []
     left: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    shown = []
     for o in outcomes:
         if o.verdict is Verdict.NOT_APPLICABLE:
             left[o.finding.words][o.check.partition(": ")[0]] += 1
         else:
             shown.append(o)
-    names = (", ".join(k if n == 1 else f"{k} ({n} checks)" for k, n in c.items()) for c in left.values())
-    return shown, list(zip(left, names, strict=True))
+    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
+    for reason, kinds in left.items():
+        names = ", ".join(kind if n == 1 else f"{kind} ({n} checks)" for kind, n in kinds.items())
+        lines.append(f"not applicable, {reason}: {names}")
+    return "\n".join(lines)
 
 
-def markdown(reports: Iterable[tuple[str, Report]]) -> str:
-    """Tables of Markdown, one for each subject."""
-    parts = ["# What verify found", "", ", ".join(f"{k} {v}" for k, v in versions().items() if v), ""]
-    for title, report in reports:
-        shown, left = _split(report.outcomes)
-        parts += [f"## {tables.escaped(title)}", "", tables.markdown(COLUMNS, map(cells, shown))]
-        parts += ["", *(f"* Not applicable, {tables.escaped(reason)}: {names}" for reason, names in left)]
-        parts += [*(f"* {tables.escaped(note)}" for note in notes(report.outcomes)), ""]
-    return "\n".join(parts)
+def notes(outcomes: Iterable[Outcome]) -> list[str]:
+    """Faults, and advice for the reader, in words."""
+    missed = [f"MISSED: {o.check}: {o.finding.words}" for o in outcomes if o.verdict is Verdict.MISSED]
+    advice = [o.finding.words for o in outcomes if o.verdict is Verdict.MEASURED and o.finding.words]
+    return missed + advice
 
 
 def as_json(reports: Iterable[tuple[str, Report]]) -> str:
@@ -170,19 +154,13 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
 
 
-def run(
-    words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
-) -> int:
-    """Verify subjects and write tables, on standard output and in files; returns 1 if a promise is broken."""
+def run(words: Sequence[str], states: int | None, mode: str, json_file: Path | None) -> int:
+    """Verify subjects and print tables; returns 1 if a promise is broken."""
     chosen = Mode[mode.upper()]
     usual = checks_in(chosen)
     tasks = [(subject, about(subject), usual) for subject in subjects_of(words)]
     machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
     tasks.append((machine, MACHINE, [*OF_THE_MACHINE]))
-    files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
-    for file, _ in files:
-        if file.is_dir():
-            raise ValueError(f"{file} is a folder; give a file to be written")
     reports: list[tuple[str, Report]] = []
     with counted("verify", sum(len(checks) for *_, checks in tasks), len(usual)) as done:
         for subject, title, checks in tasks:
@@ -192,13 +170,8 @@ def run(
             for note in notes(found.outcomes):
                 say(f"  {title.partition(': ')[0]}: {note}")
             say(flush=True)
-    for file, text in files:
-        try:
-            write_text(file, text(reports))
-        except DiskFull:
-            raise
-        except OSError as error:
-            raise ValueError(f"{file} cannot be written: {error}") from None
+    if json_file is not None:
+        write_text(json_file, as_json(reports))
     missed = sum(len(r.misses) for _, r in reports)
     kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
     say(f"{kept} promises kept, {missed} missed")

@@ -40,11 +40,7 @@ def time_reversal(trial: Sample) -> Finding:
     reach = np.linalg.norm(trial.arm.points(q), axis=2).max()
     unit = np.where(trial.arm.prismatic, reach, 1.0)
     gaps = np.where(good[:, None], np.abs((batch.q - q) @ trial.arm.motor_map) / unit, 0.0)
-    words = (
-        "a motion there and back ends {:.1e} from where it began: a force of the motion itself changes "
-        "its sign with the velocities, or a force that is said to follow from the position does not"
-    )
-    return trial.finding(gaps, words)
+    return trial.finding(gaps, "a motion there and back ends {:.1e} from where it began")
 
 
 INTERVALS = 2  # with more a motion too fast for its step could become infinite, which does not scale

@@ -29,7 +29,6 @@ from redundant_envs.scenes.files import config_folder
 from redundant_envs.verify import (
     Verdict,
     bits,
-    closed_forms,
     conservation,
     evaluators,
     forces,
@@ -99,7 +98,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
 
 CHECKS = [
     check
-    for check in checks_of(bits, closed_forms, conservation, evaluators, forces, hints, rest)
+    for check in checks_of(bits, conservation, evaluators, forces, hints, rest)
     if check is not bits.record
 ]
 

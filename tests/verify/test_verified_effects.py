@@ -15,7 +15,6 @@ from redundant_envs.verify import (
     Mode,
     Subject,
     Verdict,
-    closed_forms,
     conservation,
     evaluators,
     hints,
@@ -35,7 +34,7 @@ e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
-OF_EFFECTS = (potentials, forces_at_switches, *checks_of(hints, rest, closed_forms))
+OF_EFFECTS = (potentials, forces_at_switches, *checks_of(hints, rest))
 
 
 def misses(scene, checks=OF_EFFECTS, states=STATES):
