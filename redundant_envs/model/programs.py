@@ -322,9 +322,8 @@ class Team:
         return self._took >= self._long
 
     def _start(self) -> None:
-        """Threads belong to a process: a forked process starts its own."""
-        self._workers = [Worker() for _ in self.parts[1:]]
-        self._first: Worker | None = None  # makes the calls of the first part while they are long
+        """Threads belong to a process: a forked process starts its own, when it needs them."""
+        self._workers: list[Worker] = []
         self._process = os.getpid()
 
     def __call__(self) -> None:
@@ -338,40 +337,33 @@ class Team:
         self._took = max(self._least, time.perf_counter_ns() - start)
 
     def _share_out(self, long: bool) -> None:
-        """Run several parts, or a long one, in threads."""
+        """Run each part in a thread."""
         if self._process != os.getpid():
             self._start()
-        workers = self._workers
-        if long:
-            self._first = self._first or Worker()
-            workers = [self._first, *workers]
+        self._workers += [Worker() for _ in self.parts[len(self._workers) :]]
         arrays = (*self._memory.arrays.values(), *self._also) if long else ()
         before, stopped = [array.copy() for array in arrays], None
         try:
-            for worker, part in zip(workers, self.parts[-len(workers) :], strict=True):
+            for worker, part in zip(self._workers, self.parts, strict=True):
                 worker.begin(part)
-            if not long:
-                self.parts[0]()  # the calling thread works, too
-            for worker in workers:
+            for worker in self._workers:
                 worker.finish(long)
         except BaseException as error:
             stopped = error
         while stopped:  # by an interrupt, which may come again and again, or by what a part raises
             try:
-                self._settle(workers, arrays, before)
+                self._settle(arrays, before)
                 break
             except BaseException as error:
                 stopped = error
         if stopped:
             raise stopped
 
-    def _settle(
-        self, workers: Sequence[Worker], arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]
-    ) -> None:
+    def _settle(self, arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]) -> None:
         """Wait until no part writes to the memory, and undo what those of a long call have done."""
         for part in self.parts if arrays else ():
             part.stop()
-        for worker in workers:
+        for worker in self._workers:
             worker.settle()
         for array, content in zip(arrays, before, strict=True):
             array[:] = content
