@@ -96,7 +96,7 @@ class Never(e.Effect):
         ("nowhere.yaml", "there is no such file"),
         ("ViscousFriction", "has no default of coefficients; name one that has its numbers"),
         ("no_module:arm", "No module named 'no_module'"),
-        ("verify_me:nothing", "has no 'nothing'; of what verify takes it has arm, scene, friction"),
+        ("verify_me:nothing", "has no 'nothing'; verify takes .*arm, scene, friction"),
         ("verify_me:number", "verify_me:number is 3; verify takes an arm, a scene"),
         (Never(), "Never fits no arm; RPRP: never"),
     ],
