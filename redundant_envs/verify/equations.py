@@ -135,17 +135,6 @@ def bias_forces(trial: Sample) -> Finding:
     return found(trial, gaps, "h contradicts the derivatives of M")
 
 
-@check("passivity", AGREE)
-def passivity(trial: Sample) -> Finding:
-    """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
-    (q, qd), e = trial.poses, trial.shared(at_poses)
-    rate = np.einsum("nijk,nk->nij", e.change, qd)
-    power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * (qd * trial.arm.bias_forces(q, qd)).sum(axis=1)
-    size = np.einsum("ni,nijk,nj,nk->n", np.abs(qd), np.abs(e.change), np.abs(qd), np.abs(qd))
-    size = np.maximum(size, LEAST * np.square(e.scale * qd).sum(axis=1) * np.abs(qd).max(axis=1))
-    return found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
-
-
 @check("Coriolis matrix", AGREE, Mode.STANDARD)
 def coriolis(trial: Sample) -> Finding:
     """C follows from Christoffel's symbols of M, so C + C^T = M', and C qd = h."""
