@@ -228,14 +228,13 @@ def _check(status: Status, time: float) -> None:
     """Raise an error if an interval was not simulated to the end, or not to the scene's tolerance."""
     if (status.numerics & Numerics.EVENT_BUDGET).any():
         raise ValueError(
-            "the motion has more than 256 impacts (1024 with low bounces), or 65536 pieces, in the "
-            f"control interval at t = {time:.6g} s; take a shorter control_dt, more "
-            "substeps, or a smaller restitution"
+            "the motion has more than 256 impacts (1024 with low bounces), or 65536 pieces, in the interval "
+            f"at t = {time:.6g} s; take a shorter control_dt, more substeps, or a smaller restitution"
         )
     if (status.numerics & Numerics.NO_STEP_FOUND).any():
         raise ValueError(
-            f"dop853 finds no step that is accurate in the control interval at t = {time:.6g} s: the motion "
-            "is too stiff or ends there; take softer springs or less friction, or efforts that keep it finite"
+            f"dop853 finds no step that is accurate in the interval at t = {time:.6g} s, where the motion is "
+            "too stiff or not finite; take softer springs, less friction or smaller efforts"
         )
     if (status.numerics & Numerics.TOLERANCE_NOT_REACHED).any():
         warnings.warn(
@@ -256,9 +255,8 @@ def _tell_error(scene: Scene, largest: float) -> None:
     steps = "one step" if scene.substeps == 1 else f"{scene.substeps} equal steps"
     warn(
         f"scene has no tolerance: with {steps} of {scene.integrator} for each control_dt of "
-        f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them, as the steps "
-        f"estimate; give tolerance={ACCURACIES['standard']:g} for as many steps as that needs, or more "
-        "substeps"
+        f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them; give "
+        f"tolerance={ACCURACIES['standard']:g}, or more substeps"
     )
 
 

@@ -13,7 +13,7 @@ from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.verify.checks import Array, Sample, check, enough
-from redundant_envs.verify.conservation import crossed, energy_changes, exact_in_parts, own_interval
+from redundant_envs.verify.conservation import crossed, exact_in_parts, own_interval
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, at_least, at_most, nothing
 
 ENOUGH = 1e-3  # tip error of a control interval [m] that is good enough for the 99th percentile
@@ -70,16 +70,6 @@ def own_step(trial: Sample) -> Finding:
     where = f"median {median:.1e}, max {most:.1e}; references agree to {apart[sure].max():.0e}"
     words = "the tip is off by more than 1 mm at the 99th percentile: take more substeps, or a tolerance"
     return Finding(float(high), where, "" if high < ENOUGH else words)
-
-
-@check("energy of the own step", nothing("J, 99 % of the states"))
-def own_energy(trial: Sample) -> Finding:
-    """Change of kinetic + potential - work over a control interval at the scene's own step."""
-    q, qd, _ = trial.states
-    own = trial.shared(own_interval)
-    gap = np.abs(energy_changes(trial.scene, q, qd, own)[0])
-    gap = np.where(np.isnan(gap), np.inf, gap)
-    return Finding(float(np.quantile(gap, 0.99)), f"median {np.median(gap):.1e}, max {gap.max():.1e}")
 
 
 @check("intervals without a flag", at_most(0.05, "of the states"))

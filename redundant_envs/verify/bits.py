@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator, draws_of
-from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import Array, Sample, check
-from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, Promise
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable
 
 LANES = np.arange(67)  # eight full blocks of lanes, and one that is not full
 INTERVALS = 3
@@ -143,16 +142,3 @@ def snapshots(trial: Sample) -> Finding:
 
     found = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
     return max(found, key=lambda finding: finding.found)
-
-
-RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
-"""Recorded motions that each mode checks; None means all."""
-
-
-@check("record of bits", Promise(0.0, "motions differ", "equal bits"))
-def record(trial: Sample) -> Finding:
-    """Recorded motions have the same bits on this machine; no subject changes them."""
-    names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)
-    other = recorded_bits.differing(names)
-    words = f"this machine has other bits: {', '.join(other)}"
-    return Finding(len(other), f"of {len(names)}", words)

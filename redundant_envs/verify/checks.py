@@ -88,7 +88,6 @@ class Sample:
 
     subject: Subject
     count: int = STATES[Mode.STANDARD]  # of random states
-    mode: Mode = Mode.STANDARD
     seed: int = 0  # of the states
     given: tuple[Array, Array, Array] | None = dataclasses.field(default=None, repr=False, compare=False)
     """States to be judged instead of random ones: ``count`` of them."""

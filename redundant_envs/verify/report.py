@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.scenes.scene import load_scene, scene_names
 from redundant_envs.support import tables
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.machine import versions
@@ -41,8 +40,6 @@ CHECKS: tuple[Check, ...] = checks_of(
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
-OF_THE_MACHINE = (bits.record,)  # checks that do not depend on a subject: they are run once
-MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
 
 
@@ -68,8 +65,8 @@ class Report:
 
 
 def checks_in(mode: Mode) -> list[Check]:
-    """The checks of a mode that examine subjects."""
-    return [c for c in CHECKS if c.mode <= mode and c not in OF_THE_MACHINE]
+    """The checks of a mode."""
+    return [c for c in CHECKS if c.mode <= mode]
 
 
 def verify(
@@ -83,7 +80,7 @@ def verify(
     states, and by checks, that follow from the mode unless given; ``done`` receives the name of each check
     when it is done."""
     subject = subject_from(kind_of(thing).__name__, thing)
-    trial = Sample(subject, STATES[mode] if states is None else states, mode)
+    trial = Sample(subject, STATES[mode] if states is None else states)
     outcomes = []
     for one in checks_in(mode) if checks is None else checks:
         outcomes.append(one.run(trial))
@@ -155,19 +152,15 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
 
 def run(words: Sequence[str], states: int | None, mode: str, json_file: Path | None) -> int:
     """Verify subjects and print tables; returns 1 if a promise is broken."""
-    chosen = Mode[mode.upper()]
-    usual = checks_in(chosen)
-    tasks = [(subject, about(subject), usual) for subject in subjects_of(words)]
-    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
-    tasks.append((machine, MACHINE, [*OF_THE_MACHINE]))
-    reports: list[tuple[str, Report]] = []
-    with counted("verify", sum(len(checks) for *_, checks in tasks), len(usual)) as done:
-        for subject, title, checks in tasks:
-            found = verify(subject, states, chosen, done, checks)
+    subjects, chosen, reports = subjects_of(words), Mode[mode.upper()], list[tuple[str, Report]]()
+    checks = len(checks_in(chosen))
+    with counted("verify", checks * len(subjects), checks) as done:
+        for subject in subjects:
+            title, found = about(subject), verify(subject, states, chosen, done)
             reports.append((title, found))
             say(f"{title}\n{text_table(found.outcomes)}")
             for note in notes(found.outcomes):
-                say(f"  {title.partition(': ')[0]}: {note}")
+                say(f"  {subject.name}: {note}")
             say(flush=True)
     if json_file is not None:
         write_text(json_file, as_json(reports))

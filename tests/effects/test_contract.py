@@ -96,11 +96,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
 
 # ---- what it does ---------------------------------------------------------------------------------------
 
-CHECKS = [
-    check
-    for check in checks_of(bits, conservation, evaluators, forces, hints, rest)
-    if check is not bits.record
-]
+CHECKS = checks_of(bits, conservation, evaluators, forces, hints, rest)
 
 OF_SOME = {
     "closed forms of states",

@@ -35,7 +35,7 @@ def misses(thing, checks=EQUATIONS, effects=GRAVITY, states=24, seed=0, **step):
     """The checks that an arm or a scene does not pass."""
     if isinstance(thing, rde.Arm):
         thing = rde.Scene(thing, effects, **(step or {"tolerance": 1e-6}))
-    trial = Sample(subject_from("it", thing), states, Mode.FULL, seed)
+    trial = Sample(subject_from("it", thing), states, seed)
     return {c.name for c in checks if c.run(trial).verdict is Verdict.MISSED}
 
 

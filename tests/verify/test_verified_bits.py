@@ -17,7 +17,7 @@ from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import subject_of
 
 e = rde.effects
-BITS = tuple(c for c in checks_of(bits) if c is not bits.record)
+BITS = checks_of(bits)
 STATES = 80
 SCENE = rde.Scene(
     rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)), (e.Gravity(), e.Lag(0.05)), "rk4", 0.01

@@ -168,7 +168,6 @@ def test_reasons_and_errors_stand_in_the_table():
 def few(monkeypatch):
     """Two checks instead of all, one of which is missed."""
     monkeypatch.setattr(report, "CHECKS", checks(FOUND["kept"], FOUND["missed"]))
-    monkeypatch.setattr(report, "OF_THE_MACHINE", ())
 
 
 def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -54,16 +53,10 @@ def limited(features: Features) -> Iterator[None]:
         with counted():
             yield
     except TooManyOperations as error:
-        counts, effects = error.counts, features.scene.effects
-        boundaries = Counter(b.owner for b in features.boundaries)
-        shared = counts[""] / max(1, boundaries.total())
-        of_effects = {e.key: counts[e.key] + round(shared * boundaries[e.key]) for e in effects}
-        largest = max(of_effects, key=lambda key: of_effects[key], default="arm")
-        count = of_effects.get(largest, counts[""])
         raise ValueError(
             f"the program of this scene has more than {error.most} operations, which would take minutes to "
-            f"compile; of its {len(effects)} effects {largest!r} has the most, about {count}: leave some "
-            "out, or take fixed steps in place of a tolerance"
+            f"compile; leave some of its {len(features.scene.effects)} effects out, or take fixed steps in "
+            "place of a tolerance"
         ) from None
 
 
