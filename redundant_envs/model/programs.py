@@ -157,7 +157,7 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
 
     def trace() -> Traced:
         kernel, blocks = advance_kernel(dynamics)
-        begins = [begin_kernel(dynamics)[0]] if dynamics.effect_states.computed else []
+        begins = [begin_kernel(dynamics)] if dynamics.effect_states.computed else []
         return Program([kernel, *begins]), blocks
 
     return Simulator(dynamics, trace)

@@ -58,12 +58,11 @@ def torch_step(scene: Scene) -> Step:
     dynamics = Dynamics(scene)
     interval = Interval(dynamics)
     features = interval.features
-    for boundary in (*features.stops, *features.sticking):
-        owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
-        said = "impacts have no meaningful derivative; use a LimitSpring for its joints"
-        if boundary in features.sticking:
-            said = "joints stick and slip without a meaningful derivative; use SmoothCoulombFriction"
-        raise ValueError(f"scene has a {owner}, whose {said}")
+    impacts = "impacts have no meaningful derivative; use a LimitSpring for its joints"
+    sticking = "joints stick and slip without a meaningful derivative; use SmoothCoulombFriction"
+    for boundaries, said in ((features.stops, impacts), (features.sticking, sticking)):
+        for boundary in boundaries:
+            raise ValueError(f"scene has the effect {boundary.owner}, whose {said}")
     if features.control is Control.ADAPTIVE:
         raise ValueError("scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8'")
     count, layout = dynamics.count, interval.layout()

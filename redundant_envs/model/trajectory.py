@@ -179,7 +179,7 @@ def simulate(
             _check(batch.advance_partly(now, rest), step * dt)
             events += batch.events(step * dt) if time == t[-1] else []
         q_all[k], qd_all[k], z_all[k], work[k] = batch.q, batch.qd, batch.z, batch.work
-        applied[k] = motor_efforts(batch, now, rest, states)
+        applied[k] = _motor_efforts(batch, now, rest, states)
         if here:
             batch.restore(here)
         if not (np.isfinite(q_all[k]).all() and np.isfinite(qd_all[k]).all()):
@@ -188,26 +188,23 @@ def simulate(
                 "substeps, or a softer scene"
             )
     _tell_error(scene, largest)
-    whole = (x.reshape(len(t), *shape, x.shape[-1]) for x in (q_all, qd_all, applied, z_all))
-    q_all, qd_all, applied, z_all = whole
-    work = work.reshape(len(t), *shape)
+    found = (x.reshape(len(t), *shape, *x.shape[2:]) for x in (q_all, qd_all, applied, z_all, work))
+    q_all, qd_all, applied, z_all, work = found
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
     return Trajectory(t, q_all, qd_all, *energies, work, applied, scene, events, z_all)
 
 
-def motor_efforts(
-    batch: BatchSimulator, command: Array, elapsed: float = 0.0, begun: Array | None = None
-) -> Array:
+def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun: Array) -> Array:
     """Efforts of the motors under commands, (num_envs, joints) both, in the present states, ``elapsed`` [s]
     after the start of a control interval, at which the states of effects were ``begun``."""
-    dynamics = dataclasses.replace(batch.simulator.dynamics, located=False)  # the state selects the laws
     if not any(batch.scene.attached.chains.values()):
         return command
+    dynamics = dataclasses.replace(batch.simulator.dynamics, located=False)  # the state selects the laws
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
-    if begun is not None:  # the interval has not ended, although the simulator has advanced to here
-        at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
-        states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
+    # The interval has not ended, although the simulator has advanced to here.
+    at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
+    states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
     known = fields_of(dynamics)
     for a in batch.scene.attached.instants:
         states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
@@ -264,8 +261,7 @@ STARTS = {
     **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }
-"""Scenes of the report's experiment, figures 1 and 2, and the pose in which the arm starts: rad, and m for
-sliders. The report states neither parameters nor a start; these are ours."""
+"""Scenes of the report's figures 1 and 2, and starts of our own, rad and m: the report states none."""
 SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 

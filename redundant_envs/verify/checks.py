@@ -16,7 +16,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.tasks.base import hard_stops, narrowed
-from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, Verdict, nothing
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, Verdict
 from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
@@ -24,7 +24,6 @@ Array = NDArray[Any]
 ROUNDING = 32 * np.finfo(np.float64).eps  # relative rounding error of what differences are taken of
 ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode, unless the command says
-Promised = Promise | Callable[["Sample"], Promise]
 Measure = Callable[["Sample"], Finding]
 
 
@@ -34,15 +33,14 @@ class Check:
 
     name: str
     family: str
-    promise: Promised
+    promise: Promise
     mode: Mode  # the smallest one in which it runs
     measure: Measure  # raises NotApplicable with a reason
 
     def run(self, trial: Sample) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
-        promise = nothing("")
+        promise = self.promise
         try:
-            promise = self.promise(trial) if callable(self.promise) else self.promise
             with np.errstate(all="ignore"):
                 finding = self.measure(trial)
         except NotApplicable as reason:
@@ -59,7 +57,7 @@ class Check:
         return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
 
 
-def check(name: str, promise: Promised, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
+def check(name: str, promise: Promise, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
     """Turn a function into a check; :func:`checks_of` finds it in its module."""
 
     return lambda measure: Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)

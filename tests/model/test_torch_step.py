@@ -79,8 +79,11 @@ def test_gradients_agree_with_central_differences(arm, steps):
 @pytest.mark.parametrize(
     ("scene", "said"),
     [
-        (rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)), "PrismaticStop, whose impacts have no"),
-        (rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)), "CoulombFriction, whose joints stick .* SmoothCou"),
+        (
+            rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)),
+            "prismatic_stop, whose impacts",
+        ),
+        (rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)), "coulomb_friction, whose joints stick .* SmoothCou"),
         (rde.Scene(RPRP, (), "dop853"), "'dop853', which chooses each step while it runs; use 'rk8'"),
     ],
     ids=["stops", "stiction", "dop853"],

@@ -9,7 +9,6 @@ from typing import Any
 
 from redundant_envs.compiler.tracing.flow import Kernel, LaneFunction, Scalar
 from redundant_envs.compiler.tracing.graph import TooManyOperations, counted, reached
-from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Lifetime
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane, traced
@@ -47,7 +46,7 @@ class Ends:
 
 
 @contextlib.contextmanager
-def limited(features: Features) -> Iterator[None]:
+def limited() -> Iterator[None]:
     """ValueError if what is recorded within this context would take too long to compile."""
     try:
         with counted():
@@ -55,8 +54,7 @@ def limited(features: Features) -> Iterator[None]:
     except TooManyOperations as error:
         raise ValueError(
             f"the program of this scene has more than {error.most} operations, which would take minutes to "
-            f"compile; leave some of its {len(features.scene.effects)} effects out, or take fixed steps in "
-            "place of a tolerance"
+            "compile; leave some of its effects out, or take fixed steps in place of a tolerance"
         ) from None
 
 
