@@ -106,8 +106,8 @@ class EnvironmentKernel:
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS
 
-    def begin_due(self, block: Block, then: int = DUE) -> None:
-        """Start new episodes in the lanes of a block whose keys request one."""
+    def begin_due(self, block: Block, then: int = DUE) -> Scalar:
+        """Start new episodes in the lanes of a block whose keys request one; returns whether any did."""
         p = self.p
         some = p.variable(0)
         self._clear(block)
@@ -119,6 +119,7 @@ class EnvironmentKernel:
                 some.value = 1
         with p.when(some.value != 0):
             self.reset(block)
+        return some.value
 
     def begin_states(self, block: Block) -> None:
         """Compute again what states of effects are at the start, in lanes that begin an episode."""
