@@ -66,16 +66,11 @@ def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:
     """Lane numbers, from an argument ``index``: one or some numbers of lanes, a mask, or None for all."""
     if index is None:
         return np.arange(count)
-    given = np.asarray(index)
-    if given.dtype == bool:
-        if given.shape != (count,):
-            raise ValueError(f"index has shape {given.shape}; a mask has ({count},)")
-        return np.flatnonzero(given)
-    if given.ndim > 1:
-        raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
-    if given.size and given.dtype.kind not in "iu":
+    lanes = np.atleast_1d(index)
+    if lanes.dtype == bool and lanes.shape == (count,):
+        return np.flatnonzero(lanes)
+    if lanes.ndim > 1 or (lanes.size and lanes.dtype.kind not in "iu"):
         raise ValueError(f"index is {shown(index)}; give whole numbers, or a mask of ({count},) bool")
-    lanes = np.atleast_1d(given)
     if lanes.size and (lanes.min() < 0 or lanes.max() >= count):
         raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{count - 1}")
     if len(np.unique(lanes)) < lanes.size:

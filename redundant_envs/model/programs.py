@@ -397,11 +397,9 @@ class Copied(ABC):
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
         if state.get("_identity", "") != simulator.identity:
-            scene = simulator.dynamics.scene
-            names = ", ".join(type(x).__name__ for x in (scene.robot, *scene.effects))
             raise ValueError(
-                f"the copy is of a simulator with other equations: {names}, or the task, are not what they "
-                "were when it was made; go on with the definitions of then, or make a new simulator"
+                "the copy is of a simulator with other equations: its arm, effects or task are not what they "
+                "were; go on with the definitions of then, or make a new simulator"
             )
         self._take(state, simulator)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -185,16 +184,12 @@ def _real(name: str, value: Any) -> torch.Tensor:
 
 def _check_batch(given: Mapping[str, torch.Tensor]) -> None:
     """ValueError unless what comes before the last axis of each tensor broadcasts to one batch."""
-    together = torch.Size()
-    for name, tensor in given.items():
-        try:
-            together = torch.broadcast_shapes(together, tensor.shape[:-1])
-        except RuntimeError:
-            before = ", ".join(itertools.takewhile(name.__ne__, given))
-            raise ValueError(
-                f"{name} is for a batch of shape {tuple(tensor.shape[:-1])}, and {before} for "
-                f"{tuple(together)}; give shapes that broadcast to one"
-            ) from None
+    shapes = {name: tuple(tensor.shape[:-1]) for name, tensor in given.items()}
+    try:
+        torch.broadcast_shapes(*shapes.values())
+    except RuntimeError:
+        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"the shapes of batches, {told}, do not broadcast to one; give equal ones") from None
 
 
 def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torch.Tensor]:

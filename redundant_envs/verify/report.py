@@ -29,14 +29,13 @@ from redundant_envs.verify import (
     impacts,
     kinematics,
     recorded_bits,
-    rest,
 )
 from redundant_envs.verify.checks import STATES, Check, Outcome, Sample, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, kinematics, forces, hints, rest, conservation, accuracy, impacts,
+    equations, kinematics, forces, hints, conservation, accuracy, impacts,
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
@@ -58,10 +57,6 @@ class Report:
     def good(self) -> bool:
         """Whether no promise is missed."""
         return not self.misses
-
-    def of(self, name: str) -> Outcome:
-        """The first outcome of a check."""
-        return next(o for o in self.outcomes if o.check == name)
 
 
 def checks_in(mode: Mode) -> list[Check]:

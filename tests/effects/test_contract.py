@@ -33,7 +33,6 @@ from redundant_envs.verify import (
     evaluators,
     forces,
     hints,
-    rest,
     verify,
 )
 from redundant_envs.verify.checks import checks_of, random_states
@@ -96,7 +95,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
 
 # ---- what it does ---------------------------------------------------------------------------------------
 
-CHECKS = checks_of(bits, conservation, evaluators, forces, hints, rest)
+CHECKS = checks_of(bits, conservation, evaluators, forces, hints)
 
 OF_SOME = {
     "closed forms of states",

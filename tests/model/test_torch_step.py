@@ -150,8 +150,8 @@ NO_TENSORS = torch.ones(4, dtype=torch.bool), torch.ones(12, 4).to_sparse(), "12
     ("change", "said"),
     [
         ({"efforts": torch.ones(12, 3)}, r"efforts has shape \(12, 3\); the last axis must have 4"),
-        ({"efforts": torch.ones(3, 4)}, r"efforts is for a batch of shape \(3,\), and q, qd for \(12"),
-        ({"parameters": {"masses": torch.ones(2, 4)}}, r"masses is for a batch of shape \(2,\), and q"),
+        ({"efforts": torch.ones(3, 4)}, r"q \(12,\), qd \(12,\), efforts \(3,\), do not broadcast"),
+        ({"parameters": {"masses": torch.ones(2, 4)}}, r"masses \(2,\), do not broadcast"),
         *(({"qd": wrong}, "qd is .*; give a tensor of real numbers") for wrong in NO_TENSORS),
         ({"parameters": [4.0]}, r"parameters is \[4.0\]; give a mapping of names, such as masses"),
         ({"parameters": {"masses": torch.ones(3)}}, r"masses has shape \(3,\); the last axis must have 4"),

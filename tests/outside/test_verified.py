@@ -219,7 +219,7 @@ RIGHT = {
 @pytest.mark.long
 def test_what_is_right_is_green_whatever_the_states():
     rng = np.random.default_rng(0)
-    of_states = checks("equations", "kinematics", "forces", "hints", "rest")
+    of_states = checks("equations", "kinematics", "forces", "hints")
     things = RIGHT | {f"drawn {k}": drawn_scene(rng, calm=True) for k in range(12)}
     found = {name: misses(thing, of_states, states=64) for name, thing in things.items()}
     assert {name: red for name, red in found.items() if red} == {}

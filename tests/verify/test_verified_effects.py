@@ -19,7 +19,6 @@ from redundant_envs.verify import (
     evaluators,
     hints,
     impacts,
-    rest,
     verify,
 )
 from redundant_envs.verify.accuracy import flagged, order
@@ -33,7 +32,7 @@ e = rde.effects
 FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 RPRP = rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6))
 STATES = 64
-OF_EFFECTS = (potentials, forces_at_switches, *checks_of(hints, rest))
+OF_EFFECTS = (potentials, forces_at_switches, *checks_of(hints))
 
 
 def misses(scene, checks=OF_EFFECTS, states=STATES):
@@ -263,7 +262,7 @@ def test_a_quantity_of_an_arm_that_is_no_number_at_rest_is_red():
         joint_types = "R"
         functions = (physics(lambda m1, l1, w1: m1 * l1 * l1 * w1 * w1 / w1, gives="Lz"),)
 
-    (miss,) = verify(rde.Scene(Divided((1.0,), (1.0,))), STATES, checks=checks_of(rest)).misses
+    (miss,) = verify(rde.Scene(Divided((1.0,), (1.0,))), STATES, checks=(hints.numbers_at_rest,)).misses
     assert miss.startswith("numbers at rest: at rest, without efforts, Lz is not finite")
 
 
@@ -278,4 +277,5 @@ def test_coarse_steps_do_not_open_the_book():
     coarse = {"integrator": "euler", "control_dt": 0.1, "tolerance": None}
     result = verify(dataclasses.replace(rde.load_scene("four_r_free"), **coarse), STATES, Mode.QUICK)
     assert result.good
-    assert "take more substeps" in result.of("tip error of the own step").finding.words
+    (tip_error,) = (o for o in result.outcomes if o.check == "tip error of the own step")
+    assert "take more substeps" in tip_error.finding.words
