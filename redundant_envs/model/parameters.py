@@ -86,8 +86,9 @@ def lane_values(
     are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
-    rows = np.repeat(np.array([*nominal.values()])[:, None], len(lanes), axis=1)
-    values = dict(zip(nominal, rows, strict=True)) if fresh else present(memory, lanes, nominal)
+    values = present(memory, lanes, nominal)
+    if fresh:
+        values = {name: np.full(len(lanes), number) for name, number in nominal.items()}
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)

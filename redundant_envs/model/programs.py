@@ -108,9 +108,7 @@ class Simulator:
         the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
         scene, few = self.dynamics.scene, FEW if count <= FEW else 0
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
-        form = ", as an environment" if self.episode else ", and its work" if self.dynamics.track_work else ""
-        what = f"{scene.robot.kind} {scene.integrator} with {effects}{form}"
-        what += f", for at most {FEW}" if few else ""
+        what = f"{scene.robot.kind} {scene.integrator} with {effects}"
         key, names = self.key(few or LANES), [*self.arguments]
         try:
             return cache.kernels(key, names, lambda: dataclasses.replace(self.program, few=few), what)

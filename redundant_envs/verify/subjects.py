@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -21,7 +20,6 @@ from redundant_envs.tasks import Task
 
 TOLERANCE = 1e-6  # tip error [m] of scenes made here: the standard accuracy of the environments
 MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)  # kg, m: equal ones would hide mistakes
-NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
@@ -42,10 +40,10 @@ def subjects_of(words: Iterable[str]) -> list[Subject]:
 def subject_of(word: str) -> Subject:
     """The subject of a word: a scene by name or file, an id with or without its namespace, a registered arm,
     effect or task, or ``module:object`` that is one of these."""
-    if NAME.fullmatch(word) and not word.endswith((".yaml", ".yml")):
-        return subject_from(word, _imported(word))
     if word.endswith((".yaml", ".yml")) or word in scene_names():
         return Subject(word, load_scene(word))
+    if ":" in word:
+        return subject_from(word, _imported(word))
     env_id = word if "/" in word else f"{registration.NAMESPACE}/{word}"
     if env_id in registration.IDS:
         return _environment(word, env_id)
