@@ -39,22 +39,19 @@ class Check:
 
     def run(self, trial: Sample) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
-        promise = self.promise
         try:
             with np.errstate(all="ignore"):
                 finding = self.measure(trial)
-        except NotApplicable as reason:
+        except (NotApplicable, MissingPackage) as reason:
             verdict, finding = Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason))
-        except MissingPackage as reason:
-            verdict, finding = Verdict.NOT_RUN, Finding(math.nan, "", str(reason))
         except Exception as error:  # code of users may raise any error, and the other checks continue
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
             words = f"it could not be measured: {kind}{error}"
             verdict, finding = Verdict.MISSED, Finding(math.nan, "", words)
         else:
-            verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
-            verdict = verdict if promise.relation else Verdict.MEASURED
-        return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
+            verdict = Verdict.KEPT if self.promise.holds(finding.found) else Verdict.MISSED
+            verdict = verdict if self.promise.relation else Verdict.MEASURED
+        return Outcome(self.family, self.name, self.promise, verdict, finding)
 
 
 def check(name: str, promise: Promise, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
@@ -72,7 +69,6 @@ def checks_of(*modules: Any) -> tuple[Check, ...]:
 class Outcome:
     """A line of the table: promise and finding for a subject."""
 
-    subject: str
     family: str
     check: str
     promise: Promise

@@ -20,7 +20,6 @@ class Verdict(enum.Enum):
     MISSED = "MISSED"
     MEASURED = "measured"
     NOT_APPLICABLE = "not applicable"
-    NOT_RUN = "not run"
 
 
 class NotApplicable(Exception):

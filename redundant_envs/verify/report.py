@@ -100,9 +100,8 @@ def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
     found = "" if math.isnan(finding.found) else f"{finding.found:.3g}"
     if outcome.verdict is Verdict.MEASURED and promise.unit:
         found += f" {promise.unit.partition(',')[0]}"
-    reason = finding.words if outcome.verdict in (Verdict.NOT_APPLICABLE, Verdict.NOT_RUN) else finding.where
     promised = str(promise) if outcome.verdict is not Verdict.MEASURED else promise.unit.partition(", ")[2]
-    return outcome.check, found, promised, outcome.verdict.value, reason
+    return outcome.check, found, promised, outcome.verdict.value, finding.where
 
 
 def text_table(outcomes: Iterable[Outcome]) -> str:
