@@ -39,17 +39,15 @@ def verify(options: argparse.Namespace) -> int:
     from redundant_envs.verify import report
 
     if options.bits:
-        others = ("subject", "states", "mode", "json", "markdown")
+        others = ("subject", "states", "mode", "json")
         given = [name for name in others if getattr(options, name)]
         if given:
             raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
         return report.compare_bits(options.bits == "all")
-    files = [file for file in (options.json, options.markdown) if file is not None]
+    files = [file for file in (options.json,) if file is not None]
     modules = [Path(f"{word.partition(':')[0].replace('.', '/')}.py") for word in options.subject]
     check_kept(files, options.force, [*map(Path, options.subject), *modules])
-    return report.run(
-        options.subject, options.states, options.mode or "standard", options.json, options.markdown
-    )
+    return report.run(options.subject, options.states, options.mode or "standard", options.json)
 
 
 class Parser(argparse.ArgumentParser):
@@ -98,7 +96,6 @@ def parser() -> argparse.ArgumentParser:
         how.add_argument(f"--{mode}", dest="mode", action="store_const", const=mode, help=text)
     p.add_argument("--states", type=int, help="random states; default: 256, 1024, of --full 8192")
     p.add_argument("--json", type=Path, metavar="FILE", help="also write the results as JSON")
-    p.add_argument("--markdown", type=Path, metavar="FILE", help="also write the tables as Markdown")
     p.add_argument(
         "--bits", nargs="?", const="short", choices=("short", "all"),
         help="instead, check that recorded motions have the same bits on this machine",
@@ -153,8 +150,6 @@ def simulate(options: argparse.Namespace) -> None:
     if len(set(names)) < len(names):
         raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
     starts = [energy.default_start(*named) if options.q is None else options.q for named in scenes]
-    for (_, scene), q in zip(scenes, starts, strict=True):
-        energy.check_start(scene, options.seconds, q, options.qd)
     endings = (".csv", *(f"_{kind}.png" for kind in FIGURES))
     files = [options.out / f"{name}{ending}" for name in names for ending in endings]
     check_kept([*files, *filter(None, [options.clip])], options.force)

@@ -19,7 +19,7 @@ from redundant_envs.model import parameters
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.judging import agree
+from redundant_envs.verify.accuracy import agree
 from studies import account_of_contacts, another_account, drawing
 from studies.account_of_contacts import ContactAccount
 from studies.another_account import Account

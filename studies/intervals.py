@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.progress import counted
-from redundant_envs.verify.judging import judge
+from redundant_envs.verify.accuracy import judge
 from studies import account_of_contacts
 from studies.drawn_families import DrawnFamily
 from studies.interval_families import FAMILIES, Family, LaneSamples, chosen

@@ -22,10 +22,11 @@ from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.effects.numbers import example_of
 from redundant_envs.envs import registration
 from redundant_envs.language.algebra import physics
-from redundant_envs.verify import aimed
-from redundant_envs.verify.aimed import Lag, Play
+from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import random_states
 from studies.account_of_contacts import ContactAccount
+from tests.verify import aimed
+from tests.verify.aimed import Lag, Play
 
 e = rde.effects
 FOUR_R, RPRP = aimed.ARMS["4R"], aimed.ARMS["RPRP"]
@@ -220,7 +221,7 @@ GROUPS |= {name: functools.partial(with_example, kind) for name, kind in NEW.ite
 
 
 def _scenes():
-    yield from aimed.SCENES.items()
+    yield from recorded_bits.SCENES.items()
     for kind, arm in ARMS.items():
         yield f"{kind} every effect rk8", rde.Scene(arm, every_effect(arm), "rk8", 0.01)
         yield f"{kind} every effect 1e-6", rde.Scene(arm, every_effect(arm), tolerance=1e-6)

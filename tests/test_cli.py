@@ -72,7 +72,6 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
         ("scene nowhere", SCENES),
         ("scene chain.yaml --drawing chain.pdf", "chain.pdf; give a file that ends in .svg or .png"),
         ("verify --quick four_r_reach --json broken/a", "is broken, which is a broken link; choose"),
-        ("verify --quick mine:arm --json a --markdown ./a", "a would be written twice"),
         ("verify --quick mine:arm --json ./mine.py --force", "mine.py would be replaced, and is what"),
         ("cache", "relative cannot be used (it is not an absolute path); set REDUNDANT_"),
         ("wasm four_r_free", "scene has no EffortLimits"),

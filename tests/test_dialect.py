@@ -16,7 +16,7 @@ from redundant_envs.language.algebra import PRIMITIVES, gives_of, is_physics, ph
 PLACES = (
     *(f"redundant_envs.{name}" for name in ("language.algebra", "language.draws", "scenes.ranges")),
     *(f"redundant_envs.{name}" for name in ("robots", "effects", "tasks")),
-    "redundant_envs.verify.aimed",
+    "tests.verify.aimed",
     "studies.kinked_effects",
 )
 

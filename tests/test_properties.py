@@ -33,13 +33,13 @@ def missed(trial, checks):
     "name", [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n in SCENES]
 )
 def test_a_scene_keeps_every_promise(name):
-    assert missed(Sample(Subject(name, SCENES[name]), STATES, Mode.STANDARD, SEED), CHECKS) == []
+    assert missed(Sample(Subject(name, SCENES[name]), STATES, SEED), CHECKS) == []
 
 
 @pytest.mark.quick("redundant_envs/RPRPReach-v0")
 @pytest.mark.parametrize("env_id", IDS)
 def test_an_environment_keeps_every_promise(env_id):
-    assert missed(Sample(subject_of(env_id), STATES, Mode.STANDARD, SEED), OF_ENVIRONMENTS) == []
+    assert missed(Sample(subject_of(env_id), STATES, SEED), OF_ENVIRONMENTS) == []
 
 
 @pytest.mark.quick("copy-{}-4R free 1e-12")

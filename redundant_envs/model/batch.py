@@ -15,7 +15,7 @@ from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.language.philox import LOW, philox
 from redundant_envs.model import parameters
-from redundant_envs.model.memory import IN_USE, InUse, Memory, alone, first
+from redundant_envs.model.memory import Memory, alone, first
 from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.scenes.scene import Scene, check_scene
@@ -48,7 +48,7 @@ class Status(NamedTuple):
     """Results of one control interval, per lane: (num_envs,) each.
 
     ``error_estimate`` is the tip error of the interval [m]; of dop853 that of its last step in units of its
-    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval are read-only.
+    tolerance; NaN for methods without an estimate.
     """
 
     finite: NDArray[np.bool_]  # whether all states are finite
@@ -87,14 +87,13 @@ class BatchSimulator(Copied):
         ``set_state`` begins has the same draws again; give another seed for others.
     """
 
-    made_anew = ("_team", "_beginning", "_filled", "_unchanging", "_facts")
+    made_anew = ("_team", "_beginning", "_filled", "_facts")
 
     def __init__(
         self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False, seed: int = 0
     ) -> None:
         check_scene(scene)
-        whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
-        if not whole or not 0 <= seed < 2**64:
+        if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**64:
             raise ValueError(f"seed is {shown(seed)}; give a whole number from 0 to 2^64 - 1")
         self.scene = scene
         self.num_envs = whole_number("num_envs", num_envs)
@@ -112,17 +111,11 @@ class BatchSimulator(Copied):
         self._team = Team(simulator, "advance", memory, self.threads)
         computed = dynamics.effect_states.computed
         self._beginning = Team(simulator, "begin", memory, 1) if computed else None
-        same = {} if dynamics.method.error5 else {"error": np.nan}
-        if not simulator.features.counts_evaluations:
-            same["evaluations"] = self.scene.substeps * dynamics.method.stages
-        if not simulator.features.stops:
-            same["events"] = 0
         self._filled = {name: np.zeros(memory.blocks * LANES, kind) for name, kind in OUTPUTS.items()}
+        self._filled["error"][:] = np.nan  # kernels fill what changes from interval to interval
+        self._filled["evaluations"][:] = self.scene.substeps * dynamics.method.stages
         for part in self._team.parts:
             part.set(**{name: column[part.first * LANES :] for name, column in self._filled.items()})
-        self._unchanging = {name: np.full(self.num_envs, x, OUTPUTS[name]) for name, x in same.items()}
-        for column in self._unchanging.values():  # one array for all calls
-            column.flags.writeable = False
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -161,16 +154,14 @@ class BatchSimulator(Copied):
             return []
         if not self.track_work:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
-        counts = memory.read(("logged",))[:, 0]
-        log = memory.arrays[str(LOG)]
-        happened = []
+        counts, happened = memory.read(("logged",))[:, 0], []
         for lane in np.flatnonzero(counts).tolist():
             if counts[lane] >= MAX_LOGGED:
                 raise ValueError(
                     f"environment {lane} had {MAX_LOGGED} events or more at its stops in one interval, and "
                     f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
                 )
-            row = log[lane // LANES, : 3 * int(counts[lane]), lane % LANES]
+            row = memory.arrays[str(LOG)][lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
                 joint = features.stops[slider].name
@@ -238,9 +229,7 @@ class BatchSimulator(Copied):
         if any(name.startswith(f"{key}.") for key in scene.attached.keys_of(Impact) for name in values):
             memory.forget(lanes)  # a stop that holds a slider may be gone
 
-    @first
-    def __getstate__(self) -> dict[str, Any]:
-        return super().__getstate__()
+    __getstate__ = first(Copied.__getstate__)
 
     @first
     def save(self) -> dict[str, Any]:
@@ -267,6 +256,7 @@ class BatchSimulator(Copied):
     def _facts(self) -> str:
         return simulator_facts(self.simulator, self.num_envs)
 
+    @first
     def advance(self, efforts: ArrayLike | None = None) -> Status:
         """Advance all lanes by one control interval under constant efforts.
 
@@ -275,14 +265,7 @@ class BatchSimulator(Copied):
         efforts : (num_envs, joints) array, optional
             N m and N at the joints (``Scene.actuation``); zero by default.
         """
-        memory = self._memory
-        if memory.free == IN_USE:
-            raise InUse
-        memory.free = IN_USE  # as alone does, in a fifth of its time
-        try:
-            return self._advanced(efforts)
-        finally:
-            memory.free = memory.version
+        return self._advanced(efforts)
 
     def _advanced(self, efforts: ArrayLike | None) -> Status:
         n = self.num_envs
@@ -294,8 +277,7 @@ class BatchSimulator(Copied):
         for part in self._team.parts:
             part.put("efforts", (start + part.first * LANES * size,))
         self._team()
-        same, filled = self._unchanging, self._filled
-        return Status(*[same[name] if name in same else filled[name][:n].copy() for name in OUTPUTS])
+        return Status(*[filled[:n].copy() for filled in self._filled.values()])
 
     @first
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
@@ -308,22 +290,19 @@ class BatchSimulator(Copied):
         duration = float(duration) if isinstance(duration, np.floating) else duration
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
-        memory, times = self._memory, {"h": duration / self.scene.substeps, "interval": duration}
-        names = [name for name in times if name in memory]  # pieces have steps of their own lengths
-        usual = [memory.column(name).copy() for name in names]
-        for name in names:
-            memory.column(name)[:] = times[name]
+        times = {"h": duration / self.scene.substeps, "interval": duration}
+        columns = {
+            n: self._memory.column(n) for n in times if n in self._memory
+        }  # pieces have h of their own
+        usual = {name: column.copy() for name, column in columns.items()}
         try:
+            for name, column in columns.items():
+                column[:] = times[name]
             return self._advanced(efforts)
         finally:
-            for name, value in zip(names, usual, strict=True):
-                memory.column(name)[:] = value
+            for name, column in columns.items():
+                column[:] = usual[name]
 
     def _table(self, name: str, values: ArrayLike, lanes: int) -> NDArray[np.float64]:
         """Numbers of the joints of some lanes, (lanes, joints)."""
-        table, width = parameters.numbers(name, values), self.simulator.dynamics.count
-        if table.shape == (lanes, width):
-            return table
-        if table.shape != (width,):
-            raise ValueError(f"{name} has shape {table.shape}; give ({width},) or ({lanes}, {width})")
-        return np.broadcast_to(table, (lanes, width))
+        return parameters.shaped(name, parameters.numbers(name, values), lanes, self.simulator.dynamics.count)

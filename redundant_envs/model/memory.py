@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import copy
 import functools
-import os
 from collections.abc import Callable, Sequence
 from threading import get_ident
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -15,11 +15,9 @@ from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE, Layout
-from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
-FEW = 16  # lanes up to which all their numbers are read or written at once; of more, column by column
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -30,14 +28,6 @@ def aligned(*shape: int) -> Array:
     raw = np.zeros(size + LANES)
     first = (-raw.ctypes.data % 64) // 8
     return raw[first : first + size].reshape(shape)
-
-
-def memory_of_machine() -> int:
-    """Bytes of memory; a terabyte where the system does not tell."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # Windows
-        return 10**12
 
 
 def alone(method: Callable[Concatenate[Any, P], R], inner: bool = True) -> Callable[Concatenate[Any, P], R]:
@@ -78,8 +68,7 @@ class InUse(RuntimeError):
     def __init__(self) -> None:
         super().__init__(
             "another thread uses this simulator or environment, or did when this process was forked, or a "
-            "signal handler has interrupted its use; give each thread its own, or let one wait for the other "
-            "with a threading.Lock, and let a handler note the signal alone"
+            "signal handler has interrupted its use; give each thread its own, or share a threading.Lock"
         )
 
 
@@ -94,19 +83,17 @@ class Memory:
         self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
     ) -> None:
         """``more`` are parameters beside the scene's; ``drawn`` if episodes draw some, never shared."""
-        _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
-        self._places: dict[tuple[str, ...], tuple[str, NDArray[np.int64]] | None] = {}
         self.user = get_ident()  # the thread that uses these numbers, in a method of :func:`alone`
         self.free = IN_USE  # or the version, if no thread uses these numbers
         self.blocks = -(-count // LANES)
-        self.index, self.drawn = np.arange(count), drawn
         self.shared = True  # whether all lanes have the same parameters, in one block
         self.version = 0  # grows when an array is replaced by another one
         self.arrays: dict[str, Array] = {
             str(life): aligned(1 if life is PARAMETER else self.blocks, layout.size(life), LANES)
             for life in KEPT
         }
+        self.index, self.drawn = np.arange(count), drawn
         scene, initial = dynamics.scene, dict(dynamics.effect_states.initial)
         steps = {"interval": scene.control_dt}
         if layout.fields["h"].lifetime is PARAMETER:  # else each piece of an interval has its own steps
@@ -156,12 +143,6 @@ class Memory:
     def read(self, names: Sequence[str], index: NDArray[Any] | None = None) -> Array:
         """Numbers of some lanes as a new array (lanes, names)."""
         lanes = self.index if index is None else np.asarray(index)
-        if len(lanes) <= FEW and (place := self._place_of(tuple(names))):
-            space, rows = place
-            if self.shared and space == str(PARAMETER):
-                return np.tile(self.arrays[space][0, rows, 0], (len(lanes), 1))
-            block, lane = np.divmod(lanes, LANES)
-            return self.arrays[space][block[:, None], rows, lane[:, None]]  # type: ignore[no-any-return]
         table = np.empty((len(lanes), len(names)))
         for k, name in enumerate(names):
             column = self.column(name)
@@ -173,50 +154,24 @@ class Memory:
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers from what broadcasts to (lanes, names); false if known to be what they were."""
-        lanes = self.index if index is None else np.asarray(index)
+        """Set numbers from what broadcasts to (lanes, names); false if all lanes have them already."""
+        lanes, changed = self.index if index is None else np.asarray(index), False
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
-        if len(lanes) <= FEW and (changed := self._written(tuple(names), table, lanes)) is not None:
-            return changed
         for name, column in zip(names, table.T, strict=True):
             self.layout.row_of(name)  # for an unknown name, the error lists the valid ones
             if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
-                same = column.view(np.int64) if column.flags.c_contiguous else column.copy().view(np.int64)
-                present = self.column(name)[0, :1].copy().view(np.int64)
-                if (same == present).all():
+                bits = np.ascontiguousarray(column).view(np.int64)
+                if (bits == self.column(name)[:1, 0].view(np.int64)).all():
                     continue
-                if len(lanes) == self.count and (same == same[0]).all():
+                if len(lanes) == self.count and (bits == bits[0]).all():
                     self.column(name)[:] = column[0]
+                    changed = True
                     continue
                 self.part()
             # A view cannot do this: the blocks of a field are not contiguous.
             self.column(name)[lanes // LANES, lanes % LANES] = column
-        return True
-
-    def _written(self, names: tuple[str, ...], table: Array, lanes: NDArray[Any]) -> bool | None:
-        """Set numbers of a few lanes; None if of several memories, or if they may no longer be shared."""
-        if not (place := self._place_of(names)):
-            return None
-        (space, rows), bits = place, np.ascontiguousarray(table).view(np.int64)
-        if not (self.shared and space == str(PARAMETER)):
-            block, lane = np.divmod(lanes, LANES)
-            at = block[:, None], rows, lane[:, None]
-            changed = (self.arrays[space].view(np.int64)[at] != bits).any()
-            self.arrays[space][at] = table
-        elif len(lanes) != self.count or (bits != bits[:1]).any():
-            return None
-        else:
-            changed = (self.arrays[space].view(np.int64)[0, rows, 0] != bits[:1]).any()
-            self.arrays[space][0, rows] = table[:1].T
-        return bool(changed)
-
-    def _place_of(self, names: tuple[str, ...]) -> tuple[str, NDArray[np.int64]] | None:
-        """The memory of some fields and their rows in it; None if these are of several."""
-        if names not in self._places:
-            found = [self.layout.row_of(name) for name in names]
-            alike = len({space for space, _ in found}) == 1
-            self._places[names] = (found[0][0], np.array([row for _, row in found])) if alike else None
-        return self._places[names]
+            changed = True
+        return changed
 
     def part(self) -> None:
         """Give each lane parameters of its own."""
@@ -273,23 +228,9 @@ class Memory:
 
     def holding(self, states: Array, parameters: Array) -> Memory:
         """A memory of as many lanes that holds other numbers of :meth:`save`, for inspection."""
-        other = object.__new__(Memory)
-        own = {str(life): np.empty_like(self.arrays[str(life)]) for life in (STATE, LOG)}
-        other.__dict__.update(
-            {**self.__dict__, "free": self.version, "user": NOBODY, "arrays": {**self.arrays, **own}}
-        )
+        other = copy.copy(self)
         other.restore(states, parameters)
         return other
-
-
-def _check_size(layout: Layout, count: int) -> None:
-    """ValueError if this machine cannot hold the numbers of so many lanes."""
-    of_lane, machine = 8 * sum(map(layout.size, KEPT)), memory_of_machine()
-    if count * of_lane > machine:
-        raise ValueError(
-            f"num_envs is {shown(count)}; each takes {of_lane} bytes, and this machine has "
-            f"{machine / 1e9:.0f} GB: give at most {machine // of_lane}"
-        )
 
 
 def _aligned_copy(array: Array) -> Array:

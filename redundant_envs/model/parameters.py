@@ -49,10 +49,16 @@ def table(
         array = np.full(width, array)
     elif width == 1 and array.shape == (lanes,):
         array = array[:, None]
-    if array.shape not in ((width,), (1, width), (lanes, width)):
-        raise ValueError(f"{name} has shape {np.shape(values)}; give ({width},) or ({lanes}, {width})")
+    array = shaped(name, array, lanes, width)
     if not (np.isfinite(array) | (array == absent)).all():
         raise ValueError(f"{name} has non-finite entries; give finite numbers")
+    return array
+
+
+def shaped(name: str, array: NDArray[np.float64], lanes: int, width: int) -> NDArray[np.float64]:
+    """Numbers (lanes, width) from those of one lane or of all."""
+    if array.shape not in ((width,), (1, width), (lanes, width)):
+        raise ValueError(f"{name} has shape {array.shape}; give ({width},) or ({lanes}, {width})")
     return np.broadcast_to(array, (lanes, width))
 
 
@@ -60,16 +66,11 @@ def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:
     """Lane numbers, from an argument ``index``: one or some numbers of lanes, a mask, or None for all."""
     if index is None:
         return np.arange(count)
-    given = np.asarray(index)
-    if given.dtype == bool:
-        if given.shape != (count,):
-            raise ValueError(f"index has shape {given.shape}; a mask has ({count},)")
-        return np.flatnonzero(given)
-    if given.ndim > 1:
-        raise ValueError(f"index has shape {given.shape}; give lane numbers in a row, (n,)")
-    if given.size and given.dtype.kind not in "iu":
+    lanes = np.atleast_1d(index)
+    if lanes.dtype == bool and lanes.shape == (count,):
+        return np.flatnonzero(lanes)
+    if lanes.ndim > 1 or (lanes.size and lanes.dtype.kind not in "iu"):
         raise ValueError(f"index is {shown(index)}; give whole numbers, or a mask of ({count},) bool")
-    lanes = np.atleast_1d(given)
     if lanes.size and (lanes.min() < 0 or lanes.max() >= count):
         raise ValueError(f"index has {lanes.min()}..{lanes.max()}; lanes are 0..{count - 1}")
     if len(np.unique(lanes)) < lanes.size:
@@ -85,8 +86,9 @@ def lane_values(
     are the present ones, or those of the scene and of the task if ``fresh``."""
     of_task = {} if task is None else task.parameters()
     nominal = {**scene.parameters(), **of_task}
-    rows = np.repeat(np.array([*nominal.values()])[:, None], len(lanes), axis=1)
-    values = dict(zip(nominal, rows, strict=True)) if fresh else present(memory, lanes, nominal)
+    values = present(memory, lanes, nominal)
+    if fresh:
+        values = {name: np.full(len(lanes), number) for name, number in nominal.items()}
     changed: list[str] = []
     for name, value in given.items():
         names = names_of(scene, name, of_task)
@@ -147,8 +149,6 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
 
 KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
-OF_THE_FIRST_CORE = "numbers"
-"""Keys of snapshots, instead of states and parameters, before the core was traced."""
 
 
 def simulator_facts(simulator: Simulator, num_envs: int, **more: Any) -> str:
@@ -168,22 +168,10 @@ def _in_json(value: Any) -> Any:
 def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
     """ValueError unless a state is a mapping with these keys and no other."""
     if not isinstance(state, Mapping):
-        shape = f" of shape {state.shape} and dtype {state.dtype}" if isinstance(state, np.ndarray) else ""
-        raise ValueError(f"{name} is a {type(state).__name__}{shape}; use the mapping that {source} returned")
-    if OF_THE_FIRST_CORE in state:
-        raise ValueError(
-            f"{name} is of a version before lanes kept states and parameters apart, and cannot be continued "
-            f"to the same bits; take a new one from {source}"
-        )
-    missing = [k for k in keys if k not in state]
-    if missing:
-        raise ValueError(f"{name} lacks {', '.join(missing)}; use what {source} returned")
-    extra = [str(k) for k in state if k not in keys]
-    if extra:
-        raise ValueError(
-            f"{name} has the unknown keys {', '.join(extra)}, as states of another kind of environment "
-            f"have; use what {source} returned"
-        )
+        raise ValueError(f"{name} is {shown(state)}; use the mapping that {source} returned")
+    if {*state} != {*keys}:
+        has, needs = (", ".join(map(str, some)) for some in (state, keys))
+        raise ValueError(f"{name} has the keys {has}, and needs {needs}; use what {source} returned")
 
 
 def check_facts(name: str, theirs: Any, own: str) -> None:
@@ -191,26 +179,13 @@ def check_facts(name: str, theirs: Any, own: str) -> None:
     text = str(theirs)  # np.savez makes an array of a text
     if text == own:
         return
-    here = json.loads(own)
     try:
-        there = json.loads(text)
-        if not isinstance(there, dict):
-            raise ValueError
-        count = _short(there.get("num_envs"))
-        found = list(_differences("", there, here))
+        found = list(_differences("", json.loads(text), json.loads(own)))
     except (ValueError, RecursionError):  # the latter comes from deeply nested brackets
-        raise ValueError(f"{name}['simulator'] is {text[:40]!r}; it must be the text of a snapshot") from None
-    if there.get("num_envs") != here["num_envs"]:
-        raise ValueError(
-            f"{name} is of {count} environments; this one has num_envs {here['num_envs']}: "
-            "use a state of as many"
-        )
-    if found == ["program"]:
-        raise ValueError(f"{name} is of another scene or version: its equations are not those of this one")
-    told = [f for f in found if f != "program"]
-    more = f", and {len(told) - 4} more differences" if len(told) > 4 else ""
+        raise ValueError(f"{name}['simulator'] is {shown(text)}; it must be the text of a snapshot") from None
+    more = f", and {len(found) - 4} more differences" if len(found) > 4 else ""
     raise ValueError(
-        f"{name} is of another scene: {'; '.join(told[:4])}{more}; build an equal one for this state"
+        f"{name} is of another scene: {'; '.join(found[:4])}{more}; build an equal one for this state"
     )
 
 
@@ -224,25 +199,24 @@ def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
         for k, pair in enumerate(zip(there, here, strict=True)):
             yield from _differences(f"{name}[{k}]", *pair)
     elif there != here:
-        yield name if name == "program" else f"{name} is {_short(there)} there and {_short(here)} here"
+        yield f"{name} is {_short(there)} there and {_short(here)} here"
 
 
 def _short(value: Any) -> str:
     if isinstance(value, list):  # of effects their names are enough
         value = [v["type"] if isinstance(v, dict) and "type" in v else v for v in value]
-    text = str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return value if isinstance(value, str) else shown(value)
 
 
 def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
     """ValueError unless a value is an array of the same shape and dtype as another."""
-    if not isinstance(value, np.ndarray):
-        raise ValueError(f"{name}[{key!r}] is {_short(value)}; give an array of shape {like.shape}")
-    if value.shape != like.shape or value.dtype != like.dtype:
-        raise ValueError(
-            f"{name}[{key!r}] has shape {value.shape} and dtype {value.dtype}; this one's have "
-            f"{like.shape} and {like.dtype}"
-        )
+    if not isinstance(value, np.ndarray) or (value.shape, value.dtype) != (like.shape, like.dtype):
+        found = _of_array(value) if isinstance(value, np.ndarray) else shown(value)
+        raise ValueError(f"{name}[{key!r}] is {found}; give {_of_array(like)}")
+
+
+def _of_array(array: NDArray[Any]) -> str:
+    return f"an array of shape {array.shape} and dtype {array.dtype}"
 
 
 def check_numbers(
@@ -258,12 +232,8 @@ def check_numbers(
     of_task = {} if task is None else task.parameters()
     check_array(name, "states", state["states"], own["states"])
     given, width = state["parameters"], layout.size(PARAMETER) * LANES
-    shape, sizes = getattr(given, "shape", None), (width, memory.blocks * width)
-    if type(given) is not np.ndarray or given.dtype != np.float64 or shape not in [(n,) for n in sizes]:
-        found = _short(given) if shape is None else f"an array of shape {shape}"
-        raise ValueError(
-            f"{name}['parameters'] is {found}; give an array of {sizes[0]} or {sizes[1]} float64"
-        )
+    shared = isinstance(given, np.ndarray) and given.size == width  # by all lanes
+    check_array(name, "parameters", given, np.empty(width if shared else memory.blocks * width))
     taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
     for row in (*memory.dynamics.parameters.values, *of_task):
         there, here = taken.column(row), memory.column(row)

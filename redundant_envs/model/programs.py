@@ -108,9 +108,7 @@ class Simulator:
         the compiler. For few lanes they leave out the other ones of a block; no bit depends on that."""
         scene, few = self.dynamics.scene, FEW if count <= FEW else 0
         effects = ", ".join(type(e).__name__ for e in scene.effects) or "no effects"
-        form = ", as an environment" if self.episode else ", and its work" if self.dynamics.track_work else ""
-        what = f"{scene.robot.kind} {scene.integrator} with {effects}{form}"
-        what += f", for at most {FEW}" if few else ""
+        what = f"{scene.robot.kind} {scene.integrator} with {effects}"
         key, names = self.key(few or LANES), [*self.arguments]
         try:
             return cache.kernels(key, names, lambda: dataclasses.replace(self.program, few=few), what)
@@ -157,7 +155,7 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
 
     def trace() -> Traced:
         kernel, blocks = advance_kernel(dynamics)
-        begins = [begin_kernel(dynamics)[0]] if dynamics.effect_states.computed else []
+        begins = [begin_kernel(dynamics)] if dynamics.effect_states.computed else []
         return Program([kernel, *begins]), blocks
 
     return Simulator(dynamics, trace)
@@ -282,13 +280,12 @@ Results = SimpleQueue[BaseException | None]
 
 def _serve(asked: SimpleQueue[Any]) -> None:
     while (given := asked.get()) is not None:
-        call, results = given
+        (call, results), error = given, None
         try:
             call()
-        except BaseException as error:
-            results.put(error)
-        else:
-            results.put(None)
+        except BaseException as raised:
+            error = raised
+        results.put(error)
 
 
 WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
@@ -310,14 +307,11 @@ class Team:
         cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
         self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
         self._memory, self._also = memory, also
-        of_block = SUBSTEP * simulator.dynamics.scene.substeps
-        of_part = of_block * -(-memory.blocks // len(self.parts))
-        self._least = of_part if of_block > LONG_OF_LANE * LANES else 0  # ns of a step, if that is long
+        scene = simulator.dynamics.scene
         self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
-        self._timed = memory.blocks > 1  # those of one block are not long unless they have many substeps
-        of_unknown_length = self._timed and simulator.dynamics.scene.tolerance is not None
+        self._least = SUBSTEP * scene.substeps * -(-memory.blocks // len(self.parts))  # ns of a call
         # ns that the last call took; of the first one, what it may take
-        self._took = self._long if of_unknown_length else self._least
+        self._took = self._least if scene.tolerance is None or memory.blocks == 1 else self._long
         self._start()
 
     @property
@@ -326,61 +320,48 @@ class Team:
         return self._took >= self._long
 
     def _start(self) -> None:
-        """Threads belong to a process: a forked process starts its own."""
-        self._workers = [Worker() for _ in self.parts[1:]]
-        self._first: Worker | None = None  # makes the calls of the first part while they are long
+        """Threads belong to a process: a forked process starts its own, when it needs them."""
+        self._workers: list[Worker] = []
         self._process = os.getpid()
 
     def __call__(self) -> None:
-        if len(self.parts) > 1 or self.is_long:
-            self._run()
-            return
-        (part,) = self.parts
-        part.set_pointers()
-        start = time.perf_counter_ns() if self._timed else 0
-        part.entry(part.address)
-        if self._timed:
-            self._took = max(self._least, time.perf_counter_ns() - start)
-
-    def _run(self) -> None:
-        """Run several parts, or a long one."""
+        start, long = time.perf_counter_ns(), self.is_long
         for part in self.parts:
             part.set_pointers()
+        if long or len(self.parts) > 1:
+            self._share_out(long)
+        else:
+            self.parts[0]()
+        self._took = max(self._least, time.perf_counter_ns() - start)
+
+    def _share_out(self, long: bool) -> None:
+        """Run each part in a thread."""
         if self._process != os.getpid():
             self._start()
-        start, long = time.perf_counter_ns(), self.is_long
-        workers = self._workers
-        if long:
-            self._first = self._first or Worker()
-            workers = [self._first, *workers]
+        self._workers += [Worker() for _ in self.parts[len(self._workers) :]]
         arrays = (*self._memory.arrays.values(), *self._also) if long else ()
         before, stopped = [array.copy() for array in arrays], None
         try:
-            for worker, part in zip(workers, self.parts[-len(workers) :], strict=True):
+            for worker, part in zip(self._workers, self.parts, strict=True):
                 worker.begin(part)
-            if not long:
-                self.parts[0]()  # the calling thread works, too
-            for worker in workers:
+            for worker in self._workers:
                 worker.finish(long)
         except BaseException as error:
             stopped = error
         while stopped:  # by an interrupt, which may come again and again, or by what a part raises
             try:
-                self._settle(workers, arrays, before)
+                self._settle(arrays, before)
                 break
             except BaseException as error:
                 stopped = error
         if stopped:
             raise stopped
-        self._took = max(self._least, time.perf_counter_ns() - start)
 
-    def _settle(
-        self, workers: Sequence[Worker], arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]
-    ) -> None:
+    def _settle(self, arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]) -> None:
         """Wait until no part writes to the memory, and undo what those of a long call have done."""
         for part in self.parts if arrays else ():
             part.stop()
-        for worker in workers:
+        for worker in self._workers:
             worker.settle()
         for array, content in zip(arrays, before, strict=True):
             array[:] = content
@@ -414,11 +395,9 @@ class Copied(ABC):
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
         if state.get("_identity", "") != simulator.identity:
-            scene = simulator.dynamics.scene
-            names = ", ".join(type(x).__name__ for x in (scene.robot, *scene.effects))
             raise ValueError(
-                f"the copy is of a simulator with other equations: {names}, or the task, are not what they "
-                "were when it was made; go on with the definitions of then, or make a new simulator"
+                "the copy is of a simulator with other equations: its arm, effects or task are not what they "
+                "were; go on with the definitions of then, or make a new simulator"
             )
         self._take(state, simulator)
 

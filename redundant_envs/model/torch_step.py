@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import itertools
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from redundant_envs.compiler.backends.torch import number, on_plain_numbers, torch
-from redundant_envs.effects.bound_hooks import DRAWN
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.lane.common_step import lane_step
@@ -58,23 +56,15 @@ def torch_step(scene: Scene) -> Step:
     dynamics = Dynamics(scene)
     interval = Interval(dynamics)
     features = interval.features
-    for boundary in (*features.stops, *features.sticking):
-        owner = next(type(effect).__name__ for effect in scene.effects if effect.key == boundary.owner)
-        if boundary in features.stops:
-            said, other = "impacts have no meaningful derivative", "a LimitSpring for its joints"
-        else:
-            said = "joints stick and slip at events without a meaningful derivative"
-            other = "SmoothCoulombFriction"
-        raise ValueError(f"scene has a {owner}, whose {said}; use {other}")
+    impacts = "impacts have no meaningful derivative; use a LimitSpring for its joints"
+    sticking = "joints stick and slip without a meaningful derivative; use SmoothCoulombFriction"
+    for boundaries, said in ((features.stops, impacts), (features.sticking, sticking)):
+        for boundary in boundaries:
+            raise ValueError(f"scene has the effect {boundary.owner}, whose {said}")
     if features.control is Control.ADAPTIVE:
-        raise ValueError(
-            "scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8', with a "
-            "tolerance if errors are to be controlled"
-        )
-    count, layout, of_effects = dynamics.count, interval.layout(), tuple(dynamics.effect_states)
-    of_draws = dynamics.draw_fields
-    with_states = [a.key for a in scene.attached if a.states]
-    drawing = [name.partition(DRAWN)[0].rpartition(".")[0] for name in dynamics.draws]
+        raise ValueError("scene.integrator is 'dop853', which chooses each step while it runs; use 'rk8'")
+    count, layout = dynamics.count, interval.layout()
+    of_effects, of_draws = tuple(dynamics.effect_states), dynamics.draw_fields
 
     def step(
         q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None,
@@ -83,23 +73,16 @@ def torch_step(scene: Scene) -> Step:
         given = {name: _checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))}
         tensors = [*given.values()]
         own: dict[str, Any] = {}  # states of effects, and what their draws follow from
-        for name, value, columns, owners, nouns, verb in (
-            ("z", z, of_effects, with_states, "states", "has a state"),
-            ("draws", draws, of_draws, drawing, "random numbers", "draws"),
-        ):
+        for name, value, columns in (("z", z, of_effects), ("draws", draws, of_draws)):
+            if (value is not None) != bool(columns):
+                raise ValueError(
+                    f"{name} is {shown(value)}, and effects of the scene have {len(columns)} of its numbers; "
+                    f"give at the start torch.tensor(BatchSimulator(scene, num_envs).{name}), and then what "
+                    f"the step returns, or leave {name} out if there are none"
+                )
             if columns:
-                if value is None:
-                    keys = [*dict.fromkeys(owners)]
-                    have = "have" if len(keys) > 1 else "has"
-                    raise ValueError(
-                        f"{name} is missing, and {', '.join(keys)} {have} {nouns}; give step(q, qd, efforts, "
-                        f"{name}=...) a tensor (..., {len(columns)}), at the start torch.tensor("
-                        f"BatchSimulator(scene, num_envs).{name}), and then what the step returns"
-                    )
                 given[name] = _checked(name, value, len(columns))
                 own |= zip(columns, given[name].unbind(-1), strict=True)
-            elif value is not None:
-                raise ValueError(f"{name} is given, and no effect of the scene {verb}; leave it out")
         named = _named(scene, parameters)
         _check_batch({**given, **named})
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
@@ -181,8 +164,6 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
-    if value is None:
-        raise ValueError(f"{name} is missing; give a tensor whose last axis has {width} numbers")
     tensor = _real(name, value)
     if tensor.ndim == 0 or tensor.shape[-1] != width:
         raise ValueError(f"{name} has shape {tuple(tensor.shape)}; the last axis must have {width} numbers")
@@ -201,16 +182,12 @@ def _real(name: str, value: Any) -> torch.Tensor:
 
 def _check_batch(given: Mapping[str, torch.Tensor]) -> None:
     """ValueError unless what comes before the last axis of each tensor broadcasts to one batch."""
-    together = torch.Size()
-    for name, tensor in given.items():
-        try:
-            together = torch.broadcast_shapes(together, tensor.shape[:-1])
-        except RuntimeError:
-            before = ", ".join(itertools.takewhile(name.__ne__, given))
-            raise ValueError(
-                f"{name} is for a batch of shape {tuple(tensor.shape[:-1])}, and {before} for "
-                f"{tuple(together)}; give shapes that broadcast to one"
-            ) from None
+    shapes = {name: tuple(tensor.shape[:-1]) for name, tensor in given.items()}
+    try:
+        torch.broadcast_shapes(*shapes.values())
+    except RuntimeError:
+        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"the shapes of batches, {told}, do not broadcast to one; give equal ones") from None
 
 
 def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torch.Tensor]:

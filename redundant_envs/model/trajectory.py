@@ -137,16 +137,9 @@ def simulate(
     joints = len(scene.robot.joints)
     starts = {name: numbers(name, given) for name, given in (("q", q), ("qd", qd))}
     for name, start in starts.items():
-        if start.shape[-1:] != (joints,):
-            raise ValueError(f"{name} has shape {start.shape}; the last axis must have {joints} entries")
-    try:
-        q0, qd0 = np.broadcast_arrays(*starts.values())
-    except ValueError:
-        raise ValueError(
-            f"q and qd have shapes {np.shape(q)} and {np.shape(qd)}, which do not broadcast; give equal ones"
-        ) from None
-    if not (np.isfinite(q0).all() and np.isfinite(qd0).all()):
-        raise ValueError("q or qd has non-finite entries; give finite numbers")
+        if start.shape[-1:] != (joints,) or not np.isfinite(start).all():
+            raise ValueError(f"{name} is {shown(start)}; give finite numbers, {joints} along the last axis")
+    q0, qd0 = np.broadcast_arrays(*starts.values())
     shape, count = q0.shape[:-1], q0.size // joints
     if not count:
         raise ValueError(f"q and qd have the shape {q0.shape} together; give at least one motion")
@@ -186,7 +179,7 @@ def simulate(
             _check(batch.advance_partly(now, rest), step * dt)
             events += batch.events(step * dt) if time == t[-1] else []
         q_all[k], qd_all[k], z_all[k], work[k] = batch.q, batch.qd, batch.z, batch.work
-        applied[k] = motor_efforts(batch, now, rest, states)
+        applied[k] = _motor_efforts(batch, now, rest, states)
         if here:
             batch.restore(here)
         if not (np.isfinite(q_all[k]).all() and np.isfinite(qd_all[k]).all()):
@@ -195,26 +188,23 @@ def simulate(
                 "substeps, or a softer scene"
             )
     _tell_error(scene, largest)
-    whole = (x.reshape(len(t), *shape, x.shape[-1]) for x in (q_all, qd_all, applied, z_all))
-    q_all, qd_all, applied, z_all = whole
-    work = work.reshape(len(t), *shape)
+    found = (x.reshape(len(t), *shape, *x.shape[2:]) for x in (q_all, qd_all, applied, z_all, work))
+    q_all, qd_all, applied, z_all, work = found
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
     return Trajectory(t, q_all, qd_all, *energies, work, applied, scene, events, z_all)
 
 
-def motor_efforts(
-    batch: BatchSimulator, command: Array, elapsed: float = 0.0, begun: Array | None = None
-) -> Array:
+def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun: Array) -> Array:
     """Efforts of the motors under commands, (num_envs, joints) both, in the present states, ``elapsed`` [s]
     after the start of a control interval, at which the states of effects were ``begun``."""
-    dynamics = Dynamics(batch.scene, located=False)  # the state selects the laws
     if not any(batch.scene.attached.chains.values()):
         return command
+    dynamics = Dynamics(batch.scene, located=False)  # the state selects the laws
     states = dict(zip(dynamics.effect_states, batch.z.T, strict=True))
-    if begun is not None:  # the interval has not ended, although the simulator has advanced to here
-        at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
-        states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
+    # The interval has not ended, although the simulator has advanced to here.
+    at_end = {*dynamics.effect_states.updated} - renewed(batch.scene.attached).keys()
+    states |= {n: z for n, z in zip(states, begun.T, strict=True) if n in at_end}
     known = fields_of(dynamics)
     for a in batch.scene.attached.instants:
         states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
@@ -235,14 +225,13 @@ def _check(status: Status, time: float) -> None:
     """Raise an error if an interval was not simulated to the end, or not to the scene's tolerance."""
     if (status.numerics & Numerics.EVENT_BUDGET).any():
         raise ValueError(
-            "the motion has more than 256 impacts (1024 with low bounces), or 65536 pieces, in the "
-            f"control interval at t = {time:.6g} s; take a shorter control_dt, more "
-            "substeps, or a smaller restitution"
+            "the motion has more than 256 impacts (1024 with low bounces), or 65536 pieces, in the interval "
+            f"at t = {time:.6g} s; take a shorter control_dt, more substeps, or a smaller restitution"
         )
     if (status.numerics & Numerics.NO_STEP_FOUND).any():
         raise ValueError(
-            f"dop853 finds no step that is accurate in the control interval at t = {time:.6g} s: the motion "
-            "is too stiff or ends there; take softer springs or less friction, or efforts that keep it finite"
+            f"dop853 finds no step that is accurate in the interval at t = {time:.6g} s, where the motion is "
+            "too stiff or not finite; take softer springs, less friction or smaller efforts"
         )
     if (status.numerics & Numerics.TOLERANCE_NOT_REACHED).any():
         warnings.warn(
@@ -263,9 +252,8 @@ def _tell_error(scene: Scene, largest: float) -> None:
     steps = "one step" if scene.substeps == 1 else f"{scene.substeps} equal steps"
     warn(
         f"scene has no tolerance: with {steps} of {scene.integrator} for each control_dt of "
-        f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them, as the steps "
-        f"estimate; give tolerance={ACCURACIES['standard']:g} for as many steps as that needs, or more "
-        "substeps"
+        f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them; give "
+        f"tolerance={ACCURACIES['standard']:g}, or more substeps"
     )
 
 
@@ -273,8 +261,7 @@ STARTS = {
     **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
     "four_r_free": (0.0, -0.3, -0.6, -0.9),
 }
-"""Scenes of the report's experiment, figures 1 and 2, and the pose in which the arm starts: rad, and m for
-sliders. The report states neither parameters nor a start; these are ours."""
+"""Scenes of the report's figures 1 and 2, and starts of our own, rad and m: the report states none."""
 SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 
@@ -289,22 +276,13 @@ def default_start(name: str, scene: Scene) -> tuple[float, ...]:
     return tuple(q)
 
 
-def check_start(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
-    """ValueError for invalid arguments of :func:`energy_run`."""
-    if not np.isfinite(seconds) or seconds <= 0.0:
-        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
-    joints = len(scene.robot.joints)
-    for name, value in (("q", q), ("qd", qd)):
-        if value is not None and (np.shape(value) != (joints,) or not np.isfinite(value).all()):
-            raise ValueError(f"{name} is {shown(value)}; give {joints} finite numbers")
-
-
 def energy_run(scene: Scene, seconds: float, q: ArrayLike, qd: ArrayLike | None = None) -> Trajectory:
     """The motion of an arm released at q, with velocities qd or at rest, without motor efforts."""
-    qd = (0.0,) * len(scene.robot.joints) if qd is None else qd
-    check_start(scene, seconds, q, qd)
+    if not 0.0 < seconds < np.inf:
+        raise ValueError(f"seconds is {seconds}; it must be positive and finite")
     rows = max(1, round(seconds / min(scene.control_dt, SAMPLE_INTERVAL)))
-    return simulate(scene, q, qd, np.linspace(0.0, seconds, rows + 1))
+    start = np.zeros(len(scene.robot.joints)) if qd is None else qd
+    return simulate(scene, q, start, np.linspace(0.0, seconds, rows + 1))
 
 
 def write_csv(motion: Trajectory, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import pickle
 from collections.abc import Callable
@@ -10,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.model.batch import BatchSimulator, draws_of
-from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import Array, Sample, check
-from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode, NotApplicable, NotRun, Promise
+from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode
 
 LANES = np.arange(67)  # eight full blocks of lanes, and one that is not full
 INTERVALS = 3
@@ -57,13 +57,14 @@ def differing(trial: Sample, found: Array, what: str, lanes: Array = LANES) -> F
     return Finding(count, where, f"{count} of {len(lanes)} lanes have other bits {what}")
 
 
-@check("bits: batch and place", EQUAL_BITS)
+@check("bits: batch, place and threads", EQUAL_BITS)
 def place(trial: Sample) -> Finding:
-    """A lane has the same bits at another index, and in batches of 1, of 8 and of 9."""
+    """A lane has the same bits at another index, in batches of 1, of 8 and of 9, and with more threads."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
-    orders = order, order[:1], order[1:9], order[9:18]
-    found = [run(trial, batch_of(trial, some), some) for some in orders]
-    return differing(trial, np.concatenate(found), "at another index or batch size", np.concatenate(orders))
+    orders, threads = (order, order[:1], order[1:9], order[9:18], LANES, LANES), (1, 1, 1, 1, 2, 3)
+    found = [run(trial, batch_of(trial, *how), how[0]) for how in zip(orders, threads, strict=True)]
+    what = "at another index or batch size, or with more threads"
+    return differing(trial, np.concatenate(found), what, np.concatenate(orders))
 
 
 @check("bits: neighbours", EQUAL_BITS)
@@ -72,13 +73,6 @@ def neighbours(trial: Sample) -> Finding:
     batch, own, others = batch_of(trial), LANES[::2], LANES[1::2]
     batch.set_state(batch.q[others[::-1]], 1e200 * batch.qd[others], others)
     return differing(trial, run(trial, batch, without=others)[own], "beside other neighbours", own)
-
-
-@check("bits: threads", EQUAL_BITS)
-def threads(trial: Sample) -> Finding:
-    """Two and three threads give the bits of one."""
-    found = [run(trial, batch_of(trial, threads=count)) for count in (2, 3)]
-    return differing(trial, np.concatenate(found), "with more threads", np.tile(LANES, 2))
 
 
 @check("bits: parameters of lanes", EQUAL_BITS, Mode.STANDARD)
@@ -99,28 +93,16 @@ def _continued(trial: Sample, remade: Callable[[BatchSimulator], Any], what: str
 
 @check("bits: copies", EQUAL_BITS)
 def copies(trial: Sample) -> Finding:
-    """A copy continues to the same bits, whatever happens to the original."""
+    """A copy, and a pickle of it, continue to the same bits, whatever happens to the original."""
 
-    def copied(batch: BatchSimulator) -> BatchSimulator:
+    def copied(batch: BatchSimulator) -> Any:
         made = copy.deepcopy(batch)
         batch.set_state(0.0 * batch.q + trial.states[0][:1], -batch.qd)
+        with contextlib.suppress(pickle.PicklingError, AttributeError, TypeError):  # of what a user has made
+            made = pickle.loads(pickle.dumps(made))
         return made
 
     return _continued(trial, copied, "in a copy")
-
-
-@check("bits: pickles", EQUAL_BITS, Mode.STANDARD)
-def pickles(trial: Sample) -> Finding:
-    """A pickle continues to the same bits."""
-
-    def pickled(batch: BatchSimulator) -> Any:
-        try:
-            text = pickle.dumps(batch)
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
-            raise NotApplicable(f"what the scene is made of cannot be pickled: {error}") from None
-        return pickle.loads(text)
-
-    return _continued(trial, pickled, "in a pickle")
 
 
 @check("bits: snapshots", EQUAL_BITS)
@@ -143,18 +125,3 @@ def snapshots(trial: Sample) -> Finding:
 
     found = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
     return max(found, key=lambda finding: finding.found)
-
-
-RECORDED = {Mode.QUICK: ("4R all rk8",), Mode.STANDARD: recorded_bits.SHORT, Mode.FULL: None}
-"""Recorded motions that each mode checks; None means all."""
-
-
-@check("record of bits", Promise(0.0, "motions differ", "equal bits"))
-def record(trial: Sample) -> Finding:
-    """Recorded motions have the same bits on this machine; no subject changes them."""
-    names = RECORDED[trial.mode] or tuple(recorded_bits.RECORDED)
-    if not recorded_bits.RECORD.exists():
-        raise NotRun("the record is not installed")
-    other = recorded_bits.differing(names)
-    words = f"this machine has other bits: {', '.join(other)}"
-    return Finding(len(other), f"of {len(names)}", words)

@@ -16,7 +16,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import SHORTEST_INTERVAL, Scene
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.tasks.base import hard_stops, narrowed
-from redundant_envs.verify.promises import Finding, Mode, NotApplicable, NotRun, Promise, Verdict, nothing
+from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise, Verdict
 from redundant_envs.verify.subjects import Subject
 
 Array = NDArray[Any]
@@ -24,7 +24,6 @@ Array = NDArray[Any]
 ROUNDING = 32 * np.finfo(np.float64).eps  # relative rounding error of what differences are taken of
 ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode, unless the command says
-Promised = Promise | Callable[["Sample"], Promise]
 Measure = Callable[["Sample"], Finding]
 
 
@@ -34,32 +33,28 @@ class Check:
 
     name: str
     family: str
-    promise: Promised
+    promise: Promise
     mode: Mode  # the smallest one in which it runs
-    measure: Measure  # raises NotApplicable or NotRun with a reason
+    measure: Measure  # raises NotApplicable with a reason
 
     def run(self, trial: Sample) -> Outcome:
         """The outcome for a subject; an error of the subject's own code is a miss whose text reports it."""
-        promise = nothing("")
         try:
-            promise = self.promise(trial) if callable(self.promise) else self.promise
             with np.errstate(all="ignore"):
                 finding = self.measure(trial)
-        except NotApplicable as reason:
+        except (NotApplicable, MissingPackage) as reason:
             verdict, finding = Verdict.NOT_APPLICABLE, Finding(math.nan, "", str(reason))
-        except (NotRun, MissingPackage) as reason:
-            verdict, finding = Verdict.NOT_RUN, Finding(math.nan, "", str(reason))
         except Exception as error:  # code of users may raise any error, and the other checks continue
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
             words = f"it could not be measured: {kind}{error}"
             verdict, finding = Verdict.MISSED, Finding(math.nan, "", words)
         else:
-            verdict = Verdict.KEPT if promise.holds(finding.found) else Verdict.MISSED
-            verdict = verdict if promise.relation else Verdict.MEASURED
-        return Outcome(trial.subject.name, self.family, self.name, promise, verdict, finding)
+            verdict = Verdict.KEPT if self.promise.holds(finding.found) else Verdict.MISSED
+            verdict = verdict if self.promise.relation else Verdict.MEASURED
+        return Outcome(self.family, self.name, self.promise, verdict, finding)
 
 
-def check(name: str, promise: Promised, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
+def check(name: str, promise: Promise, mode: Mode = Mode.QUICK) -> Callable[[Measure], Check]:
     """Turn a function into a check; :func:`checks_of` finds it in its module."""
 
     return lambda measure: Check(name, measure.__module__.rpartition(".")[2], promise, mode, measure)
@@ -74,7 +69,6 @@ def checks_of(*modules: Any) -> tuple[Check, ...]:
 class Outcome:
     """A line of the table: promise and finding for a subject."""
 
-    subject: str
     family: str
     check: str
     promise: Promise
@@ -88,7 +82,6 @@ class Sample:
 
     subject: Subject
     count: int = STATES[Mode.STANDARD]  # of random states
-    mode: Mode = Mode.STANDARD
     seed: int = 0  # of the states
     given: tuple[Array, Array, Array] | None = dataclasses.field(default=None, repr=False, compare=False)
     """States to be judged instead of random ones: ``count`` of them."""
@@ -162,19 +155,26 @@ class Sample:
             self._kept[make] = make(self)
         return self._kept[make]
 
-    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str]:
-        """The largest of (states,) or (states, joints or names, ...) numbers, and where it is."""
+    def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str, int]:
+        """The largest of (states,) or (states, joints or names, ...) numbers, where it is, and its state."""
         told = np.where(np.isnan(gaps), np.inf, gaps)
         place = np.unravel_index(int(np.argmax(told)), told.shape)
         where = f"state {place[0]}"
         if len(place) > 1:
             where += f", {(tuple(names) or self.arm.joints)[place[1]]}"
-        return float(gaps[place]), where
+        return float(gaps[place]), where, int(place[0])
 
     def finding(self, gaps: Array, words: str, names: Iterable[str] = ()) -> Finding:
         """The largest of some numbers; ``{:.1e}`` in the words is replaced by it."""
-        most, where = self.worst(gaps, names)
+        most, where, _ = self.worst(gaps, names)
         return Finding(most, where, words.format(most))
+
+
+def worst_of(findings: list[Finding], reason: str) -> Finding:
+    """The finding with the largest number; NotApplicable with a reason if there is none."""
+    if not findings:
+        raise NotApplicable(reason)
+    return max(findings, key=lambda f: np.inf if np.isnan(f.found) else f.found)
 
 
 def enough(good: Array, reason: str, share: float = ENOUGH_SMOOTH) -> None:

@@ -66,30 +66,16 @@ def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
 
 
-def added_inertia(trial: Sample) -> Array:
-    """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
-    arm = trial.scene.robot
-    total = np.zeros((len(arm.joints),) * 2)
-    for a in trial.scene.attached.of(Inertia):
-        direction = arm.motor_map[:, list(a.hook.joints)].sum(axis=1)
-        total += a.number(a.hook.inertia) * np.outer(direction, direction)
-    return total
-
-
-def from_points(trial: Sample) -> Equations:
-    return equations_at(trial.arm, added_inertia(trial), trial.states[0])
-
-
 def at_poses(trial: Sample) -> Equations:
-    return equations_at(trial.arm, added_inertia(trial), trial.poses[0])
-
-
-def equations_at(arm: Arm, added: Array, q: Array) -> Equations:
     """Quantities that follow from the point masses, and from the inertias that effects add."""
+    arm, q = trial.arm, trial.poses[0]
     n, joints, masses = len(q), len(arm.joints), np.array(arm.masses)
     of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
     slope = slopes(arm, of_points, q).reshape(n, -1, 2, joints)
-    M = np.einsum("p,npai,npaj->nij", masses, slope, slope) + added
+    M = np.einsum("p,npai,npaj->nij", masses, slope, slope)
+    for a in trial.scene.attached.of(Inertia):
+        direction = arm.motor_map[:, list(a.hook.joints)].sum(axis=1)
+        M += a.number(a.hook.inertia) * np.outer(direction, direction)
     change = slopes(arm, entries("M", joints, joints), q).reshape(n, joints, joints, joints)
     return Equations(arm.points(q), slope, M, np.sqrt(np.einsum("nii->ni", M)), change)
 
@@ -133,17 +119,6 @@ def bias_forces(trial: Sample) -> Finding:
     size = np.maximum((sizes / e.scale).max(axis=1), least)[:, None]
     gaps = ratio((trial.arm.bias_forces(q, qd) - expected) / e.scale, size)
     return found(trial, gaps, "h contradicts the derivatives of M")
-
-
-@check("passivity", AGREE)
-def passivity(trial: Sample) -> Finding:
-    """qd^T (M' qd - 2 h) = 0: bias forces do no work beyond the change of M."""
-    (q, qd), e = trial.poses, trial.shared(at_poses)
-    rate = np.einsum("nijk,nk->nij", e.change, qd)
-    power = np.einsum("ni,nij,nj->n", qd, rate, qd) - 2.0 * (qd * trial.arm.bias_forces(q, qd)).sum(axis=1)
-    size = np.einsum("ni,nijk,nj,nk->n", np.abs(qd), np.abs(e.change), np.abs(qd), np.abs(qd))
-    size = np.maximum(size, LEAST * np.square(e.scale * qd).sum(axis=1) * np.abs(qd).max(axis=1))
-    return found(trial, ratio(power, size), "h does work: qd^T (M' - 2 C) qd is not 0 but off")
 
 
 @check("Coriolis matrix", AGREE, Mode.STANDARD)

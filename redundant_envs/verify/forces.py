@@ -11,9 +11,17 @@ from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.checks import BEYOND, ENOUGH_SMOOTH, ROUNDING, Array, Sample, check, ratio
+from redundant_envs.verify.checks import (
+    BEYOND,
+    ENOUGH_SMOOTH,
+    ROUNDING,
+    Array,
+    Sample,
+    check,
+    ratio,
+    worst_of,
+)
 from redundant_envs.verify.equations import columns
-from redundant_envs.verify.hints import worst_of
 from redundant_envs.verify.promises import Finding, at_most
 
 STEP = 1e-5  # rad, m: far below lengths over which a potential changes (1e-2), far above rounding (1e-11)
@@ -68,15 +76,10 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
     gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
     if (share := np.mean(smooth)) < ENOUGH_SMOOTH:
-        words = f"{effect.key}: the potential can be differentiated at {100 * share:.0f} % of the states only"
-        return Finding(np.inf, effect.key, f"{words}; it must change smoothly")
-    most, where = trial.worst(gap)
-    state, joint = np.unravel_index(int(np.argmax(gap)), gap.shape)
-    words = (
-        f"{effect.key}: at {arm.joints[joint]} the conservative force is {force[state, joint]:.6g} and minus "
-        f"the derivative of the potential {slope[state, joint]:.6g}; one is wrong (its sign, a factor, its "
-        "joint)"
-    )
+        words = f"{effect.key}: the potential is smooth at {share:.0%} of the states only"
+        return Finding(np.inf, effect.key, words)
+    most, where, state = trial.worst(gap)
+    words = f"{effect.key}: the conservative forces are {force[state]}, those of the potential {slope[state]}"
     return Finding(most, f"{where}, {effect.key}", words)
 
 
@@ -114,11 +117,11 @@ def _jump(trial: Sample, a: Attached[Force], limit: str, side: float) -> Finding
     nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
     # The position itself is rounded, which matters for a stiff force between close limits.
     rounding = ROUNDING * (1.0 + np.abs(joints).sum(axis=1)) * nearby.max() / (BEYOND * width)
-    most, where = trial.worst(ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max()))
-    state = int(np.argmax(np.abs(inside - outside)))
+    most, where, state = trial.worst(
+        ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max())
+    )
     words = (
-        f"{a.key}: at {hook.switch}, {limit} = {a.number(limit):g} of {arm.joints[joint]}, the "
-        f"force is {inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; they "
-        "must be equal, since a motion cannot be located where its force jumps to and fro"
+        f"{a.key}: where {arm.joints[joint]} is at {limit} = {a.number(limit):g}, the force is "
+        f"{inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; make them equal"
     )
     return Finding(most, f"{where}, {a.key}", words)

@@ -1,6 +1,8 @@
-"""Does error control know the time scales of effects, and do dampers brake?
+"""Does error control know the time scales of effects, do dampers brake, are closed forms solutions, and are
+all numbers finite at rest?
 
 Declared stiffness, damping and rates of states say how short steps must be before any error estimate exists.
+Fixed steps evaluate the closed form of a state where error control integrates its derivative.
 """
 
 from __future__ import annotations
@@ -11,16 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.bound_hooks import TIME, Attached
+from redundant_envs.effects.bound_hooks import TIME, Attached, Functions
 from redundant_envs.effects.hooks import SPEED, Force, Point
-from redundant_envs.language.algebra import where
+from redundant_envs.language.algebra import gives_of, numbered, where
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
+from redundant_envs.robots.checks import OF_LANES, OWN_NAMES
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify.checks import ROUNDING, Array, Sample, check, ratio
+from redundant_envs.verify.checks import ROUNDING, Array, Sample, check, ratio, worst_of
 from redundant_envs.verify.equations import TILTED, columns
-from redundant_envs.verify.promises import Finding, NotApplicable, at_most
+from redundant_envs.verify.promises import Finding, Promise, at_most
 
 SHORT = at_most(1.5)
 """A step covers two radians of an oscillation, or two time constants of a decay; three are still in the
@@ -102,12 +105,6 @@ def cases(trial: Sample, which: str) -> Iterator[tuple[Attached[Force], Motion]]
             yield a, Motion(dynamics, joints, rates)
 
 
-def worst_of(findings: list[Finding], reason: str) -> Finding:
-    if not findings:
-        raise NotApplicable(reason)
-    return max(findings, key=lambda f: f.found if f.found == f.found else np.inf)
-
-
 def hinted(trial: Sample, which: str) -> Finding:
     """The largest ratio of the actual to the declared stiffness or damping of forces."""
     found = []
@@ -116,11 +113,9 @@ def hinted(trial: Sample, which: str) -> Finding:
             motion = Motion(motion.dynamics, motion.joints, 0.0 * motion.rates)
         own = motion.slopes(a, which == "damping")
         declared = np.broadcast_to(a.functions[which](motion.values()), own.shape)
-        gap, where = trial.worst(np.where(np.isfinite(declared), ratio(own, declared), np.nan))
-        state = int(where.removeprefix("state "))
+        gap, where, state = trial.worst(np.where(np.isfinite(declared), ratio(own, declared), np.nan))
         words = (
-            f"{a.key}: the {which} of the force is {own[state]:.6g} and {which}= gives "
-            f"{declared[state]:.6g}: error control takes steps that are too long; give the largest"
+            f"{a.key}: {which}= gives {declared[state]:.6g} where it is {own[state]:.6g}; give the largest"
         )
         found.append(Finding(gap, f"{where}, {a.key}", words))
     return worst_of(found, f"no force declares a {which}")
@@ -160,11 +155,9 @@ def dampers(trial: Sample) -> Finding:
         power = ((moving - resting) * rates).sum(axis=1)
         noise = ROUNDING * np.abs(moving).max(axis=1) * speed
         largest = np.linalg.norm(moving - resting, axis=1).max() * speed
-        gap, where = trial.worst(ratio(np.maximum(power - noise, 0.0), largest))
-        state = int(where.removeprefix("state "))
+        gap, where, state = trial.worst(ratio(np.maximum(power - noise, 0.0), largest))
         words = (
-            f"{a.key}: declares a damping, and drives: its rate adds {power[state]:.3g} W; turn its "
-            "sign, or leave damping= out and give what is meant to drive as an Actuation"
+            f"{a.key}: declares a damping, and its rate adds {power[state]:.3g} W; turn the sign of the force"
         )
         found.append(Finding(gap, f"{where}, {a.key}", words))
     return worst_of(found, "no force declares a damping")
@@ -194,10 +187,93 @@ def rates_of_states(trial: Sample) -> Finding:
         gaps = [ratio(own[:, j, j], declared[j]) for j in said]
         if len(said) == len(states) and np.isfinite(own).all():
             gaps.append(ratio(np.abs(np.linalg.eigvals(own)).max(axis=1), declared.max(axis=0)))
-        most, where = trial.worst(np.stack(gaps, axis=1), [*(names[j] for j in said), "together"])
-        words = (
-            f"{a.key}: states change {most:.3g} times as fast as their rate= says: error control takes "
-            "steps that are too long; give the largest"
-        )
+        most, where, _ = trial.worst(np.stack(gaps, axis=1), [*(names[j] for j in said), "together"])
+        words = f"{a.key}: states change {most:.3g} times as fast as their rate= says; give the largest"
         found.append(Finding(most, f"{where}, {a.key}", words))
     return worst_of(found, "no state declares a rate")
+
+
+SOLVED = at_most(1e-9)  # rounding is 1e-15 times the time in time constants, a wrong factor 1e-3 and more
+DECADES = 4.0  # number of decades of times below the control interval: of states that decay within it as well
+SPREAD = 2.0  # largest values of a state at the start, in units of that which it has an interval later
+
+
+@check("closed forms of states", SOLVED)
+def closed_forms(trial: Sample) -> Finding:
+    """A closed form keeps the value of its state at the time 0, and its derivative by the time is that of the
+    state, at the values that it gives, with all other quantities constant."""
+    dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
+    B = dynamics.arm.motor_map
+    x = Motion(dynamics, q @ B, qd @ B, efforts).values()
+    states = ((a, field, own) for a in dynamics.scene.attached for field, own in a.states.items())
+    found = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
+    return worst_of(found, "no state has a closed form")
+
+
+def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, own: Functions) -> Finding:
+    """The largest gap between a closed form and its derivative, in units of the largest derivative."""
+    count, interval = len(trial.states[0]), trial.scene.control_dt
+    rng = np.random.default_rng(trial.seed + 9)
+    times = interval * 10.0 ** -rng.uniform(0.0, DECADES, count)
+
+    def at(function: str, value: Any, time: Any = 0.0) -> Any:
+        given = {field: value, TIME: time}
+        return own[function].on(given[n] if n in given else x[n] for n in own[function].names)
+
+    later = np.broadcast_to(at("closed", x[field], interval), count)
+    size = np.where(later == 0.0, 1.0, np.abs(later))
+    start = size * rng.uniform(-SPREAD, SPREAD, count)
+    kept = np.abs(at("closed", start) - start)
+    then = dual(at("closed", start, Dual(times, np.ones(count))))
+    slope, rate = np.broadcast_arrays(then.slope, at("derivative", then.value))
+    largest: Array = np.abs(at("derivative", start))
+    for other in (slope, rate, (np.abs(start) + np.abs(then.value)) / interval):
+        largest = np.maximum(largest, np.abs(other))
+    gaps = np.maximum(ratio(slope - rate, largest), ratio(kept, size))
+    most, where, state = trial.worst(gaps)
+    words = (
+        f"{a.key}: closed= of {field!r} changes by {slope[state]:.6g} per second, and by {kept[state]:.3g} "
+        f"at once; its derivative= is {rate[state]:.6g}: give the solution with all other quantities constant"
+    )
+    return Finding(most, f"{where}, {a.key}", words)
+
+
+@check("numbers at rest", Promise(0.0, "quantities", "at most"))
+def numbers_at_rest(trial: Sample) -> Finding:
+    """Quantities of the arm, forces, links, changes of states, readings and accelerations are finite without
+    velocities and efforts: in random poses, at ends of travel, straight, folded and square."""
+    dynamics = Dynamics(trial.scene, track_work=True)
+    q = np.concatenate([trial.states[0], trial.poses[0], trial.square])
+    q = q[np.isfinite(dynamics.arm.points(q)).all(axis=(1, 2))]
+    motion = Motion(dynamics, q @ dynamics.arm.motor_map, np.zeros_like(q))
+    wrong, where = [], ""
+    for what, value in _values(dynamics, motion):
+        good = np.isfinite(np.broadcast_to(np.asarray(value, float), len(q)))
+        if not good.all():
+            pose = zip(dynamics.arm.joints, motion.joints[np.argmin(good)].round(4), strict=True)
+            where = where or f"{what} at {', '.join(f'{k} {v:g}' for k, v in pose)}"
+            wrong.append(what)
+    words = (
+        f"at rest, without efforts, {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not finite; "
+        "do not divide by a rate or an effort, which may be 0"
+    )
+    return Finding(len(wrong), where, words)
+
+
+def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
+    """The checked quantities, by names that a reader knows."""
+    arm, x = dynamics.arm, motion.values()
+    for a in dynamics.scene.attached:
+        parts: list[Functions] = [a.functions, *a.states.values()]
+        for field, function in (named for part in parts for named in part.items()):
+            found = function(x) if field != "kink" else ()
+            for value in found if isinstance(found, tuple) else (found,):
+                yield f"{field} of {a.key}", value
+    others = (f"the change of {name}" for name in dynamics.states[2 * dynamics.count :])
+    names = [*numbered("qdd{}", len(arm.joints)), *others]
+    yield from zip(names, dynamics.accelerations(motion.values()), strict=True)
+    x.update({f"t{k + 1}": 0.0 for k in range(len(arm.joints))})
+    given = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
+    all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms), arm.sincos)
+    for name in sorted(n for n in given if OWN_NAMES.fullmatch(n) or n in OF_LANES):
+        yield name, all_of_them[name]

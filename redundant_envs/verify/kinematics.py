@@ -139,10 +139,7 @@ def reach(trial: Sample) -> Finding:
     most = Quantities(known, (full_reach(arm),), {})["reach"]
     tip = np.linalg.norm(arm.forward_kinematics(joints @ np.linalg.inv(arm.motor_map)), axis=1)
     far = float(np.nanmax(tip) / most)
-    words = (
-        f"{arm.kind}: the tip comes {far:.4g} times as far as the sum of extent, {', '.join(arm.extent)}; "
-        "name all lengths and sliders from the base to the tip"
-    )
+    words = f"{arm.kind}: the tip comes {far:.4g} times as far as the sum of extent, {', '.join(arm.extent)}"
     return Finding(far, "", words)
 
 
@@ -155,15 +152,12 @@ def posture(trial: Sample) -> Finding:
     wanted = [*names, *(f"phi{k + 1}" for k in slides)]
     values = table(arm, names, values_of(arm, q), len(q)) if names else np.zeros((len(q), 1))
     if not np.abs(values).max() <= 1.0 + 1e-9:
-        gap, where = trial.worst(np.abs(values), names)
+        gap, where, _ = trial.worst(np.abs(values), names)
         return Finding(np.nan, where, f"{arm.kind}.posture has {gap:.3g}; its quantities must lie in -1 to 1")
     least = np.linalg.svd(slopes(arm, wanted, trial.square), compute_uv=False)
     least = least[:, -1] if least.shape[1] == len(arm.joints) else np.zeros(len(q))
     state = int(np.argmin(least))
-    words = (
-        f"{arm.kind}.posture ({', '.join(names) or 'nothing'}) does not change with every revolute joint; "
-        "give the sine and the cosine of each angle"
-    )
+    words = f"{arm.kind}.posture, {', '.join(names)}, lacks the sine or the cosine of an angle"
     return Finding(float(least[state]), f"state {state}", words)
 
 

@@ -20,15 +20,10 @@ class Verdict(enum.Enum):
     MISSED = "MISSED"
     MEASURED = "measured"
     NOT_APPLICABLE = "not applicable"
-    NOT_RUN = "not run"
 
 
 class NotApplicable(Exception):
     """A check does not apply to a subject; the message is the reason."""
-
-
-class NotRun(Exception):
-    """A check could not be run here; the message is the reason."""
 
 
 @dataclass(frozen=True)

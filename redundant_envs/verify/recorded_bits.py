@@ -1,7 +1,4 @@
-"""Scenes and environments of which every bit is recorded: it must be the same on every machine.
-
-``python -m redundant_envs.verify.recorded_bits`` writes a new record; a commit that changes it says why.
-"""
+"""Scenes and environments of which every bit is recorded: it must be the same on every machine."""
 
 from __future__ import annotations
 
@@ -9,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +16,28 @@ from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.support.values import say
-from redundant_envs.verify.aimed import AIMED, ENTRIES, SCENES, aimed_motion, outcome
+from redundant_envs.scenes.files import read_yaml
+from redundant_envs.support.values import typed
 
 RECORD = Path(__file__).with_name("recorded_bits.json")
+ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
 LANES, INTERVALS = 256, 50
-
-ENVIRONMENTS: dict[str, dict[str, Any]] = ENTRIES["environments"]
-SHORT = tuple(ENTRIES["short"])
+Array = NDArray[Any]
 
 
-def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Generator]:
-    """States and efforts that are the same on every machine."""
+def scene_of(arm: str, effects: Iterable[str], **numbers: Any) -> rde.Scene:
+    """The scene of an entry of the file."""
+    return rde.Scene(ARMS[arm], tuple(EFFECTS[name] for name in effects), **numbers)
+
+
+ARMS = {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
+EFFECTS = {name: typed(name, entry, e.REGISTRY) for name, entry in ENTRIES["effects"].items()}
+SCENES = {name: scene_of(**entry) for name, entry in ENTRIES["scenes"].items()}
+"""Scenes, named by their special features."""
+
+
+def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterator[Array]:
+    """Tables of numbers, interval by interval, of 256 lanes of a scene."""
     rng = np.random.default_rng(len(scene.effects))
     q = 0.8 * rng.random((LANES, 4)) - 0.4
     for k, prismatic in enumerate(scene.robot.prismatic):
@@ -37,26 +45,37 @@ def starts(scene: rde.Scene) -> tuple[NDArray[Any], NDArray[Any], np.random.Gene
     for stop in (x for x in scene.effects if isinstance(x, e.PrismaticStop)):
         for k, low, high in zip(scene.robot.sliders(), stop.lower, stop.upper, strict=True):
             q[:, k] = np.clip(q[:, k], low, high)  # some begin at their stops
-    return q, 6.0 * rng.random((LANES, 4)) - 3.0, rng
-
-
-def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterator[NDArray[Any]]:
-    """Tables of numbers, interval by interval, of 256 lanes of a scene."""
-    q, qd, rng = starts(scene)
     batch = rde.BatchSimulator(scene, LANES, track_work=work)
-    batch.set_state(q, qd)
+    batch.set_state(q, 6.0 * rng.random((LANES, 4)) - 3.0)
     if varied:
         lengths = 0.3 + 0.4 * rng.random((LANES, scene.robot.num_lengths))
         own = {"masses": 0.5 + 2.0 * rng.random((LANES, 4)), "lengths": lengths}
         batch.set_parameters({**own, "viscous_friction.coefficients": rng.random((LANES, 4))})
     for _ in range(INTERVALS):
-        efforts = 12.0 * rng.random((LANES, 4)) - 6.0
-        yield from outcome(batch, batch.advance(efforts), work)
+        yield from outcome(batch, 12.0 * rng.random((LANES, 4)) - 6.0)
 
 
-def episodes(name: str) -> Iterator[NDArray[Any]]:
+def outcome(batch: rde.BatchSimulator, efforts: Array) -> Iterator[Array]:
+    """Tables of numbers after an interval, with the work and the events if these are kept."""
+    status = batch.advance(efforts)
+    yield from (batch.q, batch.qd, batch.z)
+    yield from (np.asarray(column, np.float64) for column in status)
+    if batch.track_work:
+        yield batch.work
+        yield np.array([(x.lane, x.time, x.speed) for x in events(batch)])
+
+
+def events(batch: rde.BatchSimulator) -> list[rde.Event]:
+    """The events of an interval; none if a lane had more than are kept."""
+    try:
+        return batch.events()
+    except ValueError:
+        return []
+
+
+def episodes(name: str) -> Iterator[Array]:
     """Tables of numbers, step by step, of 256 environments."""
-    arguments = dict(ENVIRONMENTS[name])
+    arguments = dict(ENTRIES["environments"][name])
     if method := arguments.pop("integrator", None):
         scene = rde.load_scene(arguments["scene"])
         kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
@@ -80,7 +99,7 @@ def episodes(name: str) -> Iterator[NDArray[Any]]:
                 yield from () if final is None else tables(final)
 
 
-def tables(observations: Any) -> list[NDArray[Any]]:
+def tables(observations: Any) -> list[Array]:
     """The arrays of observations, with or without goals."""
     return list(observations.values()) if isinstance(observations, dict) else [observations]
 
@@ -96,39 +115,20 @@ def digest(numbers: Iterable[Any]) -> str:
     return whole.hexdigest()[:32]
 
 
-RECORDED: dict[str, tuple[Callable[..., Iterable[Any]], tuple[Any, ...]]] = {
-    **{name: (motion, (scene,)) for name, scene in SCENES.items()},
-    **{f"{name}, work": (motion, (SCENES[name], True)) for name in ENTRIES["work"]},
-    **{f"{name}, varied": (motion, (SCENES[name], False, True)) for name in ENTRIES["varied"]},
-    **{name: (episodes, (name,)) for name in ENVIRONMENTS},
-    **{name: (aimed_motion, (name,)) for name in AIMED},
+RECORDED: dict[str, Callable[[], Iterable[Any]]] = {
+    **{name: partial(motion, scene) for name, scene in SCENES.items()},
+    **{f"{name}, work": partial(motion, SCENES[name], work=True) for name in ENTRIES["work"]},
+    **{f"{name}, varied": partial(motion, SCENES[name], varied=True) for name in ENTRIES["varied"]},
+    **{name: partial(episodes, name) for name in ENTRIES["environments"]},
 }
-"""Everything that is recorded: a function, and its arguments."""
-
-
-def recorded() -> dict[str, str]:
-    """Digests by name."""
-    return json.loads(RECORD.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
-
-
-def found(name: str) -> str:
-    """The digest of one of :data:`RECORDED` on this machine."""
-    function, arguments = RECORDED[name]
-    return digest(function(*arguments))
+"""Everything that is recorded, by name."""
+SHORT = tuple(ENTRIES["short"])
 
 
 def differing(names: Iterable[str], done: Callable[[str], None] = lambda name: None) -> list[str]:
     """The names of which this machine has other bits; ``done`` receives each name when it is done."""
-    expected, other = recorded(), []
+    expected, other = json.loads(RECORD.read_text(encoding="utf-8")), []
     for name in names:
-        other += [name] if found(name) != expected[name] else []
+        other += [name] if digest(RECORDED[name]()) != expected[name] else []
         done(name)
     return other
-
-
-if __name__ == "__main__":
-    digests = {}
-    for name in RECORDED:
-        digests[name] = found(name)
-        say(f"{digests[name]}  {name}", flush=True)
-    RECORD.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""All checks of some subjects, and their table as text, Markdown and JSON; the command."""
+"""All checks of some subjects, and their table as text and JSON; the command."""
 
 from __future__ import annotations
 
@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.scenes.scene import load_scene, scene_names
 from redundant_envs.support import tables
-from redundant_envs.support.disk import DiskFull, write_text
+from redundant_envs.support.disk import write_text
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import say
 from redundant_envs.verify import (
     accuracy,
     bits,
-    closed_forms,
     conservation,
     engines,
     environments,
@@ -31,20 +29,16 @@ from redundant_envs.verify import (
     impacts,
     kinematics,
     recorded_bits,
-    rest,
-    symmetries,
 )
 from redundant_envs.verify.checks import STATES, Check, Outcome, Sample, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, kinematics, forces, hints, closed_forms, rest, conservation, accuracy, impacts, symmetries,
+    equations, kinematics, forces, hints, conservation, accuracy, impacts,
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""
-OF_THE_MACHINE = (bits.record,)  # checks that do not depend on a subject: they are run once
-MACHINE = "this machine"
 COLUMNS = ("check", "found", "promised", "", "where")
 
 
@@ -64,14 +58,10 @@ class Report:
         """Whether no promise is missed."""
         return not self.misses
 
-    def of(self, name: str) -> Outcome:
-        """The first outcome of a check."""
-        return next(o for o in self.outcomes if o.check == name)
-
 
 def checks_in(mode: Mode) -> list[Check]:
-    """The checks of a mode that examine subjects."""
-    return [c for c in CHECKS if c.mode <= mode and c not in OF_THE_MACHINE]
+    """The checks of a mode."""
+    return [c for c in CHECKS if c.mode <= mode]
 
 
 def verify(
@@ -85,7 +75,7 @@ def verify(
     states, and by checks, that follow from the mode unless given; ``done`` receives the name of each check
     when it is done."""
     subject = subject_from(kind_of(thing).__name__, thing)
-    trial = Sample(subject, STATES[mode] if states is None else states, mode)
+    trial = Sample(subject, STATES[mode] if states is None else states)
     outcomes = []
     for one in checks_in(mode) if checks is None else checks:
         outcomes.append(one.run(trial))
@@ -110,47 +100,31 @@ def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
     found = "" if math.isnan(finding.found) else f"{finding.found:.3g}"
     if outcome.verdict is Verdict.MEASURED and promise.unit:
         found += f" {promise.unit.partition(',')[0]}"
-    reason = finding.words if outcome.verdict in (Verdict.NOT_APPLICABLE, Verdict.NOT_RUN) else finding.where
     promised = str(promise) if outcome.verdict is not Verdict.MEASURED else promise.unit.partition(", ")[2]
-    return outcome.check, found, promised, outcome.verdict.value, reason
+    return outcome.check, found, promised, outcome.verdict.value, finding.where
 
 
 def text_table(outcomes: Iterable[Outcome]) -> str:
     """Outcomes as text in aligned columns; checks that are not applicable are listed below, by reason."""
-    shown, left = _split(outcomes)
-    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
-    return "\n".join([*lines, *(f"not applicable, {reason}: {names}" for reason, names in left)])
-
-
-def notes(outcomes: Iterable[Outcome]) -> list[str]:
-    """Faults, and advice for the reader, in words."""
-    before = {Verdict.MISSED: "MISSED: {}: ", Verdict.MEASURED: ""}
-    told = [o for o in outcomes if o.verdict in before and (o.finding.words or before[o.verdict])]
-    return [before[o.verdict].format(o.check) + o.finding.words for o in told]
-
-
-def _split(outcomes: Iterable[Outcome]) -> tuple[list[Outcome], list[tuple[str, str]]]:
-    """Lines of the table; reasons for checks that are not applicable, and the names or kinds of these."""
-    shown: list[Outcome] = []
     left: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    shown = []
     for o in outcomes:
         if o.verdict is Verdict.NOT_APPLICABLE:
             left[o.finding.words][o.check.partition(": ")[0]] += 1
         else:
             shown.append(o)
-    names = (", ".join(k if n == 1 else f"{k} ({n} checks)" for k, n in c.items()) for c in left.values())
-    return shown, list(zip(left, names, strict=True))
+    lines = [tables.table(COLUMNS, map(cells, shown), "<")]
+    for reason, kinds in left.items():
+        names = ", ".join(kind if n == 1 else f"{kind} ({n} checks)" for kind, n in kinds.items())
+        lines.append(f"not applicable, {reason}: {names}")
+    return "\n".join(lines)
 
 
-def markdown(reports: Iterable[tuple[str, Report]]) -> str:
-    """Tables of Markdown, one for each subject."""
-    parts = ["# What verify found", "", ", ".join(f"{k} {v}" for k, v in versions().items() if v), ""]
-    for title, report in reports:
-        shown, left = _split(report.outcomes)
-        parts += [f"## {tables.escaped(title)}", "", tables.markdown(COLUMNS, map(cells, shown))]
-        parts += ["", *(f"* Not applicable, {tables.escaped(reason)}: {names}" for reason, names in left)]
-        parts += [*(f"* {tables.escaped(note)}" for note in notes(report.outcomes)), ""]
-    return "\n".join(parts)
+def notes(outcomes: Iterable[Outcome]) -> list[str]:
+    """Faults, and advice for the reader, in words."""
+    missed = [f"MISSED: {o.check}: {o.finding.words}" for o in outcomes if o.verdict is Verdict.MISSED]
+    advice = [o.finding.words for o in outcomes if o.verdict is Verdict.MEASURED and o.finding.words]
+    return missed + advice
 
 
 def as_json(reports: Iterable[tuple[str, Report]]) -> str:
@@ -170,35 +144,20 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
 
 
-def run(
-    words: Sequence[str], states: int | None, mode: str, json_file: Path | None, markdown_file: Path | None
-) -> int:
-    """Verify subjects and write tables, on standard output and in files; returns 1 if a promise is broken."""
-    chosen = Mode[mode.upper()]
-    usual = checks_in(chosen)
-    tasks = [(subject, about(subject), usual) for subject in subjects_of(words)]
-    machine = Subject(MACHINE, load_scene(scene_names()[0]))  # its checks do not look at the scene
-    tasks.append((machine, MACHINE, [*OF_THE_MACHINE]))
-    files = [(f, text) for f, text in ((json_file, as_json), (markdown_file, markdown)) if f is not None]
-    for file, _ in files:
-        if file.is_dir():
-            raise ValueError(f"{file} is a folder; give a file to be written")
-    reports: list[tuple[str, Report]] = []
-    with counted("verify", sum(len(checks) for *_, checks in tasks), len(usual)) as done:
-        for subject, title, checks in tasks:
-            found = verify(subject, states, chosen, done, checks)
+def run(words: Sequence[str], states: int | None, mode: str, json_file: Path | None) -> int:
+    """Verify subjects and print tables; returns 1 if a promise is broken."""
+    subjects, chosen, reports = subjects_of(words), Mode[mode.upper()], list[tuple[str, Report]]()
+    checks = len(checks_in(chosen))
+    with counted("verify", checks * len(subjects), checks) as done:
+        for subject in subjects:
+            title, found = about(subject), verify(subject, states, chosen, done)
             reports.append((title, found))
             say(f"{title}\n{text_table(found.outcomes)}")
             for note in notes(found.outcomes):
-                say(f"  {title.partition(': ')[0]}: {note}")
+                say(f"  {subject.name}: {note}")
             say(flush=True)
-    for file, text in files:
-        try:
-            write_text(file, text(reports))
-        except DiskFull:
-            raise
-        except OSError as error:
-            raise ValueError(f"{file} cannot be written: {error}") from None
+    if json_file is not None:
+        write_text(json_file, as_json(reports))
     missed = sum(len(r.misses) for _, r in reports)
     kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
     say(f"{kept} promises kept, {missed} missed")

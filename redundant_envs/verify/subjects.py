@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice
@@ -22,7 +20,6 @@ from redundant_envs.tasks import Task
 
 TOLERANCE = 1e-6  # tip error [m] of scenes made here: the standard accuracy of the environments
 MASSES, LENGTHS = (2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)  # kg, m: equal ones would hide mistakes
-NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
 
 
 @dataclass(frozen=True)
@@ -43,10 +40,10 @@ def subjects_of(words: Iterable[str]) -> list[Subject]:
 def subject_of(word: str) -> Subject:
     """The subject of a word: a scene by name or file, an id with or without its namespace, a registered arm,
     effect or task, or ``module:object`` that is one of these."""
-    if NAME.fullmatch(word) and not word.endswith((".yaml", ".yml")):
-        return subject_from(word, _imported(word))
     if word.endswith((".yaml", ".yml")) or word in scene_names():
         return Subject(word, load_scene(word))
+    if ":" in word:
+        return subject_from(word, _imported(word))
     env_id = word if "/" in word else f"{registration.NAMESPACE}/{word}"
     if env_id in registration.IDS:
         return _environment(word, env_id)
@@ -109,37 +106,30 @@ def _imported(word: str) -> Any:
     try:
         thing: Any = module_named(module)
     except ModuleNotFoundError as error:
-        fix = f"{error}; give the name of a module that lies in this folder or is installed"
-        if error.name is not None and not f"{module}.".startswith(f"{error.name}."):
-            fix = f"{module} imports {error.name}, which is not there; install it"
-        raise ValueError(f"{word}: {fix}") from None
+        raise ValueError(f"{word}: {error}; give modules that lie in this folder, or install them") from None
     for part in path.split("."):
         if not hasattr(thing, part):
-            there = {n: kind_of(v) for n, v in vars(thing).items() if not n.startswith("_")}
-            names = [n for n, kind in there.items() if issubclass(kind, Arm | Scene | Effect | Task)]
-            known = ", ".join(names) or "nothing"
-            raise ValueError(f"{word}: {module} has no {part!r}; of what verify takes it has {known}")
+            known = [n for n, v in vars(thing).items() if issubclass(kind_of(v), Arm | Scene | Effect | Task)]
+            raise ValueError(
+                f"{word}: {module} has no {part!r}; verify takes {', '.join(known) or 'nothing'}"
+            )
         thing = getattr(thing, part)
     return thing
 
 
 def _made(name: str, kind: type[Any]) -> Any:
     """An arm with :data:`MASSES` and :data:`LENGTHS`, or an effect or a task with its defaults."""
-    if not issubclass(kind, Arm):
-        try:
-            return kind()
-        except TypeError:
-            lacks = f"{name}: {kind.__name__} has no default of {', '.join(required(kind))}"
-            raise ValueError(
-                f"{lacks}; name one that has its numbers, module:object, or a scene with it"
-            ) from None
-    own = [f.name for f in dataclasses.fields(kind) if f.init and f.name not in ("masses", "lengths")]
-    try:
-        masses, lengths = islice(cycle(MASSES), kind.num_masses), islice(cycle(LENGTHS), kind.num_lengths)
-        return kind(masses=tuple(masses), lengths=tuple(lengths))
-    except (AttributeError, TypeError):  # a Chain has its counts with its joint_types only
-        needed = f"{name}: the arm {kind.__name__} needs {', '.join(own)}, too"
-        raise ValueError(f"{needed}; name an arm that has them, module:object") from None
+    numbers: dict[str, Any] = {}
+    if issubclass(kind, Arm) and hasattr(kind, "num_masses"):  # a Chain has its counts with its numbers
+        numbers["masses"] = tuple(islice(cycle(MASSES), kind.num_masses))
+        numbers["lengths"] = tuple(islice(cycle(LENGTHS), kind.num_lengths))
+    missing = [field for field in required(kind) if field not in numbers]
+    if missing:
+        raise ValueError(
+            f"{name}: {kind.__name__} has no default of {', '.join(missing)}; name one that has its numbers, "
+            "module:object, or a scene with it"
+        )
+    return kind(**numbers)
 
 
 def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:

@@ -20,7 +20,7 @@ def others(folder, out):
     """Commands that write files into ``out`` which a user may have made, beside those of :func:`readers`."""
     of_library = {
         "simulate": ["simulate", "--scene", "four_r_free", "--seconds", 0.1, "--out", out / "simulate"],
-        "verify": ["verify", "--quick", "four_r_reach", "--json", out / "a.json", "--markdown", out / "a.md"],
+        "verify": ["verify", "--quick", "four_r_reach", "--json", out / "a.json"],
         "drawing": ["scene", "four_r_reach", "--drawing", out / "arm.svg"],
         "wasm": ["wasm", "four_r_reach", "--out", out / "wasm"], "page": ["page", "--out", out / "page"],
         **{form: ["export", "four_r_free", "--format", form, "--out", out / form] for form in ("urdf", "c")},

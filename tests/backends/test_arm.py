@@ -16,8 +16,7 @@ import pytest
 from redundant_envs.compiler.backends import cache, llvm
 from redundant_envs.compiler.backends.processors import Processor
 from redundant_envs.model import programs
-from redundant_envs.verify import recorded_bits
-from redundant_envs.verify.recorded_bits import RECORDED
+from tests.verify import aimed
 
 EMULATOR, COMPILER = "qemu-aarch64", "aarch64-linux-gnu-gcc"
 CORTEX = Processor("cortex-a72", "", "aarch64-unknown-linux-gnu")
@@ -102,7 +101,7 @@ def on_arm(monkeypatch, tmp_path):
     assert calls
 
 
-@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("name", aimed.RECORDED)
 def test_the_recorded_bits_are_those_of_arm(name, on_arm):
     on_arm()
-    assert recorded_bits.found(name) == recorded_bits.recorded()[name]
+    assert aimed.found(name) == aimed.recorded()[name]

@@ -30,11 +30,11 @@ def test_a_chain_of_conditions_is_as_long_as_it_likes(order, monkeypatch):
     assert_array_equal(on_columns(every, [1998.5, 1999.5])[0], [0.0, 1.0])
 
 
-def test_a_program_of_too_many_operations_is_refused_with_its_largest_effect(monkeypatch):
+def test_a_program_of_too_many_operations_is_refused(monkeypatch):
     monkeypatch.setattr(graph, "MAX_OPERATIONS", 2_000)
     walls = [e.HalfPlane(point=(0.0, -3.0 - i), name=f"p{i}") for i in range(3)]
     scene = rde.Scene(ARM, (*walls, e.Disc((1.0, 1.0), 0.1, along_links=True)), tolerance=1e-6)
-    said = r"more than 2000 operations.*of its 4 effects '\w+' has the most, about \d+: leave"
+    said = "more than 2000 operations.*leave some of its effects out"
     for refuses in (rde.BatchSimulator, rde.listing, rde.bill):
         with pytest.raises(ValueError, match=said):
             refuses(scene)

@@ -10,7 +10,8 @@ from redundant_envs.compiler.backends import cache, llvm
 from redundant_envs.compiler.backends.processors import AVX2, Processor
 from redundant_envs.model.programs import batch_simulator
 from redundant_envs.verify import recorded_bits
-from redundant_envs.verify.recorded_bits import RECORDED, SCENES
+from redundant_envs.verify.recorded_bits import SCENES
+from tests.verify import aimed
 
 pytestmark = pytest.mark.skipif(
     platform.machine().lower() not in ("x86_64", "amd64"), reason="the processors are those of x86"
@@ -48,17 +49,17 @@ def made_for(monkeypatch, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("processor", ["AVX2", "128 bits"])
-@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("name", aimed.RECORDED)
 def test_the_recorded_bits_are_those_of_another_processors_code(name, processor, made_for):
     made_for(processor)
-    assert recorded_bits.found(name) == recorded_bits.recorded()[name]
+    assert aimed.found(name) == aimed.recorded()[name]
 
 
 @pytest.mark.quick("4R all rk8")
-@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("name", aimed.RECORDED)
 def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_effort(name, monkeypatch):
     monkeypatch.setattr(llvm, "EFFORT", 0)
-    assert recorded_bits.found(name) == recorded_bits.recorded()[name]
+    assert aimed.found(name) == aimed.recorded()[name]
 
 
 @pytest.mark.long

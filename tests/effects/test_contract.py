@@ -29,12 +29,10 @@ from redundant_envs.scenes.files import config_folder
 from redundant_envs.verify import (
     Verdict,
     bits,
-    closed_forms,
     conservation,
     evaluators,
     forces,
     hints,
-    rest,
     verify,
 )
 from redundant_envs.verify.checks import checks_of, random_states
@@ -97,11 +95,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
 
 # ---- what it does ---------------------------------------------------------------------------------------
 
-CHECKS = [
-    check
-    for check in checks_of(bits, closed_forms, conservation, evaluators, forces, hints, rest)
-    if check is not bits.record
-]
+CHECKS = checks_of(bits, conservation, evaluators, forces, hints)
 
 OF_SOME = {
     "closed forms of states",

@@ -207,5 +207,5 @@ def test_the_state_of_one_environment_goes_on_in_lanes_of_a_vector_and_leaves_th
         np.testing.assert_array_equal(result[1][[0, 2]], np.full(2, reward, result[1].dtype))
     begin(plain)
     np.testing.assert_array_equal(begin(env), plain.core.observe()[0])  # generators are the vector's own
-    refused(env, lambda env: env.set_state(plain.get_state(), [1]), "unknown keys ended|3 environments")
+    refused(env, lambda env: env.set_state(plain.get_state(), [1]), "keys .*ended|num_envs is 3 there")
     refused(env, lambda env: env.set_state(state, [3]), "lanes are 0..2")

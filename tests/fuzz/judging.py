@@ -15,7 +15,7 @@ from redundant_envs.effects.hooks import Actuation, Friction, Impact, Sensing
 from redundant_envs.model.torch_step import torch_step
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify import Mode, Subject, Verdict, accuracy, bits, conservation, evaluators, impacts
+from redundant_envs.verify import Subject, Verdict, accuracy, bits, conservation, evaluators, impacts
 from redundant_envs.verify.checks import Sample, check, checks_of, enough, ratio
 from redundant_envs.verify.promises import EQUAL_BITS, NotApplicable, at_most
 
@@ -106,7 +106,6 @@ OF_VERIFY = {
         accuracy.tolerance_kept, conservation.energy_book, impacts.inside, *checks_of(bits), *OWN,
         evaluators.arrays, evaluators.singles,
     )
-    if one is not bits.record
 }  # fmt: skip
 """Checks whose promise holds for every scene and state that can be drawn, by the names of their promises."""
 FLAGS = "flags_and_budgets"
@@ -143,7 +142,7 @@ def violations_of(case, tally, only=()):
     states = tuple(np.split(np.concatenate(passed)[:MOST], 3, axis=1))
     if not len(states[0]):
         return found
-    trial = Sample(Subject("drawn", scene), len(states[0]), Mode.STANDARD, given=states)
+    trial = Sample(Subject("drawn", scene), len(states[0]), given=states)
     for name, one in OF_VERIFY.items():
         if only and name not in only:
             continue

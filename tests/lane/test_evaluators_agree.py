@@ -7,7 +7,7 @@ import pytest
 from catalogue import SCENES, names
 
 import redundant_envs.compiler.backends.torch  # noqa: F401
-from redundant_envs.verify import Mode, Subject
+from redundant_envs.verify import Subject
 from redundant_envs.verify.checks import Sample
 from redundant_envs.verify.evaluators import arrays, singles, tensors
 
@@ -20,6 +20,6 @@ EVERY = names("4R all*", "RPRP *rk8", "RPRP *1e-6", "RP *", "stops *", "*dop853"
     "name", [*SHORT, *(pytest.param(n, marks=pytest.mark.long) for n in EVERY if n not in SHORT)]
 )
 def test_evaluators_agree_after_an_interval(name):
-    trial = Sample(Subject(name, SCENES[name]), 40, Mode.FULL, 3)
+    trial = Sample(Subject(name, SCENES[name]), 40, 3)
     found = {check.name: check.run(trial).finding for check in (arrays, singles, tensors)}
     assert {name: f for name, f in found.items() if not f.found <= 1e-12} == {}

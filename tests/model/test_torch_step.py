@@ -79,8 +79,11 @@ def test_gradients_agree_with_central_differences(arm, steps):
 @pytest.mark.parametrize(
     ("scene", "said"),
     [
-        (rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)), "PrismaticStop, whose impacts have no"),
-        (rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)), "CoulombFriction, whose joints stick .* SmoothCou"),
+        (
+            rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)),
+            "prismatic_stop, whose impacts",
+        ),
+        (rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)), "coulomb_friction, whose joints stick .* SmoothCou"),
         (rde.Scene(RPRP, (), "dop853"), "'dop853', which chooses each step while it runs; use 'rk8'"),
     ],
     ids=["stops", "stiction", "dop853"],
@@ -147,8 +150,8 @@ NO_TENSORS = torch.ones(4, dtype=torch.bool), torch.ones(12, 4).to_sparse(), "12
     ("change", "said"),
     [
         ({"efforts": torch.ones(12, 3)}, r"efforts has shape \(12, 3\); the last axis must have 4"),
-        ({"efforts": torch.ones(3, 4)}, r"efforts is for a batch of shape \(3,\), and q, qd for \(12"),
-        ({"parameters": {"masses": torch.ones(2, 4)}}, r"masses is for a batch of shape \(2,\), and q"),
+        ({"efforts": torch.ones(3, 4)}, r"q \(12,\), qd \(12,\), efforts \(3,\), do not broadcast"),
+        ({"parameters": {"masses": torch.ones(2, 4)}}, r"masses \(2,\), do not broadcast"),
         *(({"qd": wrong}, "qd is .*; give a tensor of real numbers") for wrong in NO_TENSORS),
         ({"parameters": [4.0]}, r"parameters is \[4.0\]; give a mapping of names, such as masses"),
         ({"parameters": {"masses": torch.ones(3)}}, r"masses has shape \(3,\); the last axis must have 4"),

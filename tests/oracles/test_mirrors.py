@@ -1,5 +1,5 @@
-"""Mirrored and turned motions are motions: ``verify`` has other symmetries, and motions known beforehand are
-hard cases (10, 13, 20, 25, 32) and in ``model/test_trajectory.py``."""
+"""Mirrored and turned motions are motions; those known beforehand are hard cases (10, 13, 20, 25, 32) and in
+``model/test_trajectory.py``."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from redundant_envs.verify.judging import judge
+from redundant_envs.verify.accuracy import judge
 from studies.account_of_contacts import ContactAccount
 from studies.intervals import families, tips_after
 

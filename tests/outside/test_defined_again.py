@@ -74,7 +74,7 @@ def test_a_pickle_of_other_equations_is_refused(gain, states):
     batch = simulator(define(1.0))
     data = pickle.dumps(batch)
     define(gain, states)
-    with pytest.raises(ValueError, match="other equations: FourR, Drag, or the task, are not what they were"):
+    with pytest.raises(ValueError, match=r"other equations: .* are not what they were"):
         pickle.loads(data)
     define(1.0)
     again = pickle.loads(data)

@@ -22,7 +22,7 @@ from redundant_envs.algebra import physics
 from redundant_envs.verify import Mode, verify
 from redundant_envs.verify.report import checks_in
 
-CHECKS = [c for c in checks_in(Mode.FULL) if c.family != "environments" and c.name != "record of bits"]
+CHECKS = [c for c in checks_in(Mode.FULL) if c.family != "environments"]
 
 
 @dataclass(frozen=True)

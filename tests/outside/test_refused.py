@@ -271,7 +271,7 @@ def test_a_torch_step_takes_constant_updates_and_refuses_what_is_no_real_number(
     q = torch.zeros((2, 4), dtype=torch.float64)
     step = rde.torch_step(rde.Scene(FOUR_R, (latch,), "rk4"))
     assert step(q, q, q, z=torch.zeros((2, 1)))[2].tolist() == [[1.0], [1.0]]
-    refused("z is missing, and mine has states; give", step, q, q, q)
+    refused("z is None, and effects of the scene have", step, q, q, q)
     plain = rde.torch_step(rde.Scene(FOUR_R, (), "rk4"))
     refused(r"efforts is .*complex128.*; give a tensor of real numbers", plain, q, q, q.to(torch.complex128))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from redundant_envs.compiler.tracing.flow import LANES, Kernel
+from redundant_envs.compiler.tracing.flow import Kernel
 from redundant_envs.language.algebra import where
 from redundant_envs.simulator.batch.blocks import MEMORY, Block, Blocks, Ends, limited
 from redundant_envs.simulator.batch.slots import advance
@@ -17,7 +17,7 @@ COLUMNS = {"error": "f64", "finite": "i8", "evaluations": "i64", "events": "i64"
 """Outputs of the kernel for each lane, and the types of these arrays."""
 
 
-def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
+def begin_kernel(dynamics: Dynamics) -> Kernel:
     """A kernel that fills ``initial`` (lanes, states) with the states of effects whose values at the start of
     a motion are computed, and changes nothing else."""
     interval, names = Interval(dynamics), dynamics.effect_states.computed
@@ -32,20 +32,16 @@ def begin_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     with p.each(blocks.count) as number:
         block = blocks.block(number, 0)
         p.call(function, **block.pointers, initial=p["initial"] + block.first * len(names))
-    return p, blocks
+    return p
 
 
-def advance_kernel(dynamics: Dynamics, lanes: int = LANES) -> tuple[Kernel, Blocks]:
-    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`; ``lanes`` are those of a
-    block. ValueError if the scene has too many operations."""
+@limited()
+def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
+    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`. ValueError if the scene has
+    too many operations."""
     interval = Interval(dynamics)
-    with limited(interval.features):
-        return _advance_kernel(interval, lanes)
-
-
-def _advance_kernel(interval: Interval, lanes: int) -> tuple[Kernel, Blocks]:
-    dynamics, features = interval.dynamics, interval.features
-    p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS}, lanes)
+    features = interval.features
+    p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
     gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
     told: dict[str, Any] = {}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from redundant_envs.compiler.tracing.flow import Kernel, LaneFunction, Scalar
 from redundant_envs.compiler.tracing.graph import TooManyOperations, counted, reached
-from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, SCRATCH, STATE, Layout, Lifetime
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane, traced
@@ -48,22 +46,15 @@ class Ends:
 
 
 @contextlib.contextmanager
-def limited(features: Features) -> Iterator[None]:
+def limited() -> Iterator[None]:
     """ValueError if what is recorded within this context would take too long to compile."""
     try:
         with counted():
             yield
     except TooManyOperations as error:
-        counts, effects = error.counts, features.scene.effects
-        boundaries = Counter(b.owner for b in features.boundaries)
-        shared = counts[""] / max(1, boundaries.total())
-        of_effects = {e.key: counts[e.key] + round(shared * boundaries[e.key]) for e in effects}
-        largest = max(of_effects, key=lambda key: of_effects[key], default="arm")
-        count = of_effects.get(largest, counts[""])
         raise ValueError(
             f"the program of this scene has more than {error.most} operations, which would take minutes to "
-            f"compile; of its {len(effects)} effects {largest!r} has the most, about {count}: leave some "
-            "out, or take fixed steps in place of a tolerance"
+            "compile; leave some of its effects out, or take fixed steps in place of a tolerance"
         ) from None
 
 

@@ -21,7 +21,7 @@ from redundant_envs.tasks.base import Task
 
 
 class KernelCall(enum.IntEnum):
-    """KernelCall of a call of the kernel."""
+    """What a call of the kernel does."""
 
     STEP = 0
     RESET = 1
@@ -59,11 +59,8 @@ class EnvironmentKernel:
     """Step, reset or observe all environments in one call; ``lanes`` are those of a block. ValueError if the
     scene has too many operations."""
 
+    @limited()
     def __init__(self, episode: Episode, lanes: int = LANES) -> None:
-        with limited(episode.features):
-            self._record(episode, lanes)
-
-    def _record(self, episode: Episode, lanes: int) -> None:
         self.episode = episode
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
         self.blocks = Blocks(p, episode.interval, episode.layout())

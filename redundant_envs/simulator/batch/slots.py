@@ -1,15 +1,15 @@
-"""Local time stepping in a kernel."""
+"""Local time stepping in a kernel, and the part of the log of events that kernels do."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.compiler.tracing.flow import LaneFunction, Scalar
 from redundant_envs.simulator.batch.blocks import GROUP, Block, Blocks, Ends, Procedure
-from redundant_envs.simulator.batch.recorder import LaneBuffer, NoRecorder, Recorder
-from redundant_envs.simulator.lane.event_log import EventLog
+from redundant_envs.simulator.events.contacts import Happening
+from redundant_envs.simulator.lane.event_log import MAX_LOGGED, EventLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, SCRATCH, STATE
 from redundant_envs.simulator.lane.interval import FIRST
@@ -17,6 +17,13 @@ from redundant_envs.simulator.lane.program import Request
 
 IDLE = -2.0
 """State of a slot without a lane."""
+
+
+class LaneBuffer(NamedTuple):
+    """A block of lanes that have left their own."""
+
+    pointers: dict[str, Scalar]  # the addresses of its memories
+    homes: Scalar  # the address of the numbers of its lanes
 
 
 class Slots:
@@ -29,25 +36,18 @@ class Slots:
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
         self.layout, self.features, self.ends = blocks.layout, blocks.interval.features, ends
-        kept = isinstance(self.features.log, EventLog)
-        self.recorder = (Recorder if kept else NoRecorder)(blocks)
+        self.logs = isinstance(self.features.log, EventLog)
         self.trace()  # before any address: the program of a lane declares fields
         p, lanes, homes = self.p, blocks.lanes, self.p["queue"] + GROUP * blocks.lanes
         self.shared = p["parameter_stride"] == 0
         self.waiting = p["queue"] + 0
-        self.slots, self.entry = (
-            LaneBuffer(self._pointers(0), homes),
-            LaneBuffer(self._pointers(1), homes + lanes),
-        )
+        self.slots = LaneBuffer(self._pointers(0), homes)
+        self.entry = LaneBuffer(self._pointers(1), homes + lanes)
+        self.all = (1 << lanes) - 1  # the bits of all slots
         self.head, self.tail, self.busy, self.free = map(p.variable, (0, 0, 0, self.all))
         self.again = p.variable(0)  # whether lanes of a group have to cross their interval again
         self.next, self.last = p.variable(0), p.variable(0)  # lanes of the entry that wait for a slot
         self.before = p.variable(0)  # number of busy lanes of the previous group
-
-    @property
-    def all(self) -> int:
-        """The bits of all slots."""
-        return (1 << self.blocks.lanes) - 1
 
     def _pointers(self, number: int) -> dict[str, Scalar]:
         """The addresses of the memories of the slots, 0, or of the entry, 1."""
@@ -235,7 +235,8 @@ class Slots:
             p.call(self.common, **pointers)
         with p.when(resting.value != 0):
             p.call(self.released, **pointers)
-            self.recorder.log_released(block)
+            if self.logs:
+                self.log_released(block)
             p.call(self.common_held, **pointers)
 
     def trial(self) -> None:
@@ -247,12 +248,47 @@ class Slots:
             with p.loop_while(lambda: mask(slots, "touching") != 0):
                 p.call(self.contact, **slots)
                 p.call(self.goes_on[Request.FORCES], **slots)
-                self.recorder.log(self.slots, lambda: self.free.value ^ self.all)
+                if self.logs:
+                    self.log_resolved()
         p.call(self.stepped, **slots)
         p.call(self.recorded, **slots)
         if i.resolves:
             p.call(self.contact, **slots)
         p.call(self.goes_on[Request.STEP], **slots)
+
+    def log_resolved(self) -> None:
+        """Log the events of the lanes in the slots."""
+        p, load, pointers = self.p, self.blocks.load, self.slots.pointers
+        with p.each_set(self.free.value ^ self.all) as slot:
+            lane = p.load(self.slots.homes, slot)
+            log = p["log"] + self.blocks.block_of(lane) * self.blocks.width(LOG)
+            for k, b in enumerate(self.features.stops):
+                happened = load(pointers, slot, b.happened)
+                with p.when(happened > 0.0):
+                    time = load(pointers, slot, "span_start") + load(pointers, slot, "elapsed")
+                    event = time, happened + 10.0 * k, load(pointers, slot, b.speed)
+                    self._append(log, self.blocks.in_block(lane), pointers, slot, event)
+                    self.blocks.store(pointers, slot, b.happened, 0.0)
+
+    def log_released(self, block: Block) -> None:
+        """Log the sliders that were released before the common step."""
+        p, load, pointers = self.p, self.blocks.load, block.pointers
+        with p.each(self.blocks.lanes) as lane:
+            for k, b in enumerate(self.features.holding):
+                names = b.active_stop, f"{b.active_stop}_start"
+                now, before = (load(pointers, lane, name) for name in names)
+                with p.when(now != before):
+                    event = load(pointers, lane, "span_start"), Happening.RELEASE + 10.0 * k, 0.0
+                    self._append(pointers[str(LOG)], lane, pointers, lane, event)
+
+    def _append(self, log: Scalar, lane: Any, counts: Any, seat: Any, event: tuple[Any, ...]) -> None:
+        """Append an event, with its time, kind and speed, to the log of a lane, if there is room."""
+        p, count = self.p, self.blocks.load(counts, seat, "logged")
+        with p.when(count < float(MAX_LOGGED)):
+            at = p.whole(count) * (3 * self.blocks.lanes) + lane
+            for k, value in enumerate(event):
+                p.store(log, at + k * self.blocks.lanes, value)
+            self.blocks.store(counts, seat, "logged", count + 1.0)
 
     def _copy(self, names: Sequence[str], goal: Any, goal_lane: Any, source: Any, source_lane: Any) -> None:
         for name in names:

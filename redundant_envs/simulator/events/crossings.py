@@ -89,7 +89,7 @@ def margins(w: Watched, overshoot: Overshoot) -> tuple[Any, Any]:
     return down * (w.most - w.least), up * (w.most - w.least)
 
 
-def passes_between_ends(w: Watched) -> Any:
+def passes_within(w: Watched) -> Any:
     """Whether a guard may be positive, by more than rounding, at or near a stage within a step."""
     return w.inner > ROUNDING * (w.most - w.least)
 

@@ -14,13 +14,7 @@ from redundant_envs.compiler.tracing.ways import branches
 from redundant_envs.language.algebra import any_of, logical_not, maximum, minimum, sqrt, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, direction, inside
-from redundant_envs.simulator.events.crossings import (
-    Crossing,
-    Overshoot,
-    may_pass,
-    most_pull,
-    passes_between_ends,
-)
+from redundant_envs.simulator.events.crossings import Crossing, Overshoot, may_pass, most_pull, passes_within
 from redundant_envs.simulator.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
 
 MAX_BEND = 2e-3
@@ -137,7 +131,7 @@ def may_hide_event(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
     if e.motion.guards:
         watched = e.motion.watched
         leaves = e.left & (watched.most == watched.first)  # its first value is no sign of another passage
-        seen = passes_between_ends(watched) if leaves else may_pass(watched, overshoot)
+        seen = passes_within(watched) if leaves else may_pass(watched, overshoot)
         return logical_not(e.pull > 0.0) & seen
     if e.motion.free:
         return e.crossing == Crossing.UNCLEAR
@@ -158,7 +152,7 @@ def hides_passage(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
     if not e.pull > 0.0:
         return may_hide_event(trial, e, overshoot)
     long = trial.h > TIMES_LATE * e.late * trial.left
-    return passes_between_ends(e.motion.watched) & long
+    return passes_within(e.motion.watched) & long
 
 
 def earliest_event(trial: Trial) -> Aim:
@@ -216,20 +210,8 @@ def sought_boundary(search: Search, trial: Trial) -> Sought:
     (e, event), side = trial.of(chosen), search.side
     s, limit = e.motion, e.motion.limit(side)
     gap = where(s.free, side * (s.position - limit), e.pull)
-    speed, acceleration = side * s.velocity, side * s.watched.last
-    return Sought(
-        chosen,
-        s.free,
-        s.closeness,
-        limit,
-        gap,
-        speed,
-        acceleration,
-        event.time,
-        s.bounces,
-        e.late,
-        e.steepness,
-    )
+    motion = s.free, s.closeness, limit, gap, side * s.velocity, side * s.watched.last
+    return Sought(chosen, *motion, event.time, s.bounces, e.late, e.steepness)
 
 
 @branches

@@ -1,29 +1,28 @@
-# mypy: allow-untyped-defs
-"""Motions aimed at every way in which a lane crosses a control interval, for the record of bits.
+"""All motions of which every bit is recorded: those of the package, and those aimed at rare cases.
 
-Their starts are chosen to meet rare cases: sliders at rest at their stops, or nearer to them than rounding,
-at speeds from 1e-16 m/s on; several sliders at once; links too fast for any number of steps. Each motion has
-many lanes and few intervals.
+The aimed ones meet every way in which a lane crosses a control interval: sliders at rest at their stops, or
+nearer to them than rounding, at speeds from 1e-16 m/s on; several sliders at once; links too fast for any
+number of steps. Each has many lanes and few intervals.
+
+``python -m tests.verify.aimed`` writes new records; a commit that changes them says why.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping, Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Hook, Link, State
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, State
 from redundant_envs.language.algebra import clamp, maximum, physics, where
 from redundant_envs.scenes.files import read_yaml
 from redundant_envs.support.values import typed
-
-Array = NDArray[Any]
+from redundant_envs.verify import recorded_bits
+from redundant_envs.verify.recorded_bits import digest, events, outcome
 
 
 @physics
@@ -47,7 +46,7 @@ class Lag(Effect):
 
     time_constant: float
 
-    def hooks(self, arm: Any) -> tuple[Hook, ...]:
+    def hooks(self, arm):
         links = []
         for k, unit in enumerate("N" if slides else "N m" for slides in arm.prismatic):
             own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
@@ -75,7 +74,7 @@ class Play(Effect):
     play: float
     drag: float
 
-    def hooks(self, arm: Any) -> tuple[Hook, ...]:
+    def hooks(self, arm):
         k = len(arm.coordinates)
         here = {"rate": f"phid{k}", "position": f"phi{k}", "turn": ".turn"}
         state = State("turn", "rad", update=wind_up, bind=here)
@@ -93,39 +92,30 @@ class DryFriction(Effect):
 
     level: float
 
-    def hooks(self, arm: Any) -> tuple[Hook, ...]:
+    def hooks(self, arm):
         k = len(arm.coordinates)
         return (Force(k - 1, dry, {"rate": f"phid{k}", "level": ".level"}),)
 
 
-ENTRIES = read_yaml(Path(__file__).with_name("recorded_motions.yaml"), "record")
-OWN: dict[str, type[Effect]] = {"Lag": Lag, "Play": Play, "DryFriction": DryFriction}
-ARMS = {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
-EFFECTS = {name: typed(name, entry, {**e.REGISTRY, **OWN}) for name, entry in ENTRIES["effects"].items()}
+RECORD = Path(__file__).with_name("aimed_bits.json")
+ENTRIES = read_yaml(Path(__file__).with_name("aimed_motions.yaml"), "record")
+OWN = {"Lag": Lag, "Play": Play, "DryFriction": DryFriction}
+ARMS, EFFECTS = dict(recorded_bits.ARMS), dict(recorded_bits.EFFECTS)
+ARMS |= {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
+EFFECTS |= {name: typed(name, entry, {**e.REGISTRY, **OWN}) for name, entry in ENTRIES["effects"].items()}
 FALL = 5.886  # acceleration of a free slider along +x under the gravity of "gravity", m/s^2
 
 
-def effect_of(words: str, arm: Any) -> Effect:
+def effect_of(words, arm):
     """The effect that some words name; "stops" are farther out for each slider than for the one before."""
-    name, _, last = words.rpartition(" ")
+    name, _, joint = words.rpartition(" ")
     if name in ENTRIES["springs"]:
-        return e.LimitSpring(last, **ENTRIES["springs"][name])
-    if name == "restitution":
-        return e.PrismaticStop((-0.2, -0.1), (0.2, 0.15), float(last))
+        return e.LimitSpring(joint, **ENTRIES["springs"][name])
     if words != "stops":
-        return EFFECTS[words]  # type: ignore[no-any-return]
+        return EFFECTS[words]
     sliders = range(len(arm.sliders()))
     lower, upper = (-0.2 * (1.0 + 0.3 * k) for k in sliders), (0.2 + 0.1 * k for k in sliders)
     return e.PrismaticStop(tuple(lower), tuple(upper), 0.5)
-
-
-def scene_of(entry: dict[str, Any], **numbers: Any) -> rde.Scene:
-    """The scene of an entry of the file, from which its fields are taken."""
-    arm = ARMS[entry.pop("arm")]
-    effects = tuple(effect_of(words, arm) for words in entry.pop("effects"))
-    for name in {"integrator", "control_dt", "substeps", "tolerance", "actuation"} & entry.keys():
-        numbers[name] = entry.pop(name)
-    return rde.Scene(arm, effects, **numbers)
 
 
 AT = ("at rest", "slow, at stops")
@@ -150,29 +140,27 @@ class Aimed:
     numbers: Mapping[str, float] = field(default_factory=dict)  # instead of the scene's: for shared code
 
 
-def aimed(name: str, entry: dict[str, Any]) -> Aimed:
-    method = name.partition(",")[0]
-    control = {"tolerance": float(method)} if method[0] == "1" else {"integrator": method}
-    return Aimed(scene_of(entry, **control), name.endswith("log"), **entry)
-
-
-SCENES = {name: scene_of(entry) for name, entry in ENTRIES["scenes"].items()}
-"""Scenes, named by their special features."""
-AIMED = {f"events: {name}": aimed(name, entry) for name, entry in ENTRIES["aimed"].items()}
-"""Aimed motions by their names."""
+def aimed(name):
+    """The motion of an entry of the file, from which the fields of its scene are taken."""
+    entry, method = dict(ENTRIES["aimed"][name]), name.partition(",")[0]
+    of_scene = {"tolerance": float(method)} if method[0] == "1" else {"integrator": method}
+    of_scene |= {n: entry.pop(n) for n in ("control_dt", "substeps", "actuation") if n in entry}
+    arm = ARMS[entry.pop("arm")]
+    effects = tuple(effect_of(words, arm) for words in entry.pop("effects"))
+    return Aimed(rde.Scene(arm, effects, **of_scene), name.endswith("log"), **entry)
 
 
 LOG2_OF_10 = 3.3219280948873626
 BROKEN = np.nan, np.inf, 1e200, 1e60, 1e20  # rates that are no numbers, or soon lead to one that is none
 
 
-def powers(rng: np.random.Generator, low: float, high: float, shape: Any) -> Array:
+def powers(rng, low, high, shape):
     """Numbers from about 10^low to 10^high of either sign, the same on every machine."""
     exponents = np.floor(LOG2_OF_10 * (low + (high - low) * rng.random(shape))).astype(np.int64)
     return np.where(rng.random(shape) < 0.5, -1.0, 1.0) * np.ldexp(1.0 + rng.random(shape), exponents)
 
 
-def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
+def starts(aimed, rng):
     """States of lanes: of each kind in turn."""
     arm, n = aimed.scene.robot, aimed.lanes
     shape = n, len(arm.coordinates)
@@ -229,7 +217,7 @@ def starts(aimed: Aimed, rng: np.random.Generator) -> tuple[Array, Array]:
     return q, qd
 
 
-def _send_past(aimed: Aimed, rng: np.random.Generator, kinds: Array, q: Array, qd: Array) -> None:
+def _send_past(aimed, rng, kinds, q, qd):
     """Lanes of an arm that begins with a slider: thrown against gravity, it turns very near its lower stop
     within an interval; or it creeps there from within rounding."""
     if not np.isin(kinds, ("thrown", "creeping")).any():
@@ -249,43 +237,48 @@ def _send_past(aimed: Aimed, rng: np.random.Generator, kinds: Array, q: Array, q
         qd[:, 0] = np.where(kinds == kind, -speed, qd[:, 0])
 
 
-def aimed_motion(name: str) -> Iterator[Array]:
+def motion(name):
     """Tables of numbers, interval by interval."""
-    aimed = AIMED[name]
-    rng = np.random.default_rng(len(name))
-    q, qd = starts(aimed, rng)
-    batch = rde.BatchSimulator(aimed.scene, aimed.lanes, track_work=aimed.work)
+    aimed_one, rng = aimed(name), np.random.default_rng(len(f"events: {name}"))
+    q, qd = starts(aimed_one, rng)
+    batch = rde.BatchSimulator(aimed_one.scene, aimed_one.lanes, track_work=aimed_one.work)
     batch.set_state(q, qd)
-    shape = (aimed.lanes, len(aimed.scene.robot.coordinates))
-    if aimed.varied:  # light masses between heavy ones among them
-        values = {"masses": np.abs(powers(rng, -1.5, 1.0, shape))}
-        if any(isinstance(effect, e.PrismaticStop) for effect in aimed.scene.effects):
-            values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), aimed.lanes)
+    if aimed_one.varied:  # light masses between heavy ones among them
+        values = {"masses": np.abs(powers(rng, -1.5, 1.0, q.shape))}
+        if any(isinstance(effect, e.PrismaticStop) for effect in aimed_one.scene.effects):
+            values["prismatic_stop.restitution"] = rng.choice((0.0, 0.5, 1.0, 0.1, 0.95), aimed_one.lanes)
         batch.set_parameters(values)
-    if aimed.numbers:
-        batch.set_parameters(aimed.numbers)
-    steady = powers(rng, aimed.efforts - 4.5, aimed.efforts, shape)
-    for _ in range(aimed.intervals):
-        changing = rng.random(shape) < 0.5
-        steady = np.where(changing, powers(rng, aimed.efforts - 4.5, aimed.efforts, shape), steady)
+    batch.set_parameters(aimed_one.numbers)
+    range_of_efforts = aimed_one.efforts - 4.5, aimed_one.efforts
+    steady = powers(rng, *range_of_efforts, q.shape)
+    for _ in range(aimed_one.intervals):
+        changing = rng.random(q.shape) < 0.5
+        steady = np.where(changing, powers(rng, *range_of_efforts, q.shape), steady)
         steady[::4] = 0.0
-        yield from outcome(batch, batch.advance(steady), aimed.work)
-        if aimed.work:
+        yield from outcome(batch, steady)
+        if aimed_one.work:
             yield np.array([f"{x.kind} {x.joint}" for x in events(batch)])
 
 
-def outcome(batch: rde.BatchSimulator, status: Any, work: bool) -> Iterator[Array]:
-    """Tables of numbers after an interval."""
-    yield from (batch.q, batch.qd, batch.z)
-    yield from (np.asarray(column, np.float64) for column in status)
-    if work:
-        yield batch.work
-        yield np.array([(x.lane, x.time, x.speed) for x in events(batch)])
+AIMED = {f"events: {name}": partial(motion, name) for name in ENTRIES["aimed"]}
+RECORDED = {**recorded_bits.RECORDED, **AIMED}
+"""Everything that is recorded, by name."""
 
 
-def events(batch: rde.BatchSimulator) -> list[Any]:
-    """The events of an interval; none if a lane had more than are kept."""
-    try:
-        return batch.events()
-    except ValueError:
-        return []
+def found(name):
+    """The digest of a motion on this machine."""
+    return digest(RECORDED[name]())
+
+
+def recorded():
+    """The recorded digests by name."""
+    return {n: d for file in (recorded_bits.RECORD, RECORD) for n, d in json.loads(file.read_text()).items()}
+
+
+if __name__ == "__main__":
+    for file, motions in ((recorded_bits.RECORD, recorded_bits.RECORDED), (RECORD, AIMED)):
+        digests = {}
+        for name in motions:
+            digests[name] = found(name)
+            print(f"{digests[name]}  {name}", flush=True)
+        file.write_text(json.dumps(digests, indent=1) + "\n", encoding="utf-8")
