@@ -128,16 +128,10 @@ def _text(program: Program) -> str:
 
 
 def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:
-    """Kernels of machine code by their names."""
+    """Kernels of machine code by their names; it stays as long as one of them."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return entries(engine, names)
-
-
-def entries(engine: Any, names: Sequence[str]) -> dict[str, Entry]:
-    """Kernels of an engine, which owns the machine code, by their names: the code stays as long as one of
-    them."""
     kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
     found: dict[str, Any] = {name: kind(engine.get_function_address(name)) for name in names}
     for entry in found.values():
