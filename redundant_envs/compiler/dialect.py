@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dis
+import ast
+import contextlib
 import functools
+import linecache
 import random
 import traceback
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -117,12 +118,13 @@ def _trace(function: Any) -> tuple[int, str]:
     except RecursionError:
         raise ValueError(f"{name} calls itself; write it without recursion") from None
     except Exception as error:
-        called = next((n for n in _called(error) if n in _INSTEAD), None)
+        file = getattr(getattr(function, "__code__", None), "co_filename", None)
+        frame = next((f for f in traceback.extract_tb(error.__traceback__)[::-1] if f.filename == file), None)
+        names = (frame and _called(frame), getattr(error, "name", None))
+        called = next((name for name in names if name in _INSTEAD), None)
         what = str(error) if called is None or isinstance(error, NameError) else f"it calls {called}"
         fix = "write" if called is None else f"{_INSTEAD[called]}. Write"
-        file = getattr(getattr(function, "__code__", None), "co_filename", None)
-        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-        place = f" ({file}:{lines[-1]})" if lines else ""
+        place = f" ({file}:{frame.lineno})" if frame else ""
         raise ValueError(f"{name}{place} is outside the physics dialect: {what}; {fix} {ALLOWED}") from None
     values = results if isinstance(results, tuple) else (results,)
     for value in values:
@@ -164,27 +166,11 @@ def random_states() -> Any:
     return random.getstate(), state.get("has_gauss"), str(inside.get("pos", inside))
 
 
-def _called(error: Exception) -> Iterator[str]:
-    """Names of the functions of Python and NumPy that may have stopped it, those of its own text first."""
-    trace = error.__traceback__ and error.__traceback__.tb_next
-    while trace is not None:
-        name, inside = _called_at(trace.tb_frame.f_code, trace.tb_lasti), trace.tb_next
-        module = _package(inside.tb_frame.f_globals.get("__name__")) if inside else None
-        # A function of the user's own goes on in a frame that has its name: what stopped it is there.
-        if name and not (inside and inside.tb_frame.f_code.co_name == name and module != "numpy"):
-            yield name
-        trace = None if module in ("numpy", OWN) else inside
-    if isinstance(name := getattr(error, "name", None), str):
-        yield name
-
-
-def _called_at(code: Any, offset: int) -> str | None:
-    """Name of the function that an instruction calls: it was last loaded from where the call begins."""
-    loaded: dict[Any, str] = {}
-    for step in dis.get_instructions(code):
-        begin = step.positions and (step.positions.lineno, step.positions.col_offset)
-        if step.offset == offset:
-            return loaded.get(begin) if "CALL" in step.opname and begin and begin[1] is not None else None
-        if step.opname.startswith("LOAD") and isinstance(step.argval, str):
-            loaded[begin] = step.argval
+def _called(frame: traceback.FrameSummary) -> str | None:
+    """Name of the function whose call a frame waits for, if its text is known and is a call."""
+    text = linecache.getline(frame.filename, frame.lineno or 0)[frame.colno : frame.end_colno]
+    with contextlib.suppress(SyntaxError):
+        call = ast.parse(text.strip(), mode="eval").body
+        if isinstance(call, ast.Call):
+            return getattr(call.func, "attr", getattr(call.func, "id", None))
     return None

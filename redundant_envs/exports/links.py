@@ -24,7 +24,7 @@ ALIKE = 1e-10  # largest difference of the arm's equations from those of its poi
 LENGTH = 14  # characters from which on a number is not a short one
 
 
-class Link(NamedTuple):
+class RigidLink(NamedTuple):
     """What moves with a joint, and not with the next one; in the pose in which all joints are at 0."""
 
     joint: str
@@ -35,7 +35,7 @@ class Link(NamedTuple):
     tip: Array | None  # the position of the tip, if it is on this link
 
 
-def links_of(arm: Arm) -> tuple[Link, ...]:
+def links_of(arm: Arm) -> tuple[RigidLink, ...]:
     """The links of an arm, from base to tip; point masses that no joint moves belong to none. ValueError
     if it is not a chain of rigid links, one for each joint."""
     n = len(arm.joints)
@@ -52,7 +52,7 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
     reach = max(float(np.abs(points).max()), 1e-300)
     by_joint = np.abs(moved).max(axis=(0, 2)) > EQUAL * reach  # whether a joint moves a point
     last = np.where(by_joint.any(axis=1), n - 1 - by_joint[:, ::-1].argmax(axis=1), -1)
-    made: list[Link] = []
+    made: list[RigidLink] = []
     before = np.zeros(2)
     for k, joint in enumerate(arm.joints):
         carried = np.flatnonzero(by_joint[:, k])
@@ -67,7 +67,7 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
         offsets = {p: _plain(position - place) for p, position in own.items()}
         tip = offsets.pop(arm.num_masses, None)
         axis = _plain(by) if slides else np.zeros(2)
-        made.append(Link(joint, slides, axis, _plain(place - before), offsets, tip))
+        made.append(RigidLink(joint, slides, axis, _plain(place - before), offsets, tip))
         before = place
     gap = max(float(np.abs(found - points[:, p]).max()) for p, found in _placed(made, phi, arm.num_masses))
     if not gap <= EQUAL * reach:
@@ -110,7 +110,7 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
             raise _refusal(arm, f"its {what} are not those of its point masses")
 
 
-def _placed(links: Sequence[Link], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
+def _placed(links: Sequence[RigidLink], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
     """Positions of all points that move, and of the tip, which has a number, too: (poses, 2) m."""
     origin, angle = np.zeros((len(phi), 2)), np.zeros(len(phi))
     for link, moved in zip(links, phi.T, strict=True):

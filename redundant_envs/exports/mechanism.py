@@ -14,7 +14,7 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import Link, coordinates_at, links_of, shares_of_joints
+from redundant_envs.exports.links import RigidLink, coordinates_at, links_of, shares_of_joints
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.mobility import joint_rates
@@ -51,7 +51,7 @@ class Format(NamedTuple):
 class Body(NamedTuple):
     """A link and the masses that it carries; positions are in metres from its joint."""
 
-    link: Link
+    link: RigidLink
     mass: float  # kg
     centre: Array
     inertia: float  # about the centre of mass, kg m^2
@@ -156,7 +156,7 @@ def _of_link(hook: Inertia, arm: Arm) -> bool:
 
 
 def _bodies(
-    scene: Scene, links: tuple[Link, ...], known: Mapping[str, float], unfit: Mapping[str, str]
+    scene: Scene, links: tuple[RigidLink, ...], known: Mapping[str, float], unfit: Mapping[str, str]
 ) -> tuple[list[Body], Array]:
     """Bodies of the links with all that they carry, and inertias of rotors at the joints."""
     masses = dict(enumerate(scene.robot.masses))
