@@ -120,8 +120,8 @@ def _trace(function: Any) -> tuple[int, str]:
     except Exception as error:
         file = getattr(getattr(function, "__code__", None), "co_filename", None)
         frame = next((f for f in traceback.extract_tb(error.__traceback__)[::-1] if f.filename == file), None)
-        names = (frame and _called(frame), getattr(error, "name", None))
-        called = next((name for name in names if name in _INSTEAD), None)
+        asked = (frame and _called(frame), getattr(error, "name", None))
+        called = next((name for name in asked if name in _INSTEAD), None)
         what = str(error) if called is None or isinstance(error, NameError) else f"it calls {called}"
         fix = "write" if called is None else f"{_INSTEAD[called]}. Write"
         place = f" ({file}:{frame.lineno})" if frame else ""
