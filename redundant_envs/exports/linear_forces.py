@@ -14,11 +14,11 @@ from redundant_envs.compiler.tracing.graph import Graph, reached
 from redundant_envs.compiler.tracing.number import Number, value_of
 from redundant_envs.effects.bound_hooks import Attached
 from redundant_envs.effects.hooks import Force, states_of
-from redundant_envs.exports.links import shares_of_joints
 from redundant_envs.language.algebra import numbered
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.derived import coordinate_rates
 from redundant_envs.scenes.scene import Scene
 
 
@@ -70,6 +70,6 @@ def _motion(arm: Arm, motion: Sequence[Any]) -> dict[str, Any]:
     found: Any = arm.coordinates_of_joints(*phi)
     made = dict(zip((*numbered("phi{}", n), *numbered("phid{}", n)), motion, strict=True))
     made |= zip(arm.coordinates, found if isinstance(found, tuple) else (found,), strict=True)
-    for name, row in zip(arm.rates, shares_of_joints(arm).tolist(), strict=True):
+    for name, row in zip(arm.rates, coordinate_rates(arm).tolist(), strict=True):
         made[name] = sum(share * x for share, x in zip(row, phid, strict=True))
     return made

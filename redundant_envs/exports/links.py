@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.derived import coordinate_rates
 
 Array = NDArray[np.float64]
 POSES = 16
@@ -82,17 +82,10 @@ def coordinates_at(arm: Arm, phi: Array) -> Array:
     return np.stack(np.broadcast_arrays(*rows), axis=-1).astype(np.float64)
 
 
-def shares_of_joints(arm: Arm) -> Array:
-    """Rates of the coordinates as sums of those of the joints, (coordinates, joints)."""
-    exact = np.linalg.inv(joint_rates(arm))
-    whole = exact.round()
-    return np.asarray(np.where(np.abs(exact - whole) < EQUAL, whole, exact), dtype=np.float64)
-
-
 def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
     """Refuse an arm whose own equations are not those of its point masses, or whose motors are not at its
     joints; ``moved`` are displacements of the point masses by the joints."""
-    q, shares, masses = coordinates_at(arm, phi), shares_of_joints(arm), np.array(arm.masses)
+    q, shares, masses = coordinates_at(arm, phi), coordinate_rates(arm), np.array(arm.masses)
     if not np.allclose(arm.motor_map.T @ shares, np.eye(len(shares)), rtol=0.0, atol=ALIKE):
         raise _refusal(arm, "its motors do not act between a link and the one before it")
     qd = np.random.default_rng(1).uniform(-1.0, 1.0, q.shape)
@@ -130,7 +123,7 @@ def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
     slopes = arm._vector(names, q=q).reshape(len(q), count, 2, n)
     slopes = np.concatenate([slopes, arm.jacobian(q)[:, None]], axis=1)
     points = np.concatenate([arm.points(q), arm.forward_kinematics(q)[:, None]], axis=1)
-    return points, np.asarray(slopes @ shares_of_joints(arm), dtype=np.float64)
+    return points, slopes @ coordinate_rates(arm)
 
 
 def _turned(vector: Array, angle: Array) -> Array:

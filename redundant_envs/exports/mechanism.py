@@ -14,10 +14,11 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import RigidLink, links_of, shares_of_joints
+from redundant_envs.exports.links import RigidLink, links_of
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
+from redundant_envs.robots.derived import coordinate_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
         tuple(b._replace(mass=max(b.mass, form.least), inertia=max(b.inertia, form.least)) for b in bodies),
         tip, np.array(gravity), damping, stiffness, rest, armature,
         limits if at_joints or form.generalized else None,
-        None if at_joints else shares_of_joints(scene.robot), _soft_ends(scene, known, unfit),
+        None if at_joints else coordinate_rates(scene.robot), _soft_ends(scene, known, unfit),
         _dry_friction(scene, known), tuple(notes),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from redundant_envs.language.algebra import maximum, total, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.derived import joint_rates
 from redundant_envs.simulator.events.boundary import side_touched, size_of
 from redundant_envs.simulator.lane.coordinates import quantities_of_arm
 from redundant_envs.simulator.lane.dynamics import Dynamics
