@@ -31,8 +31,8 @@ CACHE_VARIABLE = "REDUNDANT_ENVS_CACHE"
 KEPT_BYTES = 1 << 29
 """Most bytes that the folder keeps; a simulator has some 200 kB. The least recently used files go first."""
 SILENT_WAIT, LONGEST_WAIT = 3.0, 180.0
-"""Waiting for a process that compiles the same: s until it is told, and until this one does not wait any
-longer. Usual scenes take a second, the largest a minute."""
+"""s of waiting for a process that compiles the same until it is told, and until it ends. Usual scenes take a
+second, the largest a minute."""
 SUFFIX = ".code"
 OWN_FILE = re.compile(r"[0-9a-f]{40}\.(lock|code(\.[0-9a-f]{16})?)")
 """Names of files that this module makes; it deletes no others. Unfinished ones have the last part."""
@@ -255,11 +255,10 @@ def _file_lock(path: Path, what: str) -> Iterator[None]:
                 raise OSError(f"another process has held {path} for {waited:.0f} s")
             if waited > SILENT_WAIT and not told:
                 told = True
-                say(
-                    f"redundant-envs: waiting for another process that makes {what} (it has locked {path}), "
-                    f"for at most {LONGEST_WAIT:.0f} s ...",
-                    file=sys.stderr,
+                waiting = (
+                    f"redundant-envs: waiting for another process that makes {what} (it has locked {path})"
                 )
+                say(f"{waiting}, for at most {LONGEST_WAIT:.0f} s ...", file=sys.stderr)
             time.sleep(min(0.1, 0.001 + waited / 10))
         try:
             yield
