@@ -57,10 +57,7 @@ PYBULLET = "PyBullet takes moments of inertia from it only with flags=URDF_USE_I
 def refuse_inexact(notes: Sequence[Note], form: str, approximate: bool) -> None:
     """ValueError with all notes, unless the document may be approximate."""
     if notes and not approximate:
-        by_reason: dict[str, list[str]] = {}
-        for note in notes:
-            by_reason.setdefault(note.reason, []).append(note.name)
-        listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
+        listed = "; ".join(f"{note.name} ({note.reason})" for note in notes)
         raise ValueError(
             f"{form} cannot express parts of this scene exactly: {listed}; change the scene, or add "
             "--approximate (in Python approximate=True)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
@@ -21,6 +22,13 @@ OF_CLASSES = ("functions", "prepared", *FUNCTIONS, "coordinates", "rates", "join
 """What is the same for all arms of a class."""
 INSTEAD = "it belongs to the class: let its functions take m1, l1 and so on as arguments"
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach")
+
+
+def check_class(kind: Any) -> None:
+    """ValueError if an arm's class computes what is the same for all its arms from one of them."""
+    for name in OF_CLASSES:
+        if isinstance(value := vars(kind).get(name), property | functools.cached_property):
+            raise ValueError(f"{kind.__name__}.{name} is a {type(value).__name__}; {INSTEAD}")
 
 
 def check_own(arm: Any) -> None:
