@@ -40,13 +40,12 @@ class Heading(NamedTuple):
     """What a file is made of."""
 
     scene: str
-    version: str
     drawn: bool  # whether episodes draw some of its numbers
     function: str  # what the name of a function begins with
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""
-        made = [f"Made by redundant-envs {self.version} from {plain(self.scene)}.", *about]
+        made = [f"Made by redundant-envs {__version__} from {plain(self.scene)}.", *about]
         made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
         return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
@@ -115,7 +114,7 @@ def document(
     if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {shown(form)}; choose {', '.join(FORMATS)}")
     source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
-    heading = Heading(source, __version__, bool(scene.randomize), function or name or scene.robot.kind)
+    heading = Heading(source, bool(scene.randomize), function or name or scene.robot.kind)
     writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return writer(scene, heading, approximate)
 

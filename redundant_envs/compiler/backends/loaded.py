@@ -8,7 +8,10 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 ROOT = __name__.partition(".")[0]
-ROOMS = ("language", "compiler.tracing", "robots", "effects", "tasks", "scenes", "simulator", "support")
+ROOMS = (
+    "language", "compiler.dialect", "compiler.tracing", "robots", "effects", "tasks", "scenes", "simulator",
+    "support",
+)  # fmt: skip
 TRACES = tuple(f"{ROOT}.{room}" for room in ROOMS)
 """Modules that a traced program follows from; back ends compute what is traced, and trace nothing."""
 CACHED = type(functools.cache(len))
@@ -56,10 +59,9 @@ def replacements() -> int:
     """
     if any(sys.modules.get(name) is not x.module or x.is_changed() for name, x in _loaded.items()):
         _found[0] += 1
-        for one in _loaded.values():
-            one.forget()
         _loaded.clear()
     for name in sys.modules.keys() - _loaded.keys():
         if name.startswith(TRACES):
             _loaded[name] = Loaded(sys.modules[name])
+            _loaded[name].forget()
     return _found[0]
