@@ -21,13 +21,13 @@ class Loaded:
     """A module as it is loaded: what it and its classes have by names, and the code of their functions."""
 
     def __init__(self, module: ModuleType) -> None:
-        self.module, names = module, vars(module)
+        self.module, names = module, dict(vars(module))  # copies: others may import meanwhile
         classes = [x for x in names.values() if isinstance(x, type) and x.__module__ == module.__name__]
-        scopes: list[Any] = [names, *map(vars, classes)]
+        scopes: list[Any] = [vars(module), *map(vars, classes)]
         self._before = [(scope, dict(scope)) for scope in scopes]
         self._codes = [
             (f, f.__code__, f.__defaults__, f.__kwdefaults__)
-            for scope in scopes for f in scope.values() if isinstance(f, FunctionType)
+            for _, before in self._before for f in before.values() if isinstance(f, FunctionType)
         ]  # fmt: skip
 
     def is_changed(self) -> bool:
@@ -42,8 +42,8 @@ class Loaded:
 
     def forget(self) -> None:
         """Clear the caches of its functions."""
-        for scope, _ in self._before:
-            for x in [*scope.values()]:
+        for _, before in self._before:
+            for x in before.values():
                 if isinstance(x, CACHED):
                     x.cache_clear()
 
@@ -57,7 +57,7 @@ def replacements() -> int:
 
     A program is to be traced again when this number has changed. It is found in a millisecond.
     """
-    if any(sys.modules.get(name) is not x.module or x.is_changed() for name, x in _loaded.items()):
+    if any(sys.modules.get(name) is not x.module or x.is_changed() for name, x in [*_loaded.items()]):
         _found[0] += 1
         _loaded.clear()
     for name in sys.modules.keys() - _loaded.keys():
