@@ -69,14 +69,6 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
     return _picture(parts, f"{arm.kind} with its coordinates, masses and lengths")
 
 
-def side_by_side(pictures: Sequence[str]) -> str:
-    """Pictures of this module in one."""
-    placed = [p.replace("<svg ", f'<svg x="{k * WIDTH:g}" ', 1) for k, p in enumerate(pictures)]
-    width = f"{len(pictures) * WIDTH:g}"
-    size = f'viewBox="0 0 {width} {HEIGHT:g}" width="{width}" height="{HEIGHT:g}"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(placed)}</svg>'
-
-
 def numbers(arm: Any) -> str:
     """Masses, lengths and coordinates of an arm, with units, as a table."""
     rows = [(kind, _list(getattr(arm, kind)), arm.units.get(kind, "")) for kind in ("masses", "lengths")]
