@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, ClassVar
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.language.algebra import entries, gives_of, numbered
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
 from redundant_envs.robots import checks, derived, drawn, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.support.extras import needs
@@ -19,7 +19,6 @@ from redundant_envs.support.notebook import as_html
 from redundant_envs.support.values import Numbers, shown
 
 Array = NDArray[np.float64]
-Function = Callable[..., Any]
 
 
 @dataclass(frozen=True)

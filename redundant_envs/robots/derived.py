@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total, where
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
 
-Function = Callable[..., Any]
 Array = NDArray[np.float64]
 WHOLE = 1e-12
 """A share of a rate that is nearer than this to a whole number is that number."""

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.language.algebra import minimum, numbered, physics, sqrt, total
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
 from redundant_envs.robots.derived import joint_rates
 from redundant_envs.robots.from_points import Points
 
-Function = Callable[..., Any]
 Array = NDArray[np.float64]
 POSES = 4
 EQUAL = 1e-9
