@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import linecache
 import math
 import pkgutil
 import textwrap
@@ -73,9 +74,11 @@ REFUSED = {
 
 
 def made(body):
-    """A marked function of x and y, as a prompt makes it."""
+    """A marked function of x and y, as a notebook makes it."""
+    text = f"def f(x, y):\n{textwrap.indent(body, '    ')}"
+    linecache.cache["prompt"] = len(text), None, text.splitlines(True), "prompt"
     names = {**{p: getattr(algebra, p) for p in PRIMITIVES}, "np": np, "math": math, "__name__": "prompt"}
-    exec(f"def f(x, y):\n{textwrap.indent(body, '    ')}", names)
+    exec(compile(text, "prompt", "exec"), names)
     return physics(names["f"])
 
 

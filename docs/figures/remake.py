@@ -164,6 +164,14 @@ def results(readme: Path) -> None:
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
 
 
+def side_by_side(pictures: list[str]) -> str:
+    """Drawings of arms in one."""
+    placed = [p.replace("<svg ", f'<svg x="{k * drawn.WIDTH:g}" ', 1) for k, p in enumerate(pictures)]
+    width = f"{len(pictures) * drawn.WIDTH:g}"
+    size = f'viewBox="0 0 {width} {drawn.HEIGHT:g}" width="{width}" height="{drawn.HEIGHT:g}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(placed)}</svg>'
+
+
 if __name__ == "__main__":
     results(ROOT / "README.md")
     clips()
@@ -178,5 +186,5 @@ if __name__ == "__main__":
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach")]
     pictures = [drawn.schematic(scene.robot, stated_limits(scene)) for scene in arms]
-    write_text(FIGURES / "arms.svg", drawn.side_by_side(pictures))
+    write_text(FIGURES / "arms.svg", side_by_side(pictures))
     main(["accuracy", "--redraw", str(RESULTS / "accuracy")])

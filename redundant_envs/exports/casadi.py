@@ -6,11 +6,23 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.compiler.backends.casadi import ca
 from redundant_envs.exports.files import Document, Heading, Note
 from redundant_envs.exports.motion import INPUTS, equations, smooth_scene
+from redundant_envs.language.algebra import Primitives, register_numbers
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.lane.direct import OPERATIONS, evaluate
+from redundant_envs.support.extras import needs
+
+with needs("casadi"):
+    import casadi as ca
+
+register_numbers(
+    Primitives(
+        ca.sqrt, ca.exp, ca.log, ca.floor, lambda x: (ca.sin(x), ca.cos(x)), ca.if_else, ca.logic_not,
+        expm1=ca.expm1,
+    ),
+    ca.SX,
+)  # fmt: skip
 
 OUTPUTS = ("qdd", "M", "h", "G", "tip", "J")
 ON_CONDITIONS = {"and": ca.logic_and, "or": ca.logic_or, "xor": lambda a, b: a != b}

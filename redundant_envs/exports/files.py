@@ -40,13 +40,12 @@ class Heading(NamedTuple):
     """What a file is made of."""
 
     scene: str
-    version: str
     drawn: bool  # whether episodes draw some of its numbers
     function: str  # what the name of a function begins with
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""
-        made = [f"Made by redundant-envs {self.version} from {plain(self.scene)}.", *about]
+        made = [f"Made by redundant-envs {__version__} from {plain(self.scene)}.", *about]
         made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
         return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
@@ -57,10 +56,7 @@ PYBULLET = "PyBullet takes moments of inertia from it only with flags=URDF_USE_I
 def refuse_inexact(notes: Sequence[Note], form: str, approximate: bool) -> None:
     """ValueError with all notes, unless the document may be approximate."""
     if notes and not approximate:
-        by_reason: dict[str, list[str]] = {}
-        for note in notes:
-            by_reason.setdefault(note.reason, []).append(note.name)
-        listed = "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
+        listed = "; ".join(f"{note.name} ({note.reason})" for note in notes)
         raise ValueError(
             f"{form} cannot express parts of this scene exactly: {listed}; change the scene, or add "
             "--approximate (in Python approximate=True)"
@@ -118,7 +114,7 @@ def document(
     if not isinstance(form, str) or form not in FORMATS:
         raise ValueError(f"format is {shown(form)}; choose {', '.join(FORMATS)}")
     source = f"the scene {name}" if name else f"a scene of {scene.robot.kind}"
-    heading = Heading(source, __version__, bool(scene.randomize), function or name or scene.robot.kind)
+    heading = Heading(source, bool(scene.randomize), function or name or scene.robot.kind)
     writer: Callable[[Scene, Heading, bool], Document] = resolve_name(f"{__package__}.{FORMATS[form]}")
     return writer(scene, heading, approximate)
 

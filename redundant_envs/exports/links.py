@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.derived import coordinate_rates
 
 Array = NDArray[np.float64]
 POSES = 16
@@ -24,7 +24,7 @@ ALIKE = 1e-10  # largest difference of the arm's equations from those of its poi
 LENGTH = 14  # characters from which on a number is not a short one
 
 
-class Link(NamedTuple):
+class RigidLink(NamedTuple):
     """What moves with a joint, and not with the next one; in the pose in which all joints are at 0."""
 
     joint: str
@@ -35,7 +35,7 @@ class Link(NamedTuple):
     tip: Array | None  # the position of the tip, if it is on this link
 
 
-def links_of(arm: Arm) -> tuple[Link, ...]:
+def links_of(arm: Arm) -> tuple[RigidLink, ...]:
     """The links of an arm, from base to tip; point masses that no joint moves belong to none. ValueError
     if it is not a chain of rigid links, one for each joint."""
     n = len(arm.joints)
@@ -52,7 +52,7 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
     reach = max(float(np.abs(points).max()), 1e-300)
     by_joint = np.abs(moved).max(axis=(0, 2)) > EQUAL * reach  # whether a joint moves a point
     last = np.where(by_joint.any(axis=1), n - 1 - by_joint[:, ::-1].argmax(axis=1), -1)
-    made: list[Link] = []
+    made: list[RigidLink] = []
     before = np.zeros(2)
     for k, joint in enumerate(arm.joints):
         carried = np.flatnonzero(by_joint[:, k])
@@ -67,7 +67,7 @@ def links_of(arm: Arm) -> tuple[Link, ...]:
         offsets = {p: _plain(position - place) for p, position in own.items()}
         tip = offsets.pop(arm.num_masses, None)
         axis = _plain(by) if slides else np.zeros(2)
-        made.append(Link(joint, slides, axis, _plain(place - before), offsets, tip))
+        made.append(RigidLink(joint, slides, axis, _plain(place - before), offsets, tip))
         before = place
     gap = max(float(np.abs(found - points[:, p]).max()) for p, found in _placed(made, phi, arm.num_masses))
     if not gap <= EQUAL * reach:
@@ -82,17 +82,10 @@ def coordinates_at(arm: Arm, phi: Array) -> Array:
     return np.stack(np.broadcast_arrays(*rows), axis=-1).astype(np.float64)
 
 
-def shares_of_joints(arm: Arm) -> Array:
-    """Rates of the coordinates as sums of those of the joints, (coordinates, joints)."""
-    exact = np.linalg.inv(joint_rates(arm))
-    whole = exact.round()
-    return np.asarray(np.where(np.abs(exact - whole) < EQUAL, whole, exact), dtype=np.float64)
-
-
 def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
     """Refuse an arm whose own equations are not those of its point masses, or whose motors are not at its
     joints; ``moved`` are displacements of the point masses by the joints."""
-    q, shares, masses = coordinates_at(arm, phi), shares_of_joints(arm), np.array(arm.masses)
+    q, shares, masses = coordinates_at(arm, phi), coordinate_rates(arm), np.array(arm.masses)
     if not np.allclose(arm.motor_map.T @ shares, np.eye(len(shares)), rtol=0.0, atol=ALIKE):
         raise _refusal(arm, "its motors do not act between a link and the one before it")
     qd = np.random.default_rng(1).uniform(-1.0, 1.0, q.shape)
@@ -110,7 +103,7 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
             raise _refusal(arm, f"its {what} are not those of its point masses")
 
 
-def _placed(links: Sequence[Link], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
+def _placed(links: Sequence[RigidLink], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
     """Positions of all points that move, and of the tip, which has a number, too: (poses, 2) m."""
     origin, angle = np.zeros((len(phi), 2)), np.zeros(len(phi))
     for link, moved in zip(links, phi.T, strict=True):
@@ -130,7 +123,7 @@ def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
     slopes = arm._vector(names, q=q).reshape(len(q), count, 2, n)
     slopes = np.concatenate([slopes, arm.jacobian(q)[:, None]], axis=1)
     points = np.concatenate([arm.points(q), arm.forward_kinematics(q)[:, None]], axis=1)
-    return points, np.asarray(slopes @ shares_of_joints(arm), dtype=np.float64)
+    return points, slopes @ coordinate_rates(arm)
 
 
 def _turned(vector: Array, angle: Array) -> Array:

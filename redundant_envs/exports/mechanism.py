@@ -14,16 +14,15 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import Link, coordinates_at, links_of, shares_of_joints
+from redundant_envs.exports.links import RigidLink, links_of
+from redundant_envs.language.algebra import arguments_of
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.derived import coordinate_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
-MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations, in most poses
-SHARE_OF_POSES = 0.9
-POSES = 256
+MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations
 THICKNESS = 0.03  # of drawn links, as a share of the reach
 FREE = 1e9  # stands for no limit where a number is required: other end of a travel with one end, m or rad
 REASONS: dict[type, str] = {
@@ -51,7 +50,7 @@ class Format(NamedTuple):
 class Body(NamedTuple):
     """A link and the masses that it carries; positions are in metres from its joint."""
 
-    link: Link
+    link: RigidLink
     mass: float  # kg
     centre: Array
     inertia: float  # about the centre of mass, kg m^2
@@ -117,7 +116,7 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
         tuple(b._replace(mass=max(b.mass, form.least), inertia=max(b.inertia, form.least)) for b in bodies),
         tip, np.array(gravity), damping, stiffness, rest, armature,
         limits if at_joints or form.generalized else None,
-        None if at_joints else shares_of_joints(scene.robot), _soft_ends(scene, known, unfit),
+        None if at_joints else coordinate_rates(scene.robot), _soft_ends(scene, known, unfit),
         _dry_friction(scene, known), tuple(notes),
     )  # fmt: skip
 
@@ -156,7 +155,7 @@ def _of_link(hook: Inertia, arm: Arm) -> bool:
 
 
 def _bodies(
-    scene: Scene, links: tuple[Link, ...], known: Mapping[str, float], unfit: Mapping[str, str]
+    scene: Scene, links: tuple[RigidLink, ...], known: Mapping[str, float], unfit: Mapping[str, str]
 ) -> tuple[list[Body], Array]:
     """Bodies of the links with all that they carry, and inertias of rotors at the joints."""
     masses = dict(enumerate(scene.robot.masses))
@@ -187,16 +186,13 @@ def _sums(scene: Scene, forces: Mapping[Attached[Force], Linear]) -> Array:
 
 
 def _changed(scene: Scene, least: float) -> float:
-    """By which share the least inertia of a body may change accelerations, in most poses."""
+    """By which share the least inertia of a body may change accelerations."""
     arm = scene.loaded_robot
-    n, travel = len(arm.joints), scene.travel()
-    phi = np.random.default_rng(1).uniform(-np.pi, np.pi, (POSES, n))
-    for k in arm.sliders():
-        low, high = (scene.parameters()[name] for name in travel[k]) if k in travel else (0.1, 1.0)
-        phi[:, k] = low + (high - low) * np.random.default_rng(k).uniform(size=POSES)
-    rates = joint_rates(scene.robot)
-    mobility = rates @ np.linalg.pinv(arm.mass_matrix(coordinates_at(scene.robot, phi))) @ rates.T
-    return least * float(np.quantile(np.einsum("nkk -> nk", mobility).max(axis=1), SHARE_OF_POSES))
+    if arm.mobility_bounds is None:
+        return 0.0
+    values = arm.parameter_values()
+    taken = (values[name] for name in arguments_of(arm.mobility_bounds))
+    return least * float(np.max(arm.mobility_bounds(*taken)))
 
 
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.compiler.backends import cache, llvm
-from redundant_envs.compiler.backends.loaded import loaded_code, scene_key
+from redundant_envs.compiler.backends.loaded import replacements
 from redundant_envs.compiler.tracing.flow import LANES, Program
 from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.model.memory import Memory, aligned, alone
@@ -42,32 +42,19 @@ Traced = tuple[Program, Blocks]
 
 
 class Simulator:
-    """A scene in compiled code, and the lanes that it works on.
-
-    The scene is traced unless its ``name``, by which :func:`scene_key` knows all that a program follows from,
-    and its code are in the folder of the user.
-    """
+    """A scene in compiled code, and the lanes that it works on."""
 
     def __init__(
-        self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None, name: str = ""
+        self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None
     ) -> None:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
-        facts = cache.facts(name, self._facts)
-        self.program_digest: str = facts["program"]  # scenes share it whose effects have other names
-        self.identity: str = facts["identity"]
-        """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
-        self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
-        self.scratch_size, self.queue_size = facts["scratch_size"], facts["queue_size"]
-
-    def _facts(self) -> dict[str, Any]:
+        program, blocks = self._traced
         with uncollected():
-            return {
-                "program": (digest := cache.identity(self.program)),
-                "identity": cache.with_fields(digest, self.blocks.layout.places()),
-                "arguments": {kernel.name: [*kernel.arguments] for kernel in self.program.kernels},
-                "scratch_size": self.blocks.scratch_size,
-                "queue_size": self.blocks.queue_size,
-            }
+            self.program_digest = cache.identity(program)  # scenes share it whose effects have other names
+        self.identity = cache.with_fields(self.program_digest, blocks.layout.places())
+        """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
+        self.arguments = {kernel.name: [*kernel.arguments] for kernel in program.kernels}  # names
+        self.scratch_size, self.queue_size = blocks.scratch_size, blocks.queue_size
 
     @functools.cached_property
     def features(self) -> Features:
@@ -112,9 +99,8 @@ class Simulator:
         key, names = self.key(few or LANES), [*self.arguments]
         try:
             return cache.kernels(key, names, lambda: dataclasses.replace(self.program, few=few), what)
-        except BaseException:
-            self.__dict__.pop("_traced", None)  # a compiler that was stopped has changed graphs in part
-            raise
+        finally:
+            self.__dict__.pop("_traced", None)  # a compiler changes graphs
 
 
 FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
@@ -122,17 +108,16 @@ KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
-def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A simulator: of parts of this package a cached one with a name, else a new one without."""
+def _kept_or_made(make: Callable[[Scene], Simulator], scene: Scene, *more: Any) -> Simulator:
+    """A simulator: of parts of this package a cached one, else a new one."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
-    code = loaded_code(__name__)
-    if not code or not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
-        return make(scene.bound_anew(), "")
+    if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
+        return make(scene.bound_anew())
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
     name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
-    kept = code, method, name
+    kept = replacements(), method, name
     if kept not in _kept:
-        _kept[kept] = make(scene.bound_anew(), f"{name} {method}")
+        _kept[kept] = make(scene.bound_anew())
     _kept.move_to_end(kept)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
@@ -141,12 +126,12 @@ def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda scene, name: traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(lambda scene: traced_batch(scene, track_work), scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
     """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
-    return _kept_or_made(lambda scene, name: _environment(scene, task, observed, name), scene, task, observed)
+    return _kept_or_made(lambda scene: traced_environment(scene, task, observed), scene, task, observed)
 
 
 def traced_batch(scene: Scene, track_work: bool) -> Simulator:
@@ -161,7 +146,8 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
     return Simulator(dynamics, trace)
 
 
-def _environment(scene: Scene, task: Task, observed: tuple[str, ...], name: str) -> Simulator:
+def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
+    """The simulator of an environment, traced again."""
     episode = Episode(Interval(Dynamics(scene)), task, observed)
 
     def trace() -> Traced:
@@ -169,7 +155,7 @@ def _environment(scene: Scene, task: Task, observed: tuple[str, ...], name: str)
         kernels = [made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]
         return Program(kernels), made.blocks
 
-    return Simulator(episode.dynamics, trace, episode, name and scene_key(name, __name__))
+    return Simulator(episode.dynamics, trace, episode)
 
 
 def address(array: NDArray[Any]) -> int:

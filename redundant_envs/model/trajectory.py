@@ -83,12 +83,11 @@ class Trajectory:
         return float(np.abs(self.relative_error).max())
 
     def _repr_html_(self) -> str:
-        """A moving picture of the first motions, and their energies, for a notebook."""
-
+        """The first motions, and their energies, for a notebook; ``rde.animate`` shows how they move."""
         arm = self.scene.robot
 
         def picture() -> str:
-            return drawn.moving(arm, self.t, self.q.reshape(len(self.t), -1, len(arm.joints)))
+            return drawn.motions(arm, self.q.reshape(len(self.t), -1, len(arm.joints)))
 
         def facts() -> str:
             rows: dict[str, object] = {"arm": arm.kind, "times": len(self.t)}

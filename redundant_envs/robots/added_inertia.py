@@ -17,7 +17,6 @@ from typing import Any
 from redundant_envs.language.algebra import arguments_of, entries, gives_of, physics
 from redundant_envs.robots import derived
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.mobility import joint_rates
 
 Function = Callable[..., Any]
 Added = tuple[tuple[tuple[int, ...], str], ...]
@@ -101,7 +100,7 @@ def _of_point_masses(function: Function, bare: set[str]) -> Function:
 
 
 def _mass_matrix(arm: type[Arm], added: Added) -> Function:
-    n, rates = len(arm.coordinates), joint_rates(arm)
+    n, rates = len(arm.coordinates), derived.joint_rates(arm)
     shares = [[sum(rates[k, j] for k in joints) for j in range(n)] for joints, _ in added]
     names, inertias = entries("M", n, n), [name for _, name in added]
 

@@ -1,21 +1,17 @@
-"""An arm: its equations as functions that find each other by name, and methods that evaluate them.
-
-An arm of 1 to 10 joints is a frozen dataclass derived from :class:`Arm`, whose docstring lists what an arm
-must define, and what follows from that.
-"""
+"""An arm: its equations as functions that find each other by name, and methods that evaluate them."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.language.algebra import entries, gives_of, numbered
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
 from redundant_envs.robots import checks, derived, drawn, from_points, joint_types, mobility
 from redundant_envs.robots.parameters import positive_numbers
 from redundant_envs.support.extras import needs
@@ -23,12 +19,11 @@ from redundant_envs.support.notebook import as_html
 from redundant_envs.support.values import Numbers, shown
 
 Array = NDArray[np.float64]
-Function = Callable[..., Any]
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A planar arm of point masses.
+    """A planar arm of point masses, with 1 to 10 joints; its classes are frozen dataclasses, too.
 
     A subclass names the types of its joints and has a function of the physics dialect for the positions of
     its point masses, ``x1 y1 x2 ...``, the last of them at the tip::
@@ -139,43 +134,33 @@ class Arm:
     def __init_subclass__(cls) -> None:
         """Add everything that follows from the definitions of the class, and refuse an incomplete class."""
         super().__init_subclass__()
-        for name in checks.OF_CLASSES:
-            if isinstance(value := vars(cls).get(name), property | functools.cached_property):
-                kind = type(value).__name__
-                raise ValueError(f"{cls.__name__}.{name} is a {kind}; {checks.INSTEAD}")
+        checks.check_class(cls)
         if not {"functions", "joint_types"} & cls.__dict__.keys():
             return
         cls._derived = cls._derived - cls.__dict__.keys()
         cls.functions = tuple(f for f in getattr(cls, "functions", ()) if not derived.follows(f))
         checks.check_functions(cls)
-        types = getattr(cls, "joint_types", None)
-        facts: dict[str, Any] = {}
-        if types is not None:
-            joint_types.check_joint_types(f"{cls.__name__}.joint_types", types)
-            facts = joint_types.facts_of(types, cls.functions)
-            cls._set_defaults(facts)
+        facts = joint_types.facts_of(cls)
+        cls._set_defaults(facts)
         checks.check_joints(cls)
         for name in checks.FUNCTIONS:
-            if callable(cls.__dict__.get(name)) and not isinstance(cls.__dict__[name], staticmethod):
-                setattr(cls, name, staticmethod(cls.__dict__[name]))
-        cls._set_defaults({name: value for name, value in _defaults(cls).items() if name not in facts})
-        if types is not None:
-            cls._follow(joint_types.functions_of(types, cls.sincos, cls._given()))
-            cls._set_defaults(
-                {"coordinates_of_joints": staticmethod(joint_types.coordinates_of_joints(types))}
-            )
+            if isinstance(function := vars(cls).get(name), FunctionType):
+                setattr(cls, name, staticmethod(function))
+        cls._set_defaults({**_defaults(cls), **facts})
+        if facts:
+            cls._follow(joint_types.functions_of(cls.joint_types, cls.sincos, cls._given()))
+            cls._set_defaults({"coordinates_of_joints": joint_types.coordinates_of_joints(cls.joint_types)})
         elif "phi1" not in cls._given():
             n = len(cls.coordinates)
             same = {"phi{}": cls.coordinates, "phid{}": cls.rates, "Q{}": numbered("t{}", n)}
             cls._follow(derived.identity(numbered(form, n), taken) for form, taken in same.items())
             back = derived.identity(cls.coordinates, numbered("phi{}", n))
-            cls._set_defaults({"coordinates_of_joints": staticmethod(back)})
+            cls._set_defaults({"coordinates_of_joints": back})
         cls._follow(from_points.functions_of(cls, cls._given()))
         cls._follow(derived.functions_of(cls, cls._given()))
         checks.check_quantities(cls)
         if not cls._is_explicit("mobility_bounds"):
-            bounds = mobility.mobility_bounds(cls)
-            cls._set_defaults({"mobility_bounds": None if bounds is None else staticmethod(bounds)})
+            cls._set_defaults({"mobility_bounds": mobility.mobility_bounds(cls)})
 
     @classmethod
     def _given(cls) -> set[str]:
@@ -196,7 +181,7 @@ class Arm:
         for name, value in facts.items():
             if not cls._is_explicit(name) or (name == "kind" and name not in cls.__dict__):
                 cls._derived |= {name}
-                setattr(cls, name, value)
+                setattr(cls, name, staticmethod(value) if isinstance(value, FunctionType) else value)
 
     def __post_init__(self) -> None:
         for name, count in (("masses", self.num_masses), ("lengths", self.num_lengths)):
@@ -351,7 +336,7 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
     made: dict[str, Any] = {
         "kind": arm.__name__,
         "num_masses": n,
-        "column_norms": staticmethod(derived.column_norms(n)),
+        "column_norms": derived.column_norms(n),
         "extent": (*numbered("l{}", arm.num_lengths), *(f"high{k + 1}" for k in sliders)),
         "posture": {
             name: f"{what} of {angle}"
@@ -360,6 +345,6 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
         },
     }
     if sliders:
-        made["held_dynamics"] = staticmethod(derived.forward_dynamics(n, sliders))
-        made["slider_mobility"] = staticmethod(derived.slider_mobility(n, sliders))
+        made["held_dynamics"] = derived.forward_dynamics(n, sliders)
+        made["slider_mobility"] = derived.slider_mobility(n, sliders)
     return made

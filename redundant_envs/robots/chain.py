@@ -30,11 +30,6 @@ class Chain(Arm):
     lengths : sequence of floats
         One for each revolute joint, m, positive.
 
-    Raises
-    ------
-    ValueError
-        The message names the argument, its value and what is allowed.
-
     Examples
     --------
     >>> arm = Chain("RPR", masses=(1.0, 0.5, 0.5), lengths=(0.4, 0.3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import Any
 
@@ -21,6 +22,13 @@ OF_CLASSES = ("functions", "prepared", *FUNCTIONS, "coordinates", "rates", "join
 """What is the same for all arms of a class."""
 INSTEAD = "it belongs to the class: let its functions take m1, l1 and so on as arguments"
 OF_LANES = ("h", "interval", "work", "error", "fault", "limit", "steps", "reach")
+
+
+def check_class(kind: Any) -> None:
+    """ValueError if an arm's class computes what is the same for all its arms from one of them."""
+    for name in OF_CLASSES:
+        if isinstance(value := vars(kind).get(name), property | functools.cached_property):
+            raise ValueError(f"{kind.__name__}.{name} is a {type(value).__name__}; {INSTEAD}")
 
 
 def check_own(arm: Any) -> None:
@@ -63,23 +71,16 @@ def check_joints(arm: Any) -> None:
         raise ValueError(f"{arm.__name__}.prismatic is {arm.prismatic!r}; give True or False for each joint")
     if len(set(arm.joints)) < n:
         raise ValueError(f"{arm.__name__}.joints is {arm.joints!r}; give each joint a name of its own")
-    taken = {name for f in arm.functions for name in gives_of(f)}
+    taken = {*OF_LANES, *(name for f in arm.functions for name in gives_of(f))}
     taken |= {name for pair in arm.sincos.values() for name in pair}
     names = [*arm.coordinates, *arm.rates]
     for name in names:
-        if not isinstance(name, str) or not name.isidentifier():
-            whose = "which no equation could take"
-        elif OWN_NAMES.fullmatch(name):
-            whose = "a name of every arm"
-        elif name in OF_LANES:
-            whose = "a name of the engine"
-        elif name in taken:
-            whose = f"a name of {arm.__name__}.functions or sincos"
-        elif names.count(name) > 1:
-            whose = f"a name of another one of {arm.__name__}"
-        else:
-            continue
-        raise ValueError(f"{arm.__name__} calls a coordinate or a rate {name!r}, {whose}; rename it")
+        fine = isinstance(name, str) and name.isidentifier() and not OWN_NAMES.fullmatch(name)
+        if not fine or name in taken or names.count(name) > 1:
+            raise ValueError(
+                f"{arm.__name__} calls a coordinate or a rate {name!r}; give each an identifier that is no "
+                "name of another one, of its functions, of every arm (m1, tip_x) or of the engine (work)"
+            )
 
 
 def check_quantities(arm: Any) -> None:

@@ -5,13 +5,20 @@ An arm may compute each of these in a better form, as the arms of this package d
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total, where
+import numpy as np
+from numpy.typing import NDArray
 
-Function = Callable[..., Any]
+from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total, where
+from redundant_envs.language.quantities import Function, Quantities
+
+Array = NDArray[np.float64]
+WHOLE = 1e-12
+"""A share of a rate that is nearer than this to a whole number is that number."""
 
 
 def identity(gives: Sequence[str], takes: Sequence[str]) -> Function:
@@ -112,14 +119,12 @@ def kinetic_energy(rates: Sequence[str]) -> Function:
 def forward_dynamics(n: int, sliders: Sequence[int] = ()) -> Function:
     """Accelerations, while sliders with held > 0 rest on their links, and the forces that hold these [N]."""
     held, hold = ([f"{name}{k + 1}" for k in sliders] for name in ("held", "hold"))
-    of_motion = [*entries("M", n, n), *(f"{letter}{k + 1}" for letter in "hGQ" for k in range(n))]
 
-    @physics(gives=(*numbered("qdd{}", n), *hold), takes=(*of_motion, *held))
+    @physics(gives=(*numbered("qdd{}", n), *hold), takes=(*_of_motion(n), *held))
     def forward_dynamics(*values):
         """M qdd = Q - h - G, by L D L^T."""
-        M, (h, G, Q) = rows(values[: n * n], n), rows(values[n * n : n * n + 3 * n], n)
-        forces = [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
-        rests = dict(zip(sliders, (h > 0.0 for h in values[n * n + 3 * n :]), strict=True))
+        M, forces, flags = _system(values, n)
+        rests = dict(zip(sliders, (flag > 0.0 for flag in flags), strict=True))
         left = [[*row] for row in M]
         for i, j in itertools.product(range(n), range(n)):
             left[i][j] = _unless(rests.get(i), _unless(rests.get(j), M[i][j], float(i == j)), float(i == j))
@@ -127,6 +132,69 @@ def forward_dynamics(n: int, sliders: Sequence[int] = ()) -> Function:
         return (*qdd, *(_dot(M[k], qdd) - forces[k] for k in sliders))
 
     return forward_dynamics
+
+
+@functools.lru_cache(maxsize=64)
+def held_joint_dynamics(arm: Any, joints: tuple[int, ...]) -> Function:
+    """Accelerations of the coordinates of an arm's class while joints with held > 0 keep their rates, the
+    accelerations of these joints, and the forces that hold them [N m or N].
+
+    With the rates of the joints u and qd = T u, the mass matrix of the joints is T^T M T and the forces on
+    them are T^T (Q - h - G). Held joints are left out of that system. The coordinates of a held joint have
+    accelerations that are equal to the last bit, so that its rate stays exactly 0 where it was.
+    """
+    n, T = len(arm.coordinates), coordinate_rates(arm)
+    gives = [*numbered("qdd{}", n), *(f"{name}{k + 1}" for name in ("alpha", "hold") for k in joints)]
+
+    @physics(gives=gives, takes=(*_of_motion(n), *(f"held{k + 1}" for k in joints)))
+    def held_joint_dynamics(*values):
+        """T^T M T a = T^T (Q - h - G), by L D L^T, and qdd = T a."""
+        M, forces, flags = _system(values, n)
+        forces = _summed(T.T, forces)
+        half = [_summed(T.T, row) for row in M]  # M T, row by row
+        of_joints = [_summed(T.T, column) for column in zip(*half, strict=True)]
+        rests = dict(zip(joints, (flag > 0.0 for flag in flags), strict=True))
+        left = [[*row] for row in of_joints]
+        for i, j in itertools.product(range(n), range(n)):
+            for k in {i, j} & rests.keys():
+                left[i][j] = where(rests[k], float(i == j), left[i][j])
+        alpha = solved(left, [_unless(rests.get(k), f, 0.0) for k, f in enumerate(forces)])
+        hold = [_dot(of_joints[k], alpha) - forces[k] for k in joints]
+        return (*_summed(T, alpha), *(alpha[k] for k in joints), *hold)
+
+    return held_joint_dynamics
+
+
+def _of_motion(n: int) -> list[str]:
+    return [*entries("M", n, n), *(f"{letter}{k + 1}" for letter in "hGQ" for k in range(n))]
+
+
+def _system(values: Sequence[Any], n: int) -> tuple[list[Sequence[Any]], list[Any], Sequence[Any]]:
+    """M and Q - h - G, of values of these names, and the values behind them."""
+    h, G, Q = rows(values[n * n : n * n + 3 * n], n)
+    forces = [q - a - b for q, a, b in zip(Q, h, G, strict=True)]
+    return rows(values[: n * n], n), forces, values[n * n + 3 * n :]
+
+
+def _summed(matrix: Array, terms: Sequence[Any]) -> list[Any]:
+    """A matrix of small whole numbers times terms, each sum from left to right."""
+    pairs = ([(float(s), t) for s, t in zip(row, terms, strict=True) if s != 0.0] for row in matrix)
+    return [total(t if share == 1.0 else share * t for share, t in row) for row in pairs]
+
+
+def joint_rates(arm: Any) -> Array:
+    """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
+    n = len(arm.rates)
+    rates = dict(zip(arm.rates, np.eye(n), strict=True))
+    found = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
+    return np.stack(np.broadcast_arrays(*found))
+
+
+def coordinate_rates(arm: Any) -> Array:
+    """Rates of the coordinates as sums of those of the joints, (coordinates, joints)."""
+    exact = np.linalg.inv(joint_rates(arm))
+    whole = exact.round()
+    return np.asarray(np.where(np.abs(exact - whole) < WHOLE, whole, exact), dtype=np.float64)
 
 
 def slider_mobility(n: int, sliders: Sequence[int]) -> Function:

@@ -1,7 +1,6 @@
-"""Drawings of arms as SVG, still or moving, without any library and any script.
+"""Drawings of arms as SVG, without any library and any script.
 
-An arm is drawn if it has a point mass behind each joint. Motions are those of SVG itself (``<animate>``), so
-that pages which run no scripts show them, too; a reader who prefers less motion sees the last pose.
+An arm is drawn if it has a point mass behind each joint.
 """
 
 from __future__ import annotations
@@ -25,11 +24,7 @@ UP, DOWN = 0.9, 0.2
 """Directions of the links in a schematic, rad, in turn: a zigzag to the right shows every joint."""
 ARC = 24.0  # px, radius of the arc that shows an angle
 LONGEST_RAIL = 5.0  # in units of the arm; beyond it the arm would be a dot
-FRAMES_PER_SECOND = 25
-SHORTEST, LONGEST = 1.0, 30.0
-"""Times in which a motion is shown, s; one that takes less or more is shown slower or faster."""
-MAX_CHARACTERS = 150_000  # of the frames of a motion: longer ones are shown with fewer frames a second
-OF_A_POINT = 38  # characters that a point takes in the paths of a frame, at most
+MAX_POINTS = 300  # of the way of a tip
 
 
 def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None) -> str:
@@ -54,9 +49,8 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
     placed = _Placed([ends, *rails])
     at, parts = placed(ends), []
     for rail in rails:
-        (x1, y1), (x2, y2) = placed(rail)
-        parts.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" stroke="{RAIL}" stroke-width="13"/>')
-    parts += [_path(d, color, width) for d, color, width in _paths(arm, [at], 0)]
+        parts.append(_path(_line(placed(rail)), RAIL, 13.0))
+    parts += [_path(*path) for path in _paths(arm, at, 0)]
     names = iter(f"l{k + 1}" for k in range(arm.num_lengths))
     own = arm.num_lengths == arm.prismatic.count(False)
     for k, (a, b) in enumerate(itertools.pairwise(at)):
@@ -75,14 +69,6 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
     return _picture(parts, f"{arm.kind} with its coordinates, masses and lengths")
 
 
-def side_by_side(pictures: Sequence[str]) -> str:
-    """Pictures of this module in one."""
-    placed = [p.replace("<svg ", f'<svg x="{k * WIDTH:g}" ', 1) for k, p in enumerate(pictures)]
-    width = f"{len(pictures) * WIDTH:g}"
-    size = f'viewBox="0 0 {width} {HEIGHT:g}" width="{width}" height="{HEIGHT:g}"'
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{"".join(placed)}</svg>'
-
-
 def numbers(arm: Any) -> str:
     """Masses, lengths and coordinates of an arm, with units, as a table."""
     rows = [(kind, _list(getattr(arm, kind)), arm.units.get(kind, "")) for kind in ("masses", "lengths")]
@@ -91,45 +77,18 @@ def numbers(arm: Any) -> str:
     return table((arm.kind, "", "unit"), [row for row in rows if row[1]])
 
 
-def moving(arm: Any, t: Points, q: Points) -> str:
-    """Motions (T, arms, joints) of an arm at times t [s], the first :data:`MAX_ARMS` of them."""
-    q = q[:, :MAX_ARMS]
-    ends = np.stack([_ends(arm, q[:, k]) for k in range(q.shape[1])], axis=1)
-    fine = np.isfinite(ends).all(axis=(1, 2, 3)) & np.isfinite(t)
-    if not fine.any():
+def motions(arm: Any, q: Points) -> str:
+    """The ways of the tips, and the last poses, of motions (T, arms, joints) of an arm: the first
+    :data:`MAX_ARMS` of them, as long as all are finite."""
+    ends = _ends(arm, q[:, :MAX_ARMS])
+    ends = ends[np.isfinite(ends).all(axis=(1, 2, 3))]
+    if not len(ends):
         raise ValueError("no pose of the motion is finite")
-    t, ends = t[fine], ends[fine]
-    span = float(t[-1] - t[0])
-    shown_in = min(max(span, SHORTEST), LONGEST)
-    characters = OF_A_POINT * ends[0, ..., 0].size
-    count = int(min(FRAMES_PER_SECOND * shown_in, MAX_CHARACTERS / characters)) if span > 0.0 else 1
-    rows = np.searchsorted(t, np.linspace(t[0], t[-1], count) - 1e-9 * span).clip(max=len(t) - 1)
-    at = _Placed([ends])(ends[rows])
-    parts, still = [], []
-    for k in range(q.shape[1]):
-        way = at[np.unique(np.linspace(0, count - 1, min(count, 300)).astype(int)), k, -1]
-        parts.append(f'<path d="{_line(way)}" stroke="{LINKS[k][1]}" stroke-width="1.5" opacity=".6"/>')
-    duration = f'dur="{shown_in:.6g}s" repeatCount="indefinite"'
-    parts.append('<g class="moving">')
-    for k in range(q.shape[1]):
-        for d, color, width in _paths(arm, at[:, k], k):
-            still.append(_path(d.rpartition(";")[2], color, width))
-            first, one, _ = d.partition(";")
-            values = (
-                f'<animate attributeName="d" calcMode="discrete" {duration} values="{d}"/>' if one else ""
-            )
-            parts.append(_path(first, color, width, values))
-    bar, y = WIDTH - 2.0 * MARGIN, HEIGHT - 8.0
-    parts.append(
-        f'<path d="M{MARGIN} {y}h{bar}" stroke="{SOFT}" stroke-width="2" stroke-dasharray="{bar}">'
-        f'<animate attributeName="stroke-dashoffset" {duration} from="{bar}" to="0"/></path></g>'
-    )
-    # An attribute hides it where a page strips styles, which the style for less motion overrules.
-    parts.append(f'<g class="still" display="none">{"".join(still)}</g>')
-    speed = "in real time" if shown_in == span else f"shown in {shown_in:.6g} s"
-    caption = f"{t[0]:.6g} to {t[-1]:.6g} s, {speed}" if span > 0.0 else f"at {t[0]:.6g} s"
-    parts.append(_name(WIDTH / 2.0, HEIGHT - 18.0, caption, SOFT))
-    return _picture(parts, f"{arm.kind}, {caption}")
+    at = _Placed([ends])(ends)
+    rows = np.unique(np.linspace(0, len(at) - 1, MAX_POINTS).astype(int))
+    ways = [_path(_line(at[rows, k, -1]), LINKS[k][1], 1.5) for k in range(at.shape[1])]
+    poses = [_path(*path) for k in range(at.shape[1]) for path in _paths(arm, at[-1, k], k)]
+    return _picture([*ways, *poses], f"{arm.kind} at the end of its motion, and the way of its tip")
 
 
 def _list(values: Sequence[Any]) -> str:
@@ -166,9 +125,9 @@ class _Placed:
         return at
 
 
-def _paths(arm: Any, frames: Any, k: int) -> list[tuple[str, str, float]]:
-    """Paths of sliders, links and masses of the arm k in frames (F, 1 + masses, 2) px: the data of each, with
-    ; between frames, its colour and its width."""
+def _paths(arm: Any, ends: Points, k: int) -> list[tuple[str, str, float]]:
+    """Paths of sliders, links, masses and base of the arm k, with its ends at (1 + masses, 2) px: the data of
+    each, its colour and its width."""
     dark, light = LINKS[k]
     runs, start = [], 0
     for slides, joints in itertools.groupby(arm.prismatic):
@@ -177,19 +136,17 @@ def _paths(arm: Any, frames: Any, k: int) -> list[tuple[str, str, float]]:
     for kind, color, width in ((True, light, 5.0), (False, dark, 7.0)):
         own = [(first, last + 1) for slides, first, last in runs if slides == kind]
         if own:
-            data = ";".join("".join(_line(ends[first:last]) for first, last in own) for ends in frames)
-            made.append((data, color, width))
-    dots = ";".join("".join(_line([end] * 2) for end in ends[1:]) for ends in frames)
-    base = ";".join(_line([end] * 2) for end in np.asarray(frames)[:1, 0])
-    return [*made, (dots, INK, 11.0), (base, RAIL, 13.0)]
+            made.append(("".join(_line(ends[first:last]) for first, last in own), color, width))
+    base, *dots = (_line([end] * 2) for end in ends)
+    return [*made, ("".join(dots), INK, 11.0), (base, RAIL, 13.0)]
 
 
 def _line(points: Any) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
-def _path(data: str, color: str, width: float, inner: str = "") -> str:
-    return f'<path d="{data}" stroke="{color}" stroke-width="{width:g}">{inner}</path>'
+def _path(data: str, color: str, width: float) -> str:
+    return f'<path d="{data}" stroke="{color}" stroke-width="{width:g}"/>'
 
 
 def _name(x: float, y: float, name: str, color: str) -> str:

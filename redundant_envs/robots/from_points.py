@@ -15,10 +15,8 @@ from typing import Any
 
 from redundant_envs.language.algebra import entries, gives_of, numbered, physics, total
 from redundant_envs.language.dual import Dual, dual, is_zero, times
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
 from redundant_envs.robots.derived import identity, rows
-
-Function = Callable[..., Any]
 
 
 class Points:

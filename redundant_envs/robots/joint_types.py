@@ -1,14 +1,10 @@
-"""An arm from the types of its joints: "RPR" is a revolute, a prismatic, a revolute joint, from the base on.
-
-Angles are absolute, from +x. A revolute joint begins a new direction, with a link of the next length and a
-mass at its end; a slider moves along the direction before it, or along +x if no revolute joint is before it,
-and has a mass at its end. Revolute joints and sliders are counted each on their own: theta1, r1, theta2.
-"""
+"""An arm from the types of its joints, as :class:`~redundant_envs.Chain` describes it. Revolute joints and
+sliders are counted each on their own: theta1, r1, theta2."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from typing import Any
 
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered, physics
@@ -29,9 +25,13 @@ def check_joint_types(where: str, types: Any) -> str:
     return types
 
 
-def facts_of(types: str, functions: Sequence[Function]) -> dict[str, Any]:
-    """Attributes of an arm of such joints and functions, by their names in :class:`~redundant_envs.Arm`.
-    Without point masses among the functions, these are at the ends of its links."""
+def facts_of(arm: Any) -> dict[str, Any]:
+    """Attributes of an arm's class that has ``joint_types``, by their names in :class:`~redundant_envs.Arm`.
+    Without point masses among its functions, these are at the ends of its links."""
+    types, functions = getattr(arm, "joint_types", None), arm.functions
+    if types is None:
+        return {}
+    check_joint_types(f"{arm.__name__}.joint_types", types)
     names = _counted(types, "theta{}", "r{}")
     angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
     given = {name for f in functions for name in gives_of(f)}

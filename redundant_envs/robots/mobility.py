@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.language.algebra import minimum, numbered, physics, sqrt, total
-from redundant_envs.language.quantities import Quantities
+from redundant_envs.language.quantities import Function, Quantities
+from redundant_envs.robots.derived import joint_rates
 from redundant_envs.robots.from_points import Points
 
-Function = Callable[..., Any]
 Array = NDArray[np.float64]
 POSES = 4
 EQUAL = 1e-9
@@ -79,14 +79,6 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
 
     where = stacked(Quantities(known, points.functions, points.sincos).each(points.positions))
     return where, np.stack([stacked(points.column(known, j)) for j in range(points.joints)], axis=-1)
-
-
-def joint_rates(arm: Any) -> Array:
-    """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
-    n = len(arm.rates)
-    rates = dict(zip(arm.rates, np.eye(n), strict=True))
-    found = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
-    return np.stack(np.broadcast_arrays(*found))
 
 
 def _lines(where: Array, slopes: Array) -> Iterator[Line]:

@@ -51,9 +51,10 @@ def travel(form: str, lower: Any, upper: Any) -> tuple[float, float]:
         if abs(x) > LARGEST:
             raise ValueError(f"{field} is {x}; it must lie in {-LARGEST:g} to {LARGEST:g}")
     if high - low < SMALLEST:
-        least = "lower must be below" if low >= high else f"they must be at least {SMALLEST:g} apart"
         first, second = form.format("lower"), form.partition(".")[2].format("upper")
-        raise ValueError(f"{first} is {low}, {second} is {high}; {least}")
+        raise ValueError(
+            f"{first} is {low}, {second} is {high}; lower must be below, by at least {SMALLEST:g}"
+        )
     return low, high
 
 

@@ -16,9 +16,7 @@ STYLE = (
     "<style>.redundant-envs table{border-collapse:collapse;margin:.4em 0;font-size:.9em}"
     ".redundant-envs th,.redundant-envs td{padding:.1em .7em;text-align:left;vertical-align:top;"
     "border-bottom:1px solid rgba(128,128,128,.35)}"
-    ".redundant-envs svg{max-width:100%;height:auto}"
-    "@media (prefers-reduced-motion:reduce),print{.redundant-envs .moving{display:none}"
-    ".redundant-envs .still{display:inline}}</style>"
+    ".redundant-envs svg{max-width:100%;height:auto}</style>"
 )
 """The same on every object of a page; texts have the colour of the page, light or dark."""
 

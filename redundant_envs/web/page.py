@@ -228,16 +228,13 @@ def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], NDArr
         about = {"activation": str(found["activation"]), "output": str(found["output"])}
     except (ValueError, KeyError) as error:
         raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
-    sizes = [inputs, *(len(biases) for _, biases in layers)]
+    sizes = [inputs, *(biases.size for _, biases in layers)]
     shapes = [weights.shape for weights, _ in layers]
-    fitting = shapes == [*zip(sizes[1:], sizes[:-1], strict=True)]
-    if not layers or not fitting or any(biases.ndim != 1 for _, biases in layers) or sizes[-1] != actions:
+    numbers = np.concatenate([np.zeros(0), *(part.ravel() for layer in layers for part in layer)])
+    known = about["activation"] in HIDDEN and about["output"] in OUTPUTS and np.isfinite(numbers).all()
+    if not known or shapes != [*zip(sizes[1:], sizes[:-1], strict=True)] or sizes[-1] != actions:
         raise ValueError(
-            f"{path} has layers {shapes}; give a policy from {inputs} observed numbers to {actions} actions"
+            f"{path} has layers {shapes}, {about}; give a policy of finite numbers from {inputs} observed "
+            f"numbers to {actions} actions, with {', '.join(HIDDEN)}, and {' or '.join(OUTPUTS)} at the end"
         )
-    if about["activation"] not in HIDDEN or about["output"] not in OUTPUTS:
-        raise ValueError(f"{path} has {about}; known are {', '.join(HIDDEN)}, and {', '.join(OUTPUTS)}")
-    numbers = np.concatenate([part.astype(float).ravel() for layer in layers for part in layer])
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{path} has numbers that are not finite; export the policy again")
     return {**about, "sizes": sizes}, numbers

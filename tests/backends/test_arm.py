@@ -91,7 +91,6 @@ def on_arm(monkeypatch, tmp_path):
         monkeypatch.setattr(llvm, "processor", lambda: CORTEX)
         monkeypatch.setattr(llvm, "load", load)
         monkeypatch.setattr(cache, "_kept", {})
-        monkeypatch.setattr(cache, "_engines", {})
         monkeypatch.setattr(programs, "_kept", OrderedDict())
         monkeypatch.setattr(programs.Call, "__call__", call)
 

@@ -42,7 +42,6 @@ def made_for(monkeypatch, tmp_path):
         monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
         monkeypatch.setattr(llvm, "processor", lambda: PROCESSORS[processor])
         monkeypatch.setattr(cache, "_kept", {})
-        monkeypatch.setattr(cache, "_engines", {})
 
     return change
 

@@ -218,7 +218,7 @@ NUMBERS = [
     (lambda: e.Gravity.on_plane(9.81, NAN), "tilt is nan"),
     (lambda: e.Gravity.on_plane(9.81, 0.0, "x"), "roll is 'x'"),
     (lambda: e.LimitSpring("r1", 0.3, 0.3), "LimitSpring.lower is 0.3, upper is 0.3; lower must be below"),
-    (lambda: e.LimitSpring("r1", 0.0, 1e-31), "LimitSpring.lower is 0.0", "at least 1e-30 apart"),
+    (lambda: e.LimitSpring("r1", 0.0, 1e-31), "LimitSpring.lower is 0.0", "by at least 1e-30"),
     (lambda: e.TwoStageSpring("r1", 0.3, 0.1, 1.0, 1.0), "TwoStageSpring.lower is 0.3, upper is 0.1"),
     (lambda: e.CentringSpring((1.0, 2.0), (0, 2), (1, 1)), "CentringSpring.lower[1] is 2.0, upper"),
     (lambda: e.CentringSpring((1.0,), (0, 0), (1, 1)), "CentringSpring.lower has 2 entries; give 1"),

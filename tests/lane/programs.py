@@ -93,7 +93,7 @@ def simulators(scene: rde.Scene) -> Iterator[tuple[str, Simulator]]:
         check_task(task, scene)
     except ValueError:
         return
-    yield "environment", programs._environment(scene, task, (), "")
+    yield "environment", programs.traced_environment(scene, task)
 
 
 def digests(scene: rde.Scene) -> dict[str, list[str]]:

@@ -154,18 +154,12 @@ def test_of_what_is_too_long_the_first_rows_are_shown_or_the_text():
     assert page(Bill({f"{'&' * 99}{k}": Operations(*["&" * 100] * 8) for k in range(100)})).tags == ["pre"]
 
 
-def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
+def test_a_trajectory_shows_its_last_pose_and_the_way_of_its_tip():
     t = np.linspace(0.0, 4.0, 401)
-    q = 0.2 * t[:, None] * np.ones(4)
-    text = motion(FOUR_R, q, t)._repr_html_()
-    found = page(motion(FOUR_R, q, t))
-    assert "0 to 4 s, in real time" in found.cells
-    moved = re.findall(r'dur="4s" repeatCount="indefinite" values="([^"]*)"', text)
-    assert [len(values.split(";")) for values in moved] == [100, 100]
-    assert 'class="still" display="none"' in text
-    assert "prefers-reduced-motion" in text
-    last = moved[0].rpartition(";")[2]
-    assert text.count(f'd="{last}"') == 1  # what stands still is the last pose
+    text = motion(FOUR_R, 0.2 * t[:, None] * np.ones(4), t)._repr_html_()
+    way, links, *_ = re.findall(r'<path d="M([^"]*)"', text)
+    assert way.count("L") == 299
+    assert way.rpartition("L")[2] == links.rpartition("L")[2]
 
 
 @pytest.mark.parametrize(
@@ -178,10 +172,9 @@ def test_a_trajectory_moves_at_its_own_speed_and_shows_its_rows():
         (np.full((3, 4), 1e300), [0.0, 1.0, 2.0], True),
         (np.zeros((3, 4)), [0.0, np.nan, np.inf], True),
         (np.zeros((3, 2, 3, 4)), [0.0, 1.0, 2.0], True),
-        (np.zeros((2, 4)), [0.0, 1.0, 2.0], False),
         (np.random.default_rng(0).uniform(-9.0, 9.0, (5000, 30, 4)), np.arange(5000.0), True),
     ],
-    ids=["one", "none", "nan", "fault", "huge", "times", "batch", "rows", "long"],
+    ids=["one", "none", "nan", "fault", "huge", "times", "batch", "long"],
 )
 def test_a_trajectory_is_shown_whatever_it_holds(q, t, drawn):
     assert ("svg" in page(motion(RPRP, q, t)).tags) == drawn

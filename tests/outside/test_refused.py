@@ -48,8 +48,8 @@ twice = physics(gives="here here")(lambda alpha1: (alpha1, 2.0 * alpha1))
     ("change", "said"),
     [
         ({"rates": ("t1", "alphad2", "v")}, "calls a coordinate or a rate 't1'"),
-        ({"rates": ("tip_x", "alphad2", "v")}, "'tip_x', a name of every arm"),
-        ({"rates": ("work", "alphad2", "v")}, "'work', a name of the engine"),
+        ({"rates": ("tip_x", "alphad2", "v")}, "a rate 'tip_x'; give each an identifier"),
+        ({"rates": ("work", "alphad2", "v")}, "a rate 'work'; give each an identifier"),
         ({"rates": ("alphad1", "alphad2")}, "rates has 2 entries; its coordinates are 3"),
         ({"joints": ("a", "a", "b")}, "give each joint a name"),
         ({"extent": ("l1", "l9")}, "extent has 'l9'; choose high3, l1, l2"),

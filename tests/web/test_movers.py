@@ -50,9 +50,9 @@ def test_policies_act_as_stable_baselines3_predicts(arm, learner, node):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"weights_0": np.zeros((64, 17))}, "give a policy from 18 observed numbers to 4 actions"),
-        ({"weights_2": np.full((4, 64), np.nan)}, "not finite"),
-        ({"activation": np.array("sine")}, "known are silu, tanh, relu"),
+        ({"weights_0": np.zeros((64, 17))}, "from 18 observed numbers to 4 actions"),
+        ({"weights_2": np.full((4, 64), np.nan)}, "give a policy of finite numbers"),
+        ({"activation": np.array("sine")}, "with silu, tanh, relu"),
         ({"weights_0": np.array([object()])}, "is no policy as agents export writes it"),
     ],
 )

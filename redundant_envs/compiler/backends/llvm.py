@@ -57,24 +57,24 @@ def processor() -> Processor:
 def facts() -> tuple[str, ...]:
     """Everything that machine code depends on beside the program."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return llvmlite.__version__, version, str(EFFORT), *map(str, processor())
+    return llvmlite.__version__, version, *map(str, (EFFORT, *processor()))
 
 
 def machine() -> Any:
     """The processor, in LLVM's terms."""
-    return llvm_text.machine(*_target_of(processor()))
+    return llvm_text.machine(*_described())
 
 
-def _target_of(made_for: Processor) -> tuple[str, str, str, int]:
-    return made_for.name, made_for.features, made_for.triple, EFFORT
+def _described() -> tuple[str, str, str, int]:
+    name, features, triple, _ = processor()
+    return name, features, triple, EFFORT
 
 
 def object_code(program: Program) -> bytes:
     """The machine code of a program for this processor."""
-    made_for, text = processor(), _text(program)
-    target = _target_of(made_for)
+    text = _text(program)
     if len(text) > LONG_TEXT and Path(llvm_text.__file__).is_file() and not getattr(sys, "frozen", False):
-        return _compiled_in_child(text, json.dumps([target, made_for.wide]))
+        return _compiled_in_child(text, json.dumps([_described(), processor().wide]))
     return _emitted(text, llvm_text.object_code)  # type: ignore[no-any-return]
 
 
@@ -84,9 +84,8 @@ def assembly(program: Program) -> str:
 
 
 def _emitted(text: str, emit: Callable[[Any, Any], Any]) -> Any:
-    made_for = processor()
     with _lock:
-        return llvm_text.emitted(text, _target_of(made_for), made_for.wide, emit)
+        return llvm_text.emitted(text, _described(), processor().wide, emit)
 
 
 def _compiled_in_child(text: str, arguments: str) -> bytes:
@@ -128,16 +127,10 @@ def _text(program: Program) -> str:
 
 
 def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:
-    """Kernels of machine code by their names."""
+    """Kernels of machine code by their names; it stays as long as one of them."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return entries(engine, names)
-
-
-def entries(engine: Any, names: Sequence[str]) -> dict[str, Entry]:
-    """Kernels of an engine, which owns the machine code, by their names: the code stays as long as one of
-    them."""
     kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
     found: dict[str, Any] = {name: kind(engine.get_function_address(name)) for name in names}
     for entry in found.values():

@@ -211,6 +211,15 @@ class Emitter:
         return builder.bitcast(chosen, v.numbers)
 
 
+def _operator(instruction: str) -> Callable[[Whole, Any], Whole]:
+    def method(self: Whole, other: Any) -> Whole:
+        vectors, builder = self.emitter.vectors, self.emitter.builder
+        second = other.value if isinstance(other, Whole) else vectors.same(vectors.whole, other)
+        return Whole(self.emitter, getattr(builder, instruction)(self.value, second))
+
+    return method
+
+
 @dataclass(eq=False)
 class Whole:
     """Vectors of whole numbers with operators, as the text of a generator needs them."""
@@ -218,25 +227,8 @@ class Whole:
     emitter: Emitter
     value: Any
 
-    def _with(self, operation: str, other: Any) -> Whole:
-        vectors, builder = self.emitter.vectors, self.emitter.builder
-        second = other.value if isinstance(other, Whole) else vectors.same(vectors.whole, other)
-        return Whole(self.emitter, getattr(builder, operation)(self.value, second))
-
-    def __add__(self, other: Any) -> Whole:
-        return self._with("add", other)
-
-    def __mul__(self, other: Any) -> Whole:
-        return self._with("mul", other)
-
-    def __and__(self, other: Any) -> Whole:
-        return self._with("and_", other)
-
-    def __xor__(self, other: Any) -> Whole:
-        return self._with("xor", other)
-
-    def __rshift__(self, other: Any) -> Whole:
-        return self._with("lshr", other)
+    __add__, __mul__, __rshift__ = _operator("add"), _operator("mul"), _operator("lshr")
+    __and__, __xor__ = _operator("and_"), _operator("xor")
 
 
 class EmittedStages:

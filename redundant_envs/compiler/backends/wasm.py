@@ -1,8 +1,9 @@
 """Programs as WebAssembly modules.
 
 LLVM gives an object, which a linker would make a module. Ours has nothing to link: numbers of one rounding
-are computed by its own functions, and it has neither data nor tables. Its sections are those of the module,
-but for the names of the kernels, which become exports.
+are computed by its own functions, and it has neither data nor tables. It imports a memory and a global, the
+address at which the stack ends. Its sections are those of the module, but for the names of the kernels, which
+become exports.
 """
 
 from __future__ import annotations
@@ -14,18 +15,13 @@ from redundant_envs.compiler.backends import llvm
 from redundant_envs.compiler.backends.processors import WASM
 from redundant_envs.compiler.tracing.flow import Program
 
-MEMORY, STACK_POINTER = "__linear_memory", "__stack_pointer"
-IMPORTS = {("env", MEMORY), ("env", STACK_POINTER)}
-"""What the modules import: a memory, and a global that holds the address at which the stack ends."""
 IDENTITY = "identity"
 """Name of the custom section by which a host knows the module of a description."""
 CUSTOM, TYPES, IMPORTED, FUNCTIONS, EXPORTS, CODE = 0, 1, 2, 3, 7, 10
-OTHERS = {4: "a table", 5: "a memory", 6: "globals", 8: "a start", 9: "elements", 11: "data", 12: "data"}
-"""Sections that our objects do not have."""
 SYMBOLS = 8
 """Number of the table of symbols in the custom section "linking"."""
-FUNCTION, DATA, GLOBAL, SECTION, EVENT, TABLE = range(6)
-"""Kinds of symbols; those of imports that have the same numbers are functions, tables, memories, globals."""
+FUNCTION, DATA, GLOBAL, SECTION = range(4)
+"""Kinds of symbols."""
 UNDEFINED, NAMED = 0x10, 0x40
 """Bits of a symbol: another module has it; it has a name of its own nevertheless."""
 
@@ -36,35 +32,19 @@ def module(program: Program) -> bytes:
     with llvm.target(WASM):
         code = llvm.object_code(program)
     made = linked(code, [kernel.name for kernel in program.kernels])
-    section = _text(IDENTITY) + identity(made).encode()
+    section = _text(IDENTITY) + hashlib.sha256(made).hexdigest().encode()
     return made + bytes([CUSTOM]) + _leb(len(section)) + section
 
 
 def identity(code: bytes) -> str:
-    """The digest of a module: the section that says it is the last one, and not part of it."""
-    for number, content in _sections(code):
-        reader = _Reader(content)
-        if number == CUSTOM and reader.text() == IDENTITY:
-            return content[reader.at :].decode()
-    return hashlib.sha256(code).hexdigest()
+    """The digest of a module, with which its last section ends."""
+    return code[-64:].decode()
 
 
 def linked(code: bytes, names: list[str]) -> bytes:
-    """The module of an object, which exports some of its functions.
-
-    ValueError if the object needs what no module of ours has: data, tables, functions of others.
-    """
+    """The module of an object, which exports some of its functions."""
     sections = [*_sections(code)]
-    for number, _ in sections:
-        if number in OTHERS:
-            raise ValueError(
-                f"the object has {OTHERS[number]}, which only a linker can place; ours have none"
-            )
     own = {number: content for number, content in sections if number != CUSTOM}
-    foreign = sorted({*_imports(own.get(IMPORTED, b"\0"))} - IMPORTS)
-    if foreign:
-        told = ", ".join(".".join(name) for name in foreign)
-        raise ValueError(f"the object imports {told}; a module has a memory and a stack alone")
     functions: dict[str, int] = {}
     for number, content in sections:
         if number == CUSTOM:
@@ -72,6 +52,7 @@ def linked(code: bytes, names: list[str]) -> bytes:
     exports = [_text(name) + b"\0" + _leb(functions[name]) for name in names]
     own[EXPORTS] = _leb(len(exports)) + b"".join(exports)
     order = (TYPES, IMPORTED, FUNCTIONS, EXPORTS, CODE)
+    assert own.keys() <= {*order}, "only a linker can place data, tables and the like"
     return code[:8] + b"".join(
         bytes([number]) + _leb(len(own[number])) + own[number] for number in order if number in own
     )
@@ -80,8 +61,8 @@ def linked(code: bytes, names: list[str]) -> bytes:
 class _Reader:
     """Reads numbers and texts from bytes, one after the other."""
 
-    def __init__(self, content: bytes) -> None:
-        self.content, self.at = content, 0
+    def __init__(self, content: bytes, at: int = 0) -> None:
+        self.content, self.at = content, at
 
     def __bool__(self) -> bool:
         return self.at < len(self.content)
@@ -106,9 +87,6 @@ class _Reader:
         self.at += count
         return self.content[self.at - count : self.at]
 
-    def text(self) -> str:
-        return self.take().decode()
-
 
 def _leb(number: int) -> bytes:
     made = bytearray()
@@ -124,47 +102,26 @@ def _text(name: str) -> bytes:
 
 def _sections(code: bytes) -> Iterator[tuple[int, bytes]]:
     """Numbers and contents of the sections."""
-    reader = _Reader(code)
-    reader.at = 8  # after the magic number and the version
+    reader = _Reader(code, 8)  # after the magic number and the version
     while reader:
         yield reader.byte(), reader.take()
-
-
-def _imports(content: bytes) -> Iterator[tuple[str, str]]:
-    """Modules and names of imports."""
-    reader = _Reader(content)
-    for _ in range(reader.number()):
-        name = reader.text(), reader.text()
-        kind = reader.byte()
-        if kind == 0:  # a function: the number of its type
-            reader.number()
-        elif kind == 3:  # a global: its type, and whether it changes
-            reader.at += 2
-        else:
-            if kind == 1:  # a table: the type of its elements
-                reader.byte()
-            limits = reader.number()
-            for _ in range(2 if limits & 1 else 1):
-                reader.number()
-        yield name
 
 
 def _functions(content: bytes) -> dict[str, int]:
     """Numbers of functions by name, if a custom section has the symbols."""
     reader, found = _Reader(content), dict[str, int]()
-    if reader.text() != "linking":
+    if reader.take() != b"linking":
         return found
     reader.number()  # the version
     while reader:
         part = reader.byte()
         symbols = _Reader(reader.take())
         for _ in range(symbols.number() if part == SYMBOLS else 0):
-            kind, flags = symbols.byte(), symbols.number()
-            if kind in (DATA, SECTION):
-                raise ValueError("the object has data, which only a linker can place; ours have none")
-            number = symbols.number()
+            kind, flags, number = symbols.byte(), symbols.number(), symbols.number()
+            assert kind not in (DATA, SECTION), "only a linker can place data"
             if not flags & UNDEFINED or flags & NAMED:
-                name = symbols.text()
+                name = symbols.take().decode()
                 if kind == FUNCTION:
                     found[name] = number
+            assert kind != FUNCTION or not flags & UNDEFINED, "the object calls functions of others"
     return found

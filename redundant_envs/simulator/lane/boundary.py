@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from redundant_envs.language.algebra import maximum, minimum, total, where
 from redundant_envs.language.limits import ROUNDING, side_beyond
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.robots.mobility import joint_rates
+from redundant_envs.robots.derived import joint_rates
 from redundant_envs.simulator.events import boundary
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, law_behind, limits_of_law, size_of
 from redundant_envs.simulator.events.first_event import Encounter, Event, first_event, first_passage

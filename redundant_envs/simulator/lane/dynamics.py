@@ -14,7 +14,7 @@ from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics,
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
-from redundant_envs.robots.held_joints import held_joint_dynamics
+from redundant_envs.robots.derived import held_joint_dynamics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
 from redundant_envs.simulator.lane import sensing
