@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import itertools
 import math
-import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -27,8 +26,6 @@ STEADY = 8
 """How often something is made again before a difference is put down to a number."""
 FEW = 3
 """With fewer other values accepted among those of all numbers, a number is changed alone."""
-THRESHOLDS = 8
-"""Most numbers with which one number is compared that are tried."""
 
 
 class Place(NamedTuple):
@@ -75,18 +72,14 @@ class _Maker:
         """Try other values of all numbers at once, then of those alone that were hardly ever accepted."""
         accepted = dict.fromkeys(self.values, 0)
         others = {place: _others(n, value) for n, (place, value) in enumerate(self.values.items())}
-        trials = [{place: values[k] for place, values in others.items()} for k in range(KINDS)]
+        trials = [dict(zip(others, values, strict=True)) for values in zip(*others.values(), strict=True)]
         for values in (*trials, *_far_apart(self.values)):
             for place in self.tried(values):
                 accepted[place] += 1
-        watched = {place: _Watched(value) for place, value in self.values.items()}
-        self.made(self.changed(watched, checked=False))
         for place, value in self.values.items():
-            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], value)
-            for other in (*near, *others[place]):
-                if accepted[place] >= FEW and other not in near:
-                    break
-                accepted[place] += len(self.tried({place: other}))
+            for other in others[place]:
+                if accepted[place] < FEW:
+                    accepted[place] += len(self.tried({place: other}))
             if accepted[place] == 0:
                 # no other value is allowed, or none was guessed: the checks of its class are left out
                 self.refuse({place: 1.25 * value + 0.1})
@@ -104,16 +97,19 @@ class _Maker:
 
     def changed(self, values: Mapping[Place, Any], checked: bool = True) -> list[Any]:
         """All things, with other numbers; None for one whose class checks and does not allow them."""
-        numbers: list[dict[str, Any]] = [{} for _ in self.things]
-        for place, value in values.items():
-            numbers[place.owner][place.name] = value
-        changed = [fields_with(*pair) for pair in zip(self.things, numbers, strict=True)]
-        make = functools.partial(_accepted, replaced) if checked else with_fields
-        return [make(t, **fields) if fields else t for t, fields in zip(self.things, changed, strict=True)]
+        changed = list(self.things)
+        for o in {place.owner for place in values}:
+            own = {place.name: value for place, value in values.items() if place.owner == o}
+            fields = fields_with(self.things[o], own)
+            changed[o] = (_accepted if checked else with_fields)(self.things[o], **fields)
+        return changed
 
     def made(self, things: Sequence[Any]) -> Described | None:
         """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
-        return _accepted(self.described, *things)
+        try:
+            return self.described(*things)
+        except Exception:  # a user's own text, which did not expect these numbers, may fail in any way
+            return None
 
     def check_steady(self, times: int) -> None:
         """ValueError if what is made of the same numbers is not the same."""
@@ -154,35 +150,12 @@ class _Maker:
             )
 
 
-def _accepted(make: Callable[..., Any], *things: Any, **fields: Any) -> Any:
-    """What is made; None if a user's own text, which did not expect these numbers, fails in any way."""
+def _accepted(thing: Any, **fields: Any) -> Any:
+    """A thing with other numbers; None if its class refuses them, or fails in any way."""
     try:
-        return make(*things, **fields)
+        return replaced(thing, **fields)
     except Exception:
         return None
-
-
-class _Watched(float):
-    """A float that notes what it is compared with."""
-
-    def __init__(self, _: float) -> None:
-        self.seen: list[float] = []
-
-    @staticmethod
-    def noting(compare: Callable[[Any, Any], Any]) -> Any:
-        def noted(self: "_Watched", other: Any) -> Any:
-            if isinstance(other, int | float):
-                self.seen.append(float(other))
-            return compare(float(self), other)
-
-        return noted
-
-    __lt__, __le__, __gt__ = noting(operator.lt), noting(operator.le), noting(operator.gt)
-    __ge__, __eq__, __ne__ = noting(operator.ge), noting(operator.eq), noting(operator.ne)
-    __hash__ = float.__hash__
-
-    def __bool__(self) -> bool:
-        return bool(self != 0.0)
 
 
 def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
@@ -197,25 +170,15 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
                     yield Place(o, name), number
 
 
-KINDS = 12
-"""Other numbers of :func:`_others`."""
+FACTORS = 1.1, 0.9, 1.25, 0.8, 1.001, 16.0, 1.0 / 16.0, 1e3, 1e-3, -1.0, -1e3, 0.0
 
 
 def _others(n: int, value: Any) -> list[Any]:
     """Other numbers instead of the n-th one: nearby and far, of either sign, whole ones for a whole one."""
-    own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    base = value or 1.0 if math.isfinite(value) else math.copysign(1.0, value)
     step = 1 + n % 5
-    if float(value).is_integer():
-        near = [value + step, value - step, 2 * value + n % 5]
-    else:
-        near = [1.1 * own * value, 0.9 * own * value, 2 * value]
-    if not math.isfinite(value):
-        return near + [math.copysign(own * 10.0 ** (k - 6), value) for k in range(len(near), KINDS)]
-    factors_and_instead = (
-        (1.25 * own, 0.05), (0.8 / own, -0.05), (1.0 + 1e-3 * own, 1e-3), (16.0 * own, 16.0),
-        (1.0 / (16.0 * own), -16.0), (1e3 * own, 1e3), (1e-3 / own, 1e-6), (-own, -1.0), (0.0, 1.0),
-    )  # fmt: skip
-    return near + [factor * value if value else instead * own for factor, instead in factors_and_instead]
+    own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    return [base + step, base - step, 2 * base, *(own * factor * base for factor in FACTORS)]
 
 
 def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
@@ -225,14 +188,6 @@ def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
     for bit, up in itertools.product(range((len(own) - 1).bit_length()), (0, 1)):
         factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
         yield {p: f * (numbers[p] or 1.0) for p, f in zip(own, factors, strict=True)}
-
-
-def _across(seen: Sequence[float], value: float) -> list[float]:
-    """Numbers at those with which a number is compared, on either side of each, and between them."""
-    found = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
-    found += [2.0 * c - value for c in seen]
-    found += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
-    return [x for x in found if math.isfinite(x)]
 
 
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:

@@ -20,24 +20,13 @@ from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, decla
 from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm as Arm
 
-ELAPSED = "elapsed"
-"""Argument of a state's closed form: the time since its value was that which the form takes, s."""
-WHEN = ("interval", "instant")
-"""Allowed values of :attr:`State.when` and :attr:`Impulse.when`."""
-PASSED = "passed"
-"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
-CONTROL_DT = "control_dt"
-"""Argument of all functions of effects: the control interval of the scene, s."""
-SIDE = "side"
-"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
-SPEED = "speed"
-"""Argument of the limit of a friction: the size of the rate of its joint."""
+# Arguments of functions that are no quantities of the arm.
+ELAPSED, PASSED, CONTROL_DT, SIDE, SPEED = "elapsed", "passed", "control_dt", "side", "speed"
+WHEN = "interval", "instant"
 MAX_INSTANTS = 4
 """Most instants in a scene: each adds a piece to every interval."""
-MAX_GUARDS = 4
-"""Most values of the guard of one hook: its functions have as many sides."""
-MAX_KINKS = 2
-"""Most values of its ``kink``."""
+MAX_GUARDS, MAX_KINKS = 4, 2
+"""Most values of the guard of one hook, of which its functions have as many sides, and of its ``kink``."""
 
 
 def sides(count: int) -> list[str]:
@@ -56,22 +45,21 @@ class State:
     the parameters alone: error control takes steps that are short enough for it.
 
     ``initial`` is its value at the start of an episode or a motion: a number, or a function of parameters and
-    of the motion at the start, at which the arm has the positions and rates that were set.
+    of the motion at the start.
 
-    The functions ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and
-    ``normal1``, ``normal2``, ... of the standard normal distribution. All draws are independent: each lane,
-    interval and state has others. They follow from the key of the lane's episode, the number of the interval,
-    the effect's key and the state's name, so that no other effect changes them.
+    ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and ``normal1``,
+    ``normal2``, ... of the standard normal distribution. Each lane, interval and state has others. They
+    follow from the key of the lane's episode, the number of the interval, the effect's key and the state's
+    name, so that no other effect changes them.
 
     ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
-    and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
-    derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
-    derivative. Quantities that change in a step are taken at its stages; with a ``rate``, which then is that
-    of its decay, they are taken so much earlier that the state lags behind them by the right time.
+    and quantities that are taken as constant. Fixed steps evaluate it in place of the derivative, so they may
+    be longer than the state's time constant; error control and dop853 integrate the derivative. Quantities
+    that change in a step are taken at its stages; with a ``rate``, which then is that of its decay, they are
+    taken so much earlier that the state lags behind them by the right time.
 
     With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
-    there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
-    state stays.
+    there, with ``passed`` 0; in an interval without the instant the state stays.
     """
 
     name: str
@@ -89,10 +77,9 @@ class State:
 class Instant:
     """A time within each control interval at which something of the effect changes; at most one per effect.
 
-    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone, so
-    that it may differ from lane to lane. The interval is crossed in two pieces that meet there, so no step
-    contains the change, and the pieces share the tolerance. Functions of the effect then may take ``passed``:
-    0 before the instant, 1 from then on; states of the effect may be updated there.
+    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone.
+    The interval is crossed in two pieces that meet there, and share the tolerance. Functions of the effect
+    then may take ``passed``: 0 before the instant, 1 from then on; states of the effect may be updated there.
 
     A time that is negative, not below the length of the interval, or no number does not happen in it. A time
     of 0 is the start of the interval, and adds no step.
@@ -332,7 +319,7 @@ class Inertia:
 
 
 class Reading(enum.Enum):
-    """The quantity that a sensor of a joint measures."""
+    """The quantity of a joint that a sensor measures."""
 
     POSITION = "phi{}"
     RATE = "phid{}"
@@ -376,7 +363,7 @@ def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
 
 @dataclass(frozen=True)
 class Effect:
-    """Base of all effects.
+    """Base of all effects; docs/extending.md has a complete one.
 
     A subclass validates its numbers in ``__post_init__``, unless they are declared with their checks (see
     :mod:`redundant_envs.effects.numbers`), and defines ``hooks``. Its class name is its name in scene files;
@@ -396,39 +383,12 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
-
-    Examples
-    --------
-    A drag that grows with the square of the rate, on every joint::
-
-        from dataclasses import dataclass
-
-        import redundant_envs as rde
-        from redundant_envs.algebra import physics
-
-        @physics
-        def drag(rate, coefficient):
-            return -coefficient * rate * abs(rate)
-
-        @dataclass(frozen=True)
-        class SquareDrag(rde.effects.Effect):
-            coefficient: float  # N m s^2/rad^2 or N s^2/m^2
-
-            def hooks(self, arm):
-                own = {"coefficient": ".coefficient"}
-                joints = range(len(arm.joints))
-                return tuple(rde.effects.Force(k, drag, {"rate": f"phid{k + 1}", **own}) for k in joints)
-
-        rde.register_effect(SquareDrag)
-        scene = rde.Scene(rde.Chain("RR", (1.0, 0.5), (0.4, 0.3)), (SquareDrag(0.1),))
-        print(scene.parameters()["square_drag.coefficient"])
     """
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        """Refuse numbers with names that every effect has, and note which there are for each joint."""
         super().__init_subclass__()
         for name, annotation in inspect.get_annotations(cls).items():
             if hasattr(Effect, name) and "ClassVar" not in str(annotation):
@@ -452,7 +412,6 @@ class Effect:
         return ((f, value) for f, value in values if value is not None or f.default is not None)
 
     def __declared(self) -> dict[str, Declared]:
-        """What is declared of its fields, but for those that are absent."""
         declared = {f.name: declared_in(type(self), f.name) for f, _ in self.__present()}
         return {name: found for name, found in declared.items() if found is not None}
 
@@ -528,8 +487,7 @@ class Effect:
                 found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
                 found[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
-        known, own = ({name.partition("[")[0] for name in names} for names in (found, self.parameters()))
-        for hook in self.hooks(arm) if own - known else ():
+        for hook in self.hooks(arm):
             if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):

@@ -104,7 +104,7 @@ HOOKS = {
     "a potential of rates": ((e.Force(1, spring, X, potential=damped),), "rate"),
     "a stiffness of x": ((e.Force(1, spring, X, stiffness=spring),), "stiffness", "phi2", "parameters alone"),
     "one value at a point": (
-        (e.Impulse(e.Point(3), knock, {"k": ".k"}),), "returns 1 values; a Impulse at a point needs 2",
+        (e.Impulse(e.Point(3), knock, {"k": ".k"}),), "returns 1 values; it must return 2 at a point",
     ),
     "a damping of another joint": ((e.Force(0, damped, RATE, damping=slope),), OWN_JOINT),
     "a damping at a point": (
@@ -115,11 +115,11 @@ HOOKS = {
     "the control interval": ((e.Force(0, physics(lambda T: T), {"T": "interval"}),), "called 'interval'"),
     "a mass that moves": (
         (e.PointMass(e.Point(3), ".z", (state(derivative=falling),)),),
-        "the mass '.z', a state with derivative; give one with an update",
+        "the mass 'z' is a state that changes within intervals; give one with an update",
     ),
     "a mass at an instant": (
         (e.PointMass(e.Point(3), ".z", (state(update=falling, when="instant"),)), INSTANT),
-        "the mass '.z', a state with when='instant'; give one with an update",
+        "the mass 'z' is a state that changes within intervals; give one with an update",
     ),
     "no instant": (
         (e.Impulse(0, knock, {"k": ".k"}, when="instant"),),
@@ -139,7 +139,7 @@ HOOKS = {
     ),
     "a unit without another": (
         (e.Actuation(0, physics(lambda command1: command1), takes="", gives="V"),),
-        "gives is 'V' without takes",
+        "it has gives without takes",
     ),
     "a number as unit": (
         (e.Actuation(0, physics(lambda command1: command1), takes=3),), "takes is 3; give a unit such as 'V'",
