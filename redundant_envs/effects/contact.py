@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 from redundant_envs.language.algebra import arguments_of, identity, maximum, physics, sqrt, where
+from redundant_envs.robots.parameters import LARGEST
 
 NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
-OWN = {name: f".{name}" for name in NUMBERS}
-"""Numbers of the law, and how hooks bind them."""
+"""Numbers of the law."""
 
 
 @physics
@@ -103,8 +103,8 @@ def whole_arm(field: str, value: Any) -> bool:
     return value
 
 
-def identifier(field: str, value: Any) -> str:
-    """A name as part of a longer one: empty, or letters, digits and underscores."""
-    if not isinstance(value, str) or not (value == "" or value.isidentifier()):
-        raise ValueError(f"{field} is {value!r:.80}; give letters, digits and underscores, such as 'left'")
+def place(field: str, value: tuple[float, float]) -> tuple[float, float]:
+    """A point or a direction whose products with others are finite."""
+    if max(map(abs, value)) > LARGEST:
+        raise ValueError(f"{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
     return value

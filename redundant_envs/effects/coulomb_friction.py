@@ -28,4 +28,4 @@ class CoulombFriction(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        return Friction(k, identity("level"), {"level": f".level[{k}]"})
+        return Friction(k, identity("level"))

@@ -36,9 +36,6 @@ def effort_of(current, constant, gear):
     return constant * gear * current
 
 
-NUMBERS = ("resistance", "inductance", "constant", "gear", "voltage")
-
-
 @dataclass(frozen=True)
 class DCMotor(Effect):
     """A motor with a winding behind a gear: L i' = u - R i - N K w, and its effort is N K i.
@@ -75,11 +72,5 @@ class DCMotor(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        own = {name: f".{name}[{k}]" for name in NUMBERS} | {"current": f".current[{k}]"}
-        moving = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
-        current = State(
-            f"current[{k}]", "A", current_change, bind={**moving, **own}, rate=electrical_rate,
-            closed=current_after,
-        )  # fmt: skip
-        bind = {name: own[name] for name in ("current", "constant", "gear")}
-        return Actuation(k, effort_of, bind, Link.LAG, states=(current,), takes="V")
+        current = State(f"current[{k}]", "A", current_change, rate=electrical_rate, closed=current_after)
+        return Actuation(k, effort_of, link=Link.LAG, states=(current,), takes="V")

@@ -7,9 +7,19 @@ from typing import Any
 
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, checked, number, numbers, one, pair
+from redundant_envs.effects.numbers import (
+    Example,
+    Numbers,
+    checked,
+    not_negative,
+    number,
+    one,
+    pair,
+    positive,
+    text,
+)
 from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
-from redundant_envs.robots.parameters import LARGEST, not_negative, positive
+from redundant_envs.robots.parameters import LARGEST
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -139,14 +149,14 @@ class Disc(Effect):
         Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
     """
 
-    centre: Numbers = field(metadata=pair(numbers, "m", "m"))
+    centre: Numbers = field(metadata=pair(contact.place, "m", "m"))
     radius: float = field(metadata=one(number, "m"))
     stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
     damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
     friction: float = field(default=0.0, metadata=one(not_negative, "1"))
     slip_speed: float = field(default=0.05, metadata=one(positive, "m/s"))
     along_links: bool = field(default=False, metadata=checked(contact.whole_arm))
-    name: str = field(default="", metadata=checked(contact.identifier))
+    name: str = field(default="", metadata=checked(text))
 
     static = ("along_links", "name")
     example = Example(
@@ -158,8 +168,6 @@ class Disc(Effect):
         super().__post_init__()
         if not 0.0 < self.radius <= LARGEST:
             raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
-        if max(map(abs, self.centre)) > LARGEST:
-            raise ValueError(f"Disc.centre is {self.centre} m; it must lie in {-LARGEST:g} to {LARGEST:g}")
         if math.hypot(*self.centre) <= self.radius:
             raise ValueError(
                 f"Disc.radius is {self.radius} m, and the base of the arm, (0, 0), is "
@@ -176,12 +184,10 @@ class Disc(Effect):
         return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]", "radius": ".radius", **contact.OWN}
+        own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]"}
         if self.along_links:
             return _along_links(arm, own)
-        tip = arm.num_masses
-        bind = {"x": f"x{tip}", "y": f"y{tip}", "vx": f"vx{tip}", "vy": f"vy{tip}", **own}
-        return (Force(Point(tip - 1), bind=bind, **AT_TIP),)
+        return (Force(Point(arm.num_masses - 1), bind=own, **AT_TIP),)
 
 
 def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:

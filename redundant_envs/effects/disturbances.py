@@ -65,12 +65,12 @@ def stationary(deviation, normal1):
 
 def clock() -> State:
     """The time since the start, at the beginning of an interval."""
-    return State("elapsed", "s", update=later, bind={"elapsed": ".elapsed"})
+    return State("elapsed", "s", update=later)
 
 
 def phase_angle() -> State:
     """The angle of a periodic force without its phase."""
-    return State("angle", "rad", derivative=angular_rate, bind={"frequency": ".frequency"})
+    return State("angle", "rad", derivative=angular_rate)
 
 
 def white_noise(entry: str, unit: str) -> State:
@@ -82,7 +82,7 @@ def white_noise(entry: str, unit: str) -> State:
 def wander(entry: str, unit: str) -> State:
     """The force of an Ornstein-Uhlenbeck process in an interval; ``entry`` is "[k]"."""
     name = f"wander{entry}"
-    bind = {"force": f".{name}", "deviation": f".deviation{entry}", "time_constant": ".time_constant"}
+    bind = {"force": f".{name}", "deviation": f".deviation{entry}"}
     return State(name, unit, update=wandering, initial=stationary, bind=bind)
 
 

@@ -55,4 +55,4 @@ class Gravity(Effect):
         return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return (Field(field, {"g": ".g", "down_x": ".down[0]", "down_y": ".down[1]"}),)
+        return (Field(field, {"down_x": ".down[0]", "down_y": ".down[1]"}),)

@@ -12,7 +12,7 @@ import functools
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -361,6 +361,24 @@ def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
     return {name: value for name, value in values.items() if callable(value)}
 
 
+OF_JOINT = {"position": "phi{}", "rate": "phid{}", "command": "command{}"}
+OF_POINT = "x", "y", "vx", "vy"
+
+
+def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
+    """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says; ``own``
+    has the numbers and states of the effect."""
+    place = getattr(hook, "joint", None)
+    if argument in part.bind:
+        return part.bind[argument]
+    for name in (argument, f"{argument}[{place}]"):
+        if name in own:
+            return f".{name}"
+    if isinstance(place, Point):
+        return f"{argument}{place.number + 1}" if argument in OF_POINT else argument
+    return OF_JOINT[argument].format(place + 1) if place is not None and argument in OF_JOINT else argument
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects; docs/extending.md has a complete one.
@@ -370,9 +388,10 @@ class Effect:
     ``key`` is its name in parameters ("limit_spring.r1").
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
-    the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
-    quantity of its own name. ``control_dt`` is the control interval of the scene [s], also while a simulator
-    advances by less.
+    the effect's own numbers or states as ".field" or ".field[k]". An argument that is not mapped takes the
+    own number or state of its name, with one for each joint that of the hook's; ``position``, ``rate`` or
+    ``command`` of the hook's joint, ``x``, ``y``, ``vx`` or ``vy`` of its point; or the quantity of its name.
+    ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.

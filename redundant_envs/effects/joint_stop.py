@@ -6,18 +6,11 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
-from redundant_envs.effects.numbers import Ends, Example, number, one, travel
+from redundant_envs.effects.numbers import Ends, Example, number, one, share, travel
 from redundant_envs.support.values import shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}
 """Ends of the travel of a joint without stops."""
-
-
-def share(field: str, value: float) -> float:
-    """A number from 0 to 1."""
-    if not 0.0 <= value <= 1.0:
-        raise ValueError(f"{field} is {value}; it must lie in 0 to 1")
-    return value
 
 
 @dataclass(frozen=True)

@@ -56,15 +56,13 @@ class JointTorque(d.Disturbance):
         for k, slides in enumerate(arm.prismatic):
             unit, entry, first = "N" if slides else "N m", f"[{k}]", k == 0  # the first has what all share
             if self.step is not None:
-                own = {"elapsed": ".elapsed", "start": ".start", "size": f".step{entry}"}
-                found.append(Force(k, d.step, own, states=(d.clock(),) if first else ()))
+                found.append(
+                    Force(k, d.step, {"size": f".step{entry}"}, states=(d.clock(),) if first else ())
+                )
             if self.amplitude is not None:
-                own = {"angle": ".angle", "phase": f".phase{entry}", "amplitude": f".amplitude{entry}"}
-                found.append(Force(k, d.periodic, own, states=(d.phase_angle(),) if first else ()))
+                found.append(Force(k, d.periodic, states=(d.phase_angle(),) if first else ()))
             if self.density is not None:
-                own = {"torque": f".white{entry}"}
-                found.append(Force(k, identity("torque"), own, states=(d.white_noise(entry, unit),)))
+                found.append(Force(k, identity("white"), states=(d.white_noise(entry, unit),)))
             if self.deviation is not None:
-                own = {"torque": f".wander{entry}"}
-                found.append(Force(k, identity("torque"), own, states=(d.wander(entry, unit),)))
+                found.append(Force(k, identity("wander"), states=(d.wander(entry, unit),)))
         return tuple(found)

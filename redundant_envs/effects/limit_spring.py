@@ -44,9 +44,6 @@ def damper(position, lower, upper, damping):
     return damping * abs(position - clamp(position, lower, upper))
 
 
-NUMBERS = ("lower", "upper", "stiffness", "damping")
-
-
 @dataclass(frozen=True)
 class LimitSpring(Effect):
     """Limited travel of one joint: the compliant form of the stop the report describes.
@@ -90,11 +87,9 @@ class LimitSpring(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)
-        own = {name: f".{name}" for name in NUMBERS}
-        bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(
-                k, force, bind, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
+                k, force, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
                 damping=damper, switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

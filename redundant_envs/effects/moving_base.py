@@ -51,8 +51,6 @@ class MovingBase(Effect):
         return (shapes.Ground((self.amplitude[0] * sine, self.amplitude[1] * sine)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {"frequency": ".frequency"}
         # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
-        angle = State("angle", "rad", identity("frequency"), bind=own, rate=identity("frequency"))
-        bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
-        return (Field(acceleration, bind, (angle,)),)
+        angle = State("angle", "rad", identity("frequency"), rate=identity("frequency"))
+        return (Field(acceleration, {"x": ".amplitude[0]", "y": ".amplitude[1]"}, (angle,)),)

@@ -30,24 +30,14 @@ DECLARED = "redundant_envs.declared"
 
 @dataclass(frozen=True)
 class Declared:
-    """What a field of an effect holds.
+    """What a field of an effect holds."""
 
-    Attributes
-    ----------
-    form : Check
-        What brings a value into its form, such as a single number, before its check.
-    check : Check
-        Of the value, or of all values of several.
-    units : tuple of str
-        Its unit, if that is known; or two, those at a revolute and at a prismatic joint, or of both axes.
-    of_joints : bool
-        Whether there is one for each joint; a single number serves all of them.
-    """
-
-    form: Check
-    check: Check
-    units: tuple[str, ...]
-    of_joints: bool = False
+    form: Check  # brings a value into its form, such as a single number, before its check
+    check: Check  # of the value, or of all values of several
+    units: tuple[
+        str, ...
+    ]  # one, if it is known; or two, at a revolute and a prismatic joint, or of both axes
+    of_joints: bool = False  # whether there is one for each joint; a single number serves all of them
 
     def checked(self, field: str, value: Any) -> Any:
         """The value as it is kept; ValueError that names the field."""
@@ -58,15 +48,9 @@ class Declared:
 class Example:
     """Numbers of an effect with which the package shows, tests and measures it, by their fields.
 
-    Attributes
-    ----------
-    numbers : mapping
-        They fit an arm of four joints.
-    zero : mapping, optional
-        What to change in them for a magnitude of zero, with which a motion keeps its bits. An effect that has
-        none changes the rounding wherever it is.
-    variants : mapping
-        What to change in them for another structure, by what that is called.
+    ``numbers`` fit an arm of four joints. ``zero`` is what to change in them for a magnitude of zero, with
+    which a motion keeps its bits; an effect without one changes the rounding wherever it is. ``variants`` are
+    what to change in them for another structure, by what that is called.
     """
 
     numbers: Mapping[str, Any]
@@ -150,6 +134,14 @@ def row(check: Check, *units: str) -> Metadata:
 def checked(check: Check, *units: str) -> Metadata:
     """What its check alone describes, such as a name."""
     return {DECLARED: Declared(_as_given, check, units)}
+
+
+def share(field: str, values: Any) -> Any:
+    """A number from 0 to 1, or a sequence of one for each joint."""
+    for x in numbers(field, values if hasattr(values, "__len__") else (values,)):
+        if not 0.0 <= x <= 1.0:
+            raise ValueError(f"{field} is {values}; it must lie in 0 to 1")
+    return not_negative(field, values)
 
 
 def text(field: str, value: Any) -> str:

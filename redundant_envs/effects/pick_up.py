@@ -48,8 +48,6 @@ class PickUp(Effect):
         return (shapes.Load(pose.points[-1], self.mass, held=False),) if waits else ()
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        states = (
-            State("carried", "kg", update=taken, bind={"time": ".time", "mass": ".mass", "at": ".at"}),
-            State("time", "s", update=later, bind={"elapsed": ".time"}),
-        )
+        time = State("time", "s", update=later, bind={"elapsed": ".time"})
+        states = State("carried", "kg", update=taken), time
         return (PointMass(Point(arm.num_masses - 1), ".carried", states),)

@@ -68,11 +68,10 @@ class Tether(Effect):
             raise ValueError(
                 f"Tether.point is {shown(k)}; {arm.kind} has the point masses 1 to {arm.num_masses}, the tip"
             )
-        own = {"post_x": ".post[0]", "post_y": ".post[1]", "stiffness": ".stiffness", "damping": ".damping"}
-        at_point = {"x": f"x{k}", "y": f"y{k}", "vx": f"vx{k}", "vy": f"vy{k}"}
+        post = {"post_x": ".post[0]", "post_y": ".post[1]"}
         return (
             Force(
-                Point(k - 1), pull_and_damping, {**own, **at_point}, potential=energy, conservative=pull,
+                Point(k - 1), pull_and_damping, post, potential=energy, conservative=pull,
                 stiffness=identity("stiffness"), damping=identity("damping"),
             ),
         )  # fmt: skip

@@ -68,10 +68,9 @@ class TipForce(d.Disturbance):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         tip, found = Point(arm.num_masses - 1), []
         if self.step is not None:
-            own = {"elapsed": ".elapsed", "start": ".start", **_of_axes("size", "step")}
-            found.append(Force(tip, steps, own, states=(d.clock(),)))
+            found.append(Force(tip, steps, _of_axes("size", "step"), states=(d.clock(),)))
         if self.amplitude is not None:
-            own = {"angle": ".angle", **_of_axes("phase", "phase"), **_of_axes("amplitude", "amplitude")}
+            own = {**_of_axes("phase", "phase"), **_of_axes("amplitude", "amplitude")}
             found.append(Force(tip, oscillating, own, states=(d.phase_angle(),)))
         if self.density is not None:
             noise = tuple(d.white_noise(axis, "N") for axis in AXES)

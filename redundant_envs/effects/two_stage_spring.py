@@ -23,9 +23,6 @@ def steepness(soft, harder):
     return soft + harder
 
 
-NUMBERS = ("lower", "upper", "soft", "harder")
-
-
 @dataclass(frozen=True)
 class TwoStageSpring(Effect):
     """Pulls a joint back to 0, harder beyond a knee on either side.
@@ -63,7 +60,5 @@ class TwoStageSpring(Effect):
         return f"two_stage_spring.{self.coordinate}"
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        k = arm.joint_index(self.coordinate)
-        bind = {"position": f"phi{k + 1}", **{name: f".{name}" for name in NUMBERS}}
-        switch = (".lower", ".upper")
-        return (Force(k, force, bind, potential=energy, stiffness=steepness, switch=switch),)
+        k, switch = arm.joint_index(self.coordinate), (".lower", ".upper")
+        return (Force(k, force, potential=energy, stiffness=steepness, switch=switch),)

@@ -269,7 +269,7 @@ class _Known:
             if getattr(part, field, None) and not getattr(part, other):
                 raise ValueError(f"{what} has {field} without {other}; {fix}")
         if isinstance(part, State):
-            _check_state(part, hook)
+            self._check_state(part, hook)
         takes = {
             a: None
             for x in (part, *states_of(part))
@@ -286,6 +286,31 @@ class _Known:
             given = getattr(part, field)
             if given is not None and (field != "initial" or callable(given)):
                 self._check_function(field, rule, part, hook)
+
+    def _check_state(self, state: State, hook: Hook) -> None:
+        """ValueError about a state without one way to change, or whose closed form is none."""
+        name = f"the state {state.name!r}"
+        if (state.derivative is None) == (state.update is None):
+            raise ValueError(f"{name} needs either a derivative or an update")
+        if state.derivative is not None and isinstance(hook, hooks.Sensing):
+            raise ValueError(
+                f"{name} of a sensor has a derivative; give an update: sensors are read once in an interval"
+            )
+        if state.when == "instant" and state.update is None:
+            raise ValueError(f"{name} has when='instant' and no update; give one")
+        if not callable(state.initial):
+            number(f"initial of {name}", state.initial)
+        takes = (
+            [hooks.source_of(a, state, hook, self.own) for a in arguments_of(state.closed)]
+            if state.closed
+            else ()
+        )
+        for source in (hooks.ELAPSED, f".{state.name}") if state.closed else ():
+            if source not in takes:
+                raise ValueError(
+                    f"closed of {name}, {name_of(state.closed)}, does not take {source!r}; a closed form is "
+                    "a function of the value before and of the time since then"
+                )
 
     def _check_function(self, field: str, rule: Rule, part: Any, hook: Hook) -> None:
         """ValueError about the text of a function, the names that it takes, or its rule."""
@@ -324,7 +349,7 @@ class _Known:
         function, arm = getattr(part, field), self.arm
         label = f"{field} of the state {part.name!r}," if isinstance(part, State) else field
         for argument in arguments_of(function):
-            source = part.bind.get(argument, argument)
+            source = hooks.source_of(argument, part, hook, self.own)
             where = f"{label} {name_of(function)}, argument {argument!r}"
             if not isinstance(source, str):
                 raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
@@ -376,28 +401,6 @@ def _check_types(part: Any) -> None:
     for field, (kind, what) in FIELDS.items():
         if hasattr(part, field) and not isinstance(getattr(part, field), kind):
             raise ValueError(f"{field} is {getattr(part, field)!r:.80}; give {what}")
-
-
-def _check_state(state: State, hook: Hook) -> None:
-    """ValueError about a state without one way to change, or whose closed form is none."""
-    name = f"the state {state.name!r}"
-    if (state.derivative is None) == (state.update is None):
-        raise ValueError(f"{name} needs either a derivative or an update")
-    if state.derivative is not None and isinstance(hook, hooks.Sensing):
-        raise ValueError(
-            f"{name} of a sensor has a derivative; give an update: sensors are read once in an interval"
-        )
-    if state.when == "instant" and state.update is None:
-        raise ValueError(f"{name} has when='instant' and no update; give one")
-    if not callable(state.initial):
-        number(f"initial of {name}", state.initial)
-    takes = [state.bind.get(a, a) for a in arguments_of(state.closed)] if state.closed else ()
-    for source in (hooks.ELAPSED, f".{state.name}") if state.closed else ():
-        if source not in takes:
-            raise ValueError(
-                f"closed of {name}, {name_of(state.closed)}, does not take {source!r}; a closed form is a "
-                "function of the value before and of the time since then"
-            )
 
 
 def _check_place(hook: Any, arm: Arm) -> None:

@@ -307,7 +307,7 @@ class Scene:
 
     def command_units(self) -> tuple[str, ...]:
         """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
-        return self.attached.command_units(self.robot)
+        return tuple(self.attached.units_along(k, self.robot)[0][1] for k in range(len(self.robot.joints)))
 
     def units(self) -> dict[str, str]:
         """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
@@ -315,7 +315,8 @@ class Scene:
         for effect in self.effects:
             for name, unit in effect.units(self.robot).items():
                 if unit == COMMAND:
-                    unit = self.attached.unit_at(effect, int(name.partition("[")[2][:-1]), self.robot)
+                    along = self.attached.units_along(int(name.partition("[")[2][:-1]), self.robot)
+                    unit = next(unit for owner, unit in along if owner is effect)
                 found[f"{effect.key}.{name}"] = unit
         return found
 
