@@ -38,25 +38,20 @@ def sides(count: int) -> list[str]:
 class State:
     """A number of an effect that changes with the motion; it is saved, restored and reset like coordinates.
 
-    Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``.
-    Either ``derivative`` is its rate of change, and it is integrated beside the arm's states, or ``update``
-    is its value after a control interval, from the quantities at the interval's end, and it is constant
-    within the interval. ``rate`` is the largest change of the derivative per change of the state [1/s], from
-    the parameters alone: error control takes steps that are short enough for it.
-
-    ``initial`` is its value at the start of an episode or a motion: a number, or a function of parameters and
-    of the motion at the start.
+    Its ``name`` is "name" or "name[k]"; it has a ``unit``. Either ``derivative`` is its rate of change, or
+    ``update`` is its value after a control interval, from the quantities at the interval's end, and it is
+    constant within the interval. ``rate`` is the largest change of the derivative per change of the state
+    [1/s], from the parameters alone: error control takes steps that are short enough for it. ``initial`` is
+    its value at the start of a motion: a number, or a function of parameters and of the motion there.
 
     ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and ``normal1``,
-    ``normal2``, ... of the standard normal distribution. Each lane, interval and state has others. They
-    follow from the key of the lane's episode, the number of the interval, the effect's key and the state's
-    name, so that no other effect changes them.
+    ``normal2``, ... of the standard normal distribution. They follow from the key of the lane's episode, the
+    number of the interval, the effect's key and the state's name alone, and are different for others.
 
     ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
     and quantities that are taken as constant. Fixed steps evaluate it in place of the derivative, so they may
-    be longer than the state's time constant; error control and dop853 integrate the derivative. Quantities
-    that change in a step are taken at its stages; with a ``rate``, which then is that of its decay, they are
-    taken so much earlier that the state lags behind them by the right time.
+    be longer than the state's time constant. Quantities that change in a step are taken at its stages; with a
+    ``rate``, which then is that of its decay, so much earlier that the state has the right delay.
 
     With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
     there, with ``passed`` 0; in an interval without the instant the state stays.
@@ -126,40 +121,33 @@ class _Acting:
 class Force(_Acting):
     """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
 
-    At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
-    velocity, vx4, vy4 (these count from 1). ``states`` belong to the force, such as those of a friction with
-    memory.
+    At a point the function returns (fx, fy) [N]. ``states`` belong to the force, such as those of a friction
+    with memory.
 
-    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect to the
-    position of the joint or the point: it counts as potential energy, and the power of the rest counts as
-    work. By default, with a potential, it is the whole force, which then may depend on the position alone.
+    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] by the position of
+    the joint or the point: it counts as potential energy, and the power of the rest as work. By default, with
+    a potential, it is the whole force, which then may depend on the position alone.
 
-    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest that the
-    force can have, computed from the parameters alone: error control takes steps short enough for a spring
-    before an estimate could have seen it. They are derivatives of the force, by its position at rest and
-    by its rate. A force with a ``damping`` must brake: a force that drives declares none, or is an
-    :class:`Actuation`. If the damping is not the same everywhere, that of a force on a joint may depend on
-    ``phi<k>`` and ``phid<k>`` of that joint, too. ``python -m redundant_envs verify`` differentiates
-    potentials and forces, and compares.
+    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest derivatives of the
+    force, by the position at rest and by the rate, from the parameters alone: error control takes steps short
+    enough for them before an estimate could have seen them. A force with a ``damping`` must brake. The
+    damping of a force on a joint may depend on ``phi<k>`` and ``phid<k>`` of that joint, too.
 
     ``switch`` names two of the effect's numbers, (".lower", ".upper"): positions of the joint at which the
-    law of the force changes, as that of a spring at the end of a joint's travel. Its functions then may take
-    ``side``: 1 above the upper, -1 below the lower, 0 between. Under error control no step
-    contains two laws: the change is located in time, as an impact is. So each law must be smooth beyond its
-    own positions, too, and both must give the same force where they meet.
+    law of the force changes. Its functions then may take ``side``: 1 above the upper, -1 below the lower, 0
+    between. Under error control no step contains two laws: the change is located in time, as an impact is. So
+    each law must be smooth beyond its own positions, too, and both must give the same force where they meet.
 
-    ``guard`` is the same for a law that changes where any function changes its sign, of positions, rates,
-    states and commands: its functions then may take ``side``, 1 where the guard is positive or 0, and -1
-    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Each
-    law must be smooth beyond its own range, and the guard, too. With fixed steps the sign at each stage
-    selects the law.
+    ``guard`` is the same for a law that changes where a function of positions, rates, states and commands
+    changes its sign: ``side`` is 1 where it is positive or 0, and -1 where it is negative. A guard may return
+    up to four values; then there are ``side1``, ``side2``, ... Each law, and the guard, must be smooth beyond
+    its own range. With fixed steps the sign at each stage selects the law.
 
     Other kinks are found by running the function on numbers that know whether they move (comparisons,
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
     same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
-    function does not show, or that replaces one that it shows: it replaces all kinks of the values that
-    ``where`` chooses from in it. It may return two values, such as those at both ends of a narrow range in
-    which a smooth law bends.
+    function does not show, or that replaces those of the values that ``where`` chooses from in it. It may
+    return two values, such as those at both ends of a narrow range in which a smooth law bends.
     """
 
     joint: int | Point
@@ -201,18 +189,16 @@ class Link(enum.IntEnum):
 class Actuation:
     """Maps the effort that reaches a link in the chain of a joint's motor to the effort that leaves it.
 
-    In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is the input of the
-    link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
+    In its functions, and in those of ``states``, ``command<k>`` (k counts from 1) is the input of the link.
+    Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
 
     A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
-    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
-    "rad/s" and gives "V" stands before a motor that takes "V". The command of a motor has the unit that the
-    first of these links takes. A chain whose units do not meet is refused.
+    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit. The command of a motor has
+    the unit that the first of these links takes. A chain whose units do not meet is refused.
 
-    Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
-    chain. With ``by_side`` the guard counts only under error control, and only where the command of the link
-    changes within an interval: then ``by_side``, which may take ``side``, stands for ``function``, which
-    takes none, so that other scenes do not pay for the guard.
+    Kinks, ``kink`` and ``guard`` are as in :class:`Force`. With ``by_side`` the guard counts only under error
+    control, and only where the command of the link changes within an interval: then ``by_side``, which may
+    take ``side``, stands for ``function``, which takes none, so that other scenes do not pay for the guard.
     """
 
     joint: int
@@ -233,9 +219,8 @@ class Friction:
     limit, and that opposes its rate with the limit while it moves.
 
     ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
-    rate of the joint; at the speed 0 it is the limit of static friction. A joint that sticks has the rate 0
-    exactly, and keeps its position. When joints stick and slip is located in time, with every integrator.
-    The limits of several frictions in one joint add up.
+    rate of the joint; at 0 it is that of static friction. A joint that sticks has the rate 0 exactly. When
+    joints stick and slip is located in time, with every integrator. Limits in one joint add up.
     """
 
     joint: int
@@ -259,10 +244,9 @@ class Gap:
     """A stop where a function of the motion is 0: the arm moves where it is positive.
 
     ``function`` gives the gap [m] from quantities of the pose, such as tip_x, and numbers of the effect; dual
-    numbers differentiate it twice, so it must be smooth beyond 0, too. Impacts are located in time. Their
-    impulse acts along the gradient of the gap, without friction, and ``restitution`` names a number of the
-    effect. The stop holds nothing: an arm that is pressed onto it bounces, and an interval with more than 256
-    impacts is given up with a fault.
+    numbers differentiate it twice, so it must be smooth beyond 0, too. The impulse of impacts acts along the
+    gradient of the gap, without friction, and ``restitution`` names a number of the effect. The stop holds
+    nothing: a pressed arm bounces, and an interval with more than 256 impacts is given up with a fault.
     """
 
     function: Callable[..., Any]

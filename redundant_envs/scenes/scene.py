@@ -149,9 +149,6 @@ class Scene:
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
-        if isinstance(self.effects, Effect):
-            one = shown(self.effects)
-            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
             what = shown(self.effects)
             raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
@@ -195,15 +192,11 @@ class Scene:
                 f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
                 " (smaller ones are below rounding, larger ones mean nothing)"
             )
-        if self.integrator != "rk8":
+        if self.integrator != "rk8" or self.substeps != 1:
             raise ValueError(
-                f"tolerance is {tolerance} m with integrator {self.integrator!r}; only 'rk8' has the "
-                "error estimate it needs"
-            )
-        if self.substeps != 1:
-            raise ValueError(
-                f"tolerance is {tolerance} m with {self.substeps} substeps; error control chooses the "
-                "steps itself: leave substeps at 1"
+                f"tolerance is {tolerance} m with integrator {self.integrator!r} and {self.substeps} "
+                "substeps; only 'rk8' has the error estimate it needs, and error control chooses the steps "
+                "itself: leave substeps at 1"
             )
         return tolerance
 
@@ -273,25 +266,20 @@ class Scene:
         """A row for each number of each effect, with one value for each joint where they differ."""
         units, rows = self.units(), []
         for effect in self.effects:
-            named: dict[str, tuple[list[str], list[str]]] = {}
-            for entry, x in effect.parameters().items():
-                name = entry.partition("[")[0]
-                values, of_values = named.setdefault(name, ([], []))
-                values.append(f"{x:.6g}")
-                of_values.append(units.get(f"{effect.key}.{entry}", units.get(f"{effect.key}.{name}", "")))
-            for name, (values, of_values) in named.items():
+            numbers, named = effect.parameters(), dict[str, list[str]]()
+            for entry in numbers:
+                named.setdefault(entry.partition("[")[0], []).append(entry)
+            for name, entries in named.items():
+                values = [f"{numbers[entry]:.6g}" for entry in entries]
                 value = ", ".join(values) if len({*values}) > 1 or len(values) == 1 else f"{values[0]} each"
-                rows.append((effect.key, name, value, ", ".join(dict.fromkeys(of_values))))
+                of = (units.get(f"{effect.key}.{x}", units.get(f"{effect.key}.{name}", "")) for x in entries)
+                rows.append((effect.key, name, value, ", ".join(dict.fromkeys(of))))
             if not named:
                 rows.append((effect.key, "", "", ""))
         return rows
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
-        return dict(self._travel)
-
-    @functools.cached_property
-    def _travel(self) -> dict[int, tuple[str, str]]:
         limits: dict[int, tuple[str, str]] = {}
         hard = self.attached.keys_of(Impact)  # A hard stop is the limit, whatever else acts near it.
         for effect in sorted(self.effects, key=lambda e: e.key in hard):

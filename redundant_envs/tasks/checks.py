@@ -50,16 +50,16 @@ def check_task(task: Task, scene: Scene) -> None:
         reserved |= dict.fromkeys(map(identifier, own), f"of the effect {type(effect).__name__}")
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
-    given = givers_of(functions)
-    check_names(f"{kind}.functions", given, taken)
     begun = {name for f in task.begin_functions for name in gives_of(f)}
-    taken |= {name: f"of {kind}.functions" for name in given if name not in begun}
     shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
-    check_names(f"{kind}.parameters", task.parameters(), taken | shared)
-    taken |= dict.fromkeys(task.parameters(), f"of {kind}.parameters")
-    check_names(f"{kind}.memory", task.memory, taken)
-    taken |= dict.fromkeys((*task.memory, *begun), f"of {kind}.memory or begin_functions")
-    check_names(f"{kind}.angles", (name for pair in task.angles.values() for name in pair), taken)
+    for field, names, more in (
+        ("functions", givers_of(functions), {}),
+        ("parameters", task.parameters(), shared),
+        ("memory", task.memory, {}),  # which begin_functions may give
+        ("angles", sum(task.angles.values(), ()), dict.fromkeys(begun, f"of {kind}.begin_functions")),
+    ):
+        check_names(f"{kind}.{field}", names, taken | more)
+        taken |= {name: f"of {kind}.{field}" for name in names if name not in begun or field == "memory"}
     fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
     for field, entries, allowed in (
         ("moves", task.moves, task.memory),
