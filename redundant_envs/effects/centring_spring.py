@@ -1,5 +1,3 @@
-"""The spring that the report prints for its prismatic joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook

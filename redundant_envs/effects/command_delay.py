@@ -1,5 +1,3 @@
-"""Commands that reach the motors some time after they are given."""
-
 from __future__ import annotations
 
 import functools

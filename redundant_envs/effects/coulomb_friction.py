@@ -1,5 +1,3 @@
-"""Dry friction in the joints, with true stiction."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook, at_each_joint

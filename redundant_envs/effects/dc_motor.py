@@ -1,5 +1,3 @@
-"""Direct-current motors behind gears, which take a voltage."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint

@@ -1,5 +1,3 @@
-"""Motors that ignore small commands."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import COMMAND, Actuation, Arm, Effect, Hook, Link, at_each_joint

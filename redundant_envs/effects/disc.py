@@ -1,5 +1,3 @@
-"""A disc that the tip or the links of an arm touch."""
-
 import math
 from dataclasses import dataclass, field
 from functools import reduce
@@ -184,18 +182,15 @@ class Disc(Effect):
         return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]"}
-        if self.along_links:
-            return _along_links(arm, own)
-        return (Force(Point(arm.num_masses - 1), bind=own, **AT_TIP),)
+        return _along_links(arm) if self.along_links else (Force(Point(arm.num_masses - 1), **AT_TIP),)
 
 
-def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
+def _along_links(arm: Arm) -> tuple[Hook, ...]:
     """Forces at both ends of each link. The one at the tip has the guard, that of the whole arm: two links
     touch a disc at the same instant where their common joint does."""
     found = []
     for far in range(arm.num_masses):
-        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
+        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")}
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
             found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))

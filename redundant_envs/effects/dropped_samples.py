@@ -1,10 +1,8 @@
-"""Readings that do not arrive."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, share
-from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import identity, physics, where
 
 
@@ -32,11 +30,9 @@ class DroppedSamples(Effect):
 
     example = Example({"probability": 0.1})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._lossy(s, arm) for s in every_sensor(arm))
-
-    def _lossy(self, s: Sensor, arm: Arm) -> Hook:
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
         name = f"last_{s.field}[{s.joint}]"
-        bind = {"reading": s.quantity, "last": f".{name}", "probability": f".probability[{s.joint}]"}
-        state = State(name, s.unit(arm), update=latest, initial=identity("reading"), bind=bind)
-        return Sensing(s.joint, identity("last"), {"last": f".{name}"}, s.reading, (state,))
+        last = {"last": f".{name}"}
+        state = State(name, s.unit(arm), update=latest, initial=identity("reading"), bind=last)
+        return Sensing(s.joint, identity("last"), last, s.reading, (state,))

@@ -1,5 +1,3 @@
-"""Motors that saturate."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, at_each_joint, effort_unit

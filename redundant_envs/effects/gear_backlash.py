@@ -1,5 +1,3 @@
-"""Gears whose teeth have backlash: the motor turns freely in the gap, and pushes elastic teeth beyond it."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit

@@ -1,5 +1,3 @@
-"""Gravity in a plane of any tilt."""
-
 from __future__ import annotations
 
 import dataclasses
@@ -55,4 +53,4 @@ class Gravity(Effect):
         return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return (Field(field, {"down_x": ".down[0]", "down_y": ".down[1]"}),)
+        return (Field(field),)

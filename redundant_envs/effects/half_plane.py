@@ -1,5 +1,3 @@
-"""A half-plane, such as a floor or a wall, that the tip or the links of an arm touch."""
-
 import math
 from dataclasses import dataclass, field
 
@@ -84,8 +82,5 @@ class HalfPlane(Effect):
         return (shapes.HalfPlane((x, y), (nx, ny)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {
-            f"{name}_{axis}": f".{name}[{k}]" for name in ("point", "normal") for k, axis in enumerate("xy")
-        }
         points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)
-        return tuple(Force(Point(k), bind=own, **LAWS) for k in points)
+        return tuple(Force(Point(k), **LAWS) for k in points)

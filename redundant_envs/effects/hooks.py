@@ -347,17 +347,20 @@ def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
 
 OF_JOINT = {"position": "phi{}", "rate": "phid{}", "command": "command{}"}
 OF_POINT = "x", "y", "vx", "vy"
+AXES = {"_x": "[0]", "_y": "[1]"}
 
 
 def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
     """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says; ``own``
     has the numbers and states of the effect."""
-    place = getattr(hook, "joint", None)
+    place: Any = getattr(hook, "joint", None)
     if argument in part.bind:
         return part.bind[argument]
-    for name in (argument, f"{argument}[{place}]"):
+    for name in (argument, f"{argument}[{place}]", f"{argument[:-2]}{AXES.get(argument[-2:])}"):
         if name in own:
             return f".{name}"
+    if isinstance(hook, Sensing) and argument == "reading":
+        return hook.reading.value.format(place + 1)
     if isinstance(place, Point):
         return f"{argument}{place.number + 1}" if argument in OF_POINT else argument
     return OF_JOINT[argument].format(place + 1) if place is not None and argument in OF_JOINT else argument
@@ -373,9 +376,10 @@ class Effect:
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
     the effect's own numbers or states as ".field" or ".field[k]". An argument that is not mapped takes the
-    own number or state of its name, with one for each joint that of the hook's; ``position``, ``rate`` or
-    ``command`` of the hook's joint, ``x``, ``y``, ``vx`` or ``vy`` of its point; or the quantity of its name.
-    ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
+    own number or state of its name, with one for each joint that of the hook's, and with one for each axis
+    those of ``name_x`` and ``name_y``; ``position``, ``rate`` or ``command`` of the hook's joint, ``x``,
+    ``y``, ``vx`` or ``vy`` of its point, the ``reading`` that reaches its sensor; or the quantity of its
+    name. ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.

@@ -1,5 +1,3 @@
-"""Hard ends of the travel of joints of any kind: impacts with restitution, located in time."""
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

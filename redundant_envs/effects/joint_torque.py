@@ -1,5 +1,3 @@
-"""Torques that disturb the joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d

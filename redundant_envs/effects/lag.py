@@ -1,5 +1,3 @@
-"""Motors whose efforts lag behind their commands by a first order."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit

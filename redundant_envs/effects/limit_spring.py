@@ -1,5 +1,3 @@
-"""A one-sided spring and damper at the ends of a joint's travel."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook

@@ -1,5 +1,3 @@
-"""Links that are bodies, not points: their moments of inertia."""
-
 import dataclasses
 from dataclasses import dataclass
 

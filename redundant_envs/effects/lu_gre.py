@@ -1,5 +1,3 @@
-"""The friction model of Lund and Grenoble: bristles that bend and slip."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State, at_each_joint

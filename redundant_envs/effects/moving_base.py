@@ -1,5 +1,3 @@
-"""A base that moves: the arm feels its acceleration as a field."""
-
 import math
 from dataclasses import dataclass, field
 
@@ -10,11 +8,11 @@ from redundant_envs.language.algebra import identity, physics, sincos
 
 
 @physics
-def acceleration(angle, frequency, x, y):
+def acceleration(angle, frequency, amplitude_x, amplitude_y):
     """The second derivative of the amplitude times the sine of the angle."""
     sine, _ = sincos(angle)
     square = -(frequency * frequency)
-    return x * square * sine, y * square * sine
+    return amplitude_x * square * sine, amplitude_y * square * sine
 
 
 @dataclass(frozen=True)
@@ -53,4 +51,4 @@ class MovingBase(Effect):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
         angle = State("angle", "rad", identity("frequency"), rate=identity("frequency"))
-        return (Field(acceleration, {"x": ".amplitude[0]", "y": ".amplitude[1]"}, (angle,)),)
+        return (Field(acceleration, states=(angle,)),)

@@ -1,5 +1,3 @@
-"""An object that the tip picks up."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes

@@ -1,5 +1,3 @@
-"""Commands that reach their motors with play."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import (

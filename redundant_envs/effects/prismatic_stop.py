@@ -1,5 +1,3 @@
-"""Hard ends of the travel of sliders alone: impacts with restitution, located in time."""
-
 from dataclasses import dataclass
 from typing import ClassVar
 

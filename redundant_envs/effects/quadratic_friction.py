@@ -1,5 +1,3 @@
-"""Friction that grows with the square of the rate."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint

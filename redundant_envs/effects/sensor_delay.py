@@ -1,5 +1,3 @@
-"""Sensors that show what was a while ago."""
-
 import functools
 import itertools
 import math
@@ -10,7 +8,7 @@ from typing import Any
 from redundant_envs.effects.delays import Delay
 from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example
-from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
 
@@ -64,15 +62,13 @@ class SensorDelay(Delay):
     def kept_at(self, control_dt: float) -> int:
         return math.ceil(steps_back(self.longest, control_dt)) + 1
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._late(s, arm) for s in every_sensor(arm))
-
-    def _late(self, s: Sensor, arm: Arm) -> Hook:
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
         names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(self.kept)]
-        unit, now = s.unit(arm), {"reading": s.quantity}
-        states = [State(names[0], unit, update=identity("reading"), initial=identity("reading"), bind=now)]
+        unit, now = s.unit(arm), identity("reading")
+        states = [State(names[0], unit, update=now, initial=now)]
         for newer, name in itertools.pairwise(names):
-            bind = {**now, "newer": f".{newer}"}
-            states.append(State(name, unit, update=identity("newer"), initial=identity("reading"), bind=bind))
-        own = {f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}
-        return Sensing(s.joint, delayed(self.kept), own, s.reading, tuple(states))
+            bind = {"newer": f".{newer}"}
+            states.append(State(name, unit, update=identity("newer"), initial=now, bind=bind))
+        kept = {f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}
+        return Sensing(s.joint, delayed(self.kept), kept, s.reading, tuple(states))

@@ -1,5 +1,3 @@
-"""Dry friction made smooth: cheap at fixed steps, but it creeps."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint

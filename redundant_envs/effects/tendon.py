@@ -1,5 +1,3 @@
-"""An elastic tendon that runs over several joints."""
-
 import functools
 import itertools
 import math

@@ -1,5 +1,3 @@
-"""A damped spring between a point of the arm and a post."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
@@ -68,10 +66,9 @@ class Tether(Effect):
             raise ValueError(
                 f"Tether.point is {shown(k)}; {arm.kind} has the point masses 1 to {arm.num_masses}, the tip"
             )
-        post = {"post_x": ".post[0]", "post_y": ".post[1]"}
         return (
             Force(
-                Point(k - 1), pull_and_damping, post, potential=energy, conservative=pull,
+                Point(k - 1), pull_and_damping, potential=energy, conservative=pull,
                 stiffness=identity("stiffness"), damping=identity("damping"),
             ),
         )  # fmt: skip

@@ -1,5 +1,3 @@
-"""A force that disturbs the tip."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
@@ -7,12 +5,10 @@ from redundant_envs.effects.hooks import Arm, Force, Hook, Point
 from redundant_envs.effects.numbers import Example, Numbers, each_axis, one, pair, strengths
 from redundant_envs.language.algebra import physics
 
-AXES = "[0]", "[1]"
-
 
 @physics
-def steps(elapsed, start, control_dt, size_x, size_y):
-    return d.step(elapsed, start, control_dt, size_x), d.step(elapsed, start, control_dt, size_y)
+def steps(elapsed, start, control_dt, step_x, step_y):
+    return d.step(elapsed, start, control_dt, step_x), d.step(elapsed, start, control_dt, step_y)
 
 
 @physics
@@ -21,8 +17,13 @@ def oscillating(angle, phase_x, phase_y, amplitude_x, amplitude_y):
 
 
 @physics
-def drawn(force_x, force_y):
-    return force_x, force_y
+def noise(white_x, white_y):
+    return white_x, white_y
+
+
+@physics
+def wandered(wander_x, wander_y):
+    return wander_x, wander_y
 
 
 @dataclass(frozen=True)
@@ -66,21 +67,13 @@ class TipForce(d.Disturbance):
     )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        tip, found = Point(arm.num_masses - 1), []
+        tip, found, axes = Point(arm.num_masses - 1), [], ("[0]", "[1]")
         if self.step is not None:
-            found.append(Force(tip, steps, _of_axes("size", "step"), states=(d.clock(),)))
+            found.append(Force(tip, steps, states=(d.clock(),)))
         if self.amplitude is not None:
-            own = {**_of_axes("phase", "phase"), **_of_axes("amplitude", "amplitude")}
-            found.append(Force(tip, oscillating, own, states=(d.phase_angle(),)))
+            found.append(Force(tip, oscillating, states=(d.phase_angle(),)))
         if self.density is not None:
-            noise = tuple(d.white_noise(axis, "N") for axis in AXES)
-            found.append(Force(tip, drawn, _of_axes("force", "white"), states=noise))
+            found.append(Force(tip, noise, states=tuple(d.white_noise(axis, "N") for axis in axes)))
         if self.deviation is not None:
-            noise = tuple(d.wander(axis, "N") for axis in AXES)
-            found.append(Force(tip, drawn, _of_axes("force", "wander"), states=noise))
+            found.append(Force(tip, wandered, states=tuple(d.wander(axis, "N") for axis in axes)))
         return tuple(found)
-
-
-def _of_axes(argument: str, own: str) -> dict[str, str]:
-    """Arguments of both axes, and what they stand for."""
-    return {f"{argument}_{axis}": f".{own}{entry}" for axis, entry in zip("xy", AXES, strict=True)}

@@ -1,5 +1,3 @@
-"""Motors whose largest effort falls with their speed."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.effort_limits import WITHIN

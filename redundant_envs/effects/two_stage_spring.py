@@ -1,5 +1,3 @@
-"""A spring that becomes harder beyond a knee on either side: a force that changes its law."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook

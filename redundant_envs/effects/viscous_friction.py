@@ -1,5 +1,3 @@
-"""Viscous friction in the joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
