@@ -80,8 +80,7 @@ def slider_travel(scene: Scene) -> Travel:
         least = -next(lengths)
         if not (least <= low and high < np.inf):
             raise ValueError(
-                f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
-                f"both ends, the lower at least {least} m (a link cannot have a negative length)"
+                f"{scene.robot.joints[k]!r} has the travel {low} to {high} m; give both ends, from {least} m"
             )
     return travel
 
@@ -103,9 +102,7 @@ def effort_limits(scene: Scene) -> Array:
     limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
     given = np.atleast_1d(limits)
     if not given.size or given.min() <= 0.0:
-        raise ValueError(
-            f"EffortLimits.limits is {limits or None}; loads are shares of them: give positive numbers"
-        )
+        raise ValueError(f"EffortLimits.limits is {limits or None}; give positive numbers")
     return given
 
 
@@ -151,10 +148,7 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
     """
     joints = len(scene.robot.joints)
     if joints - 2 != PARAMETERS:
-        raise ValueError(
-            f"{scene.robot.kind} has {joints} joints; the search is for arms whose poses at a goal form a "
-            f"surface, those of {PARAMETERS + 2}"
-        )
+        raise ValueError(f"{scene.robot.kind} has {joints} joints; give an arm of {PARAMETERS + 2}")
     limits, travel = effort_limits(scene), slider_travel(scene)
     points = np.asarray(goals, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -237,10 +231,7 @@ def num_sheets(arm: Arm) -> int:
         return 2 ** (len(arm.joints) - 1)
     if arm.prismatic == (False, True) * 2 and arm.num_lengths == 2:
         return 2
-    raise ValueError(
-        f"the poses of {arm.kind} at a goal are not known; they are for arms of revolute joints, and of two "
-        "links that both extend"
-    )
+    raise ValueError(f"the poses of {arm.kind} at a goal are not known; give 4R or RPRP")
 
 
 def goal_poses(arm: Arm, travel: Travel, goals: Array, psi: Array, sheet: Sheet) -> Array:

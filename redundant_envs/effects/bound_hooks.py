@@ -228,8 +228,7 @@ class Attachments(tuple[Attached[Hook], ...]):
             place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
                 raise ValueError(
-                    f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take "
-                    "fewer, or give some of the states another name"
+                    f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take fewer"
                 )
             made[name] = Draw(stream_of(key, root), normal, place)
         return made
@@ -258,8 +257,7 @@ class Attachments(tuple[Attached[Hook], ...]):
             unit, giver = link.hook.gives or effort, link.key
         if unit != effort:
             raise ValueError(
-                f"effects: at {arm.joints[joint]} {giver!r} gives {unit!r}, and the motor's effort is in "
-                f"{effort!r}; add an effect that takes {unit!r}, such as a motor"
+                f"effects: at {arm.joints[joint]} {giver!r} gives {unit!r}, not {effort!r}; add a motor"
             )
         return [*units, (None, unit)]
 
@@ -374,10 +372,7 @@ def _check_streams(states: Iterable[tuple[str, str]]) -> None:
         name = f"{key}.{root}"
         other = streams.setdefault(stream_of(key, root), name)
         if other != name:
-            raise ValueError(
-                f"effects have the states {name!r}, whose draws would be those of {other!r}: their names "
-                "have the same hash; rename one of these states, or give its effect another 'key'"
-            )
+            raise ValueError(f"the draws of {name!r} would be those of {other!r}: rename one of these states")
 
 
 def _attached(

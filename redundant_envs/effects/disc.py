@@ -168,9 +168,7 @@ class Disc(Effect):
             raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
         if math.hypot(*self.centre) <= self.radius:
             raise ValueError(
-                f"Disc.radius is {self.radius} m, and the base of the arm, (0, 0), is "
-                f"{math.hypot(*self.centre):.6g} m from the centre {self.centre}: the disc covers it; give a "
-                "smaller radius or another centre"
+                f"Disc.radius is {self.radius} m: it covers the base, (0, 0); give a smaller radius"
             )
 
     @property

@@ -98,9 +98,7 @@ class Disturbance(Effect):
             for field, default in partners.items():
                 given = getattr(self, field)
                 if given is not None and not present:
-                    raise ValueError(
-                        f"{kind}.{field} is {given} without {part}; give {part}, too, or leave it out"
-                    )
+                    raise ValueError(f"{kind}.{field} is {given} without {part}; give {part}, too")
                 if given is None and present:
                     if default is None:
                         raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")

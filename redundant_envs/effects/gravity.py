@@ -37,8 +37,7 @@ class Gravity(Effect):
         super().__post_init__()
         if math.hypot(*self.down) > 1.0 + 1e-12:
             raise ValueError(
-                f"Gravity.down is {self.down}, of length {math.hypot(*self.down):.6g}; at most 1 "
-                "is possible for the projection of a unit vector: scale g instead"
+                f"Gravity.down is {self.down}, longer than 1; give a unit vector, or its projection"
             )
 
     @classmethod

@@ -64,13 +64,10 @@ class HalfPlane(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.normal) < SMALLEST:
-            raise ValueError(
-                f"HalfPlane.normal is {self.normal}, which is no direction; give one such as (0, 1)"
-            )
+            raise ValueError(f"HalfPlane.normal is {self.normal}, no direction; give one such as (0, 1)")
         if self.point[0] * self.normal[0] + self.point[1] * self.normal[1] > 0.0:
             raise ValueError(
-                f"HalfPlane.point is {self.point} m with the normal {self.normal}: the half-plane covers the "
-                "base of the arm, (0, 0); give another point, or the opposite normal"
+                f"HalfPlane.point is {self.point} m: it covers the base, (0, 0); give the opposite normal"
             )
 
     @property

@@ -43,16 +43,13 @@ class JointStop(Effect):
             object.__setattr__(self, name, self._ends(name))
         if len(self.lower) != len(self.upper):
             raise ValueError(
-                f"{kind}.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
-                f"one for each {self.each}"
+                f"{kind}.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many"
             )
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
                 travel(f"{kind}.{{}}[{i}]", low, high)
         if not self._limited():
-            raise ValueError(
-                "JointStop.lower and upper have no end of any joint; give one, or leave the effect out"
-            )
+            raise ValueError("JointStop.lower and upper have no end of any joint; give one")
         super().__post_init__()
 
     def parameters(self) -> dict[str, float]:

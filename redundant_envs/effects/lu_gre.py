@@ -83,8 +83,7 @@ class LuGre(Effect):
         for k, (low, high) in enumerate(zip(*rows, strict=False)):  # a scene refuses other counts
             if high < low:
                 raise ValueError(
-                    f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; a joint slips no "
-                    "sooner than it slides: give at least the Coulomb level"
+                    f"LuGre.stiction is {high} at joint {k + 1}; give at least LuGre.coulomb, {low}"
                 )
 
     @at_each_joint

@@ -1,9 +1,7 @@
-"""Numbers of an effect, declared once: their check, their unit, and how many there are.
+"""Numbers of an effect, declared once, ``field(metadata=one(not_negative, "kg"))``: their check, their unit,
+and how many there are. Effects import checks and types of numbers from here as well."""
 
-The functions return the metadata of a field, ``field(metadata=one(not_negative, "kg"))``: so type checkers
-know which fields have a default, too. Effects import checks and types of numbers from here as well.
-"""
-
+import functools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -59,7 +57,6 @@ class Example:
 
 
 def example_of(kind: type) -> Example:
-    """The example of an effect of the package; without numbers if it needs none."""
     found = vars(kind).get("example")
     return found if isinstance(found, Example) else Example({})
 
@@ -106,34 +103,22 @@ def _as_given(_: str, value: Any) -> Any:
 Metadata = Mapping[str, Declared]
 
 
-def one(check: Check, *units: str) -> Metadata:
-    """A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
-    return {DECLARED: Declared(number, check, units)}
+def _declared(form: Check, of_joints: bool, check: Check, *units: str) -> Metadata:
+    return {DECLARED: Declared(form, check, units, of_joints)}
 
 
-def pair(check: Check, *units: str) -> Metadata:
-    """A number for each axis, x and y."""
-    return {DECLARED: Declared(two, check, units)}
-
-
-def each_axis(check: Check, *units: str) -> Metadata:
-    """A number for each axis, or one for both."""
-    return {DECLARED: Declared(of_axes, check, units)}
-
-
-def each_joint(check: Check, *units: str) -> Metadata:
-    """A number for each joint, or one that serves all of them."""
-    return {DECLARED: Declared(_as_given, check, units, of_joints=True)}
-
-
-def row(check: Check, *units: str) -> Metadata:
-    """Numbers of which the effect says how many there are."""
-    return {DECLARED: Declared(numbers, check, units)}
-
-
-def checked(check: Check, *units: str) -> Metadata:
-    """What its check alone describes, such as a name."""
-    return {DECLARED: Declared(_as_given, check, units)}
+one = functools.partial(_declared, number, False)
+"""Metadata of a single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
+pair = functools.partial(_declared, two, False)
+"""Of a number for each axis, x and y."""
+each_axis = functools.partial(_declared, of_axes, False)
+"""Of a number for each axis, or one for both."""
+each_joint = functools.partial(_declared, _as_given, True)
+"""Of a number for each joint, or one that serves all of them."""
+row = functools.partial(_declared, numbers, False)
+"""Of numbers of which the effect says how many there are."""
+checked = functools.partial(_declared, _as_given, False)
+"""Of what its check alone describes, such as a name."""
 
 
 def share(field: str, values: Any) -> Any:

@@ -19,9 +19,7 @@ def resolutions(field: str, values: Any) -> float | tuple[float, ...]:
     found = positive(field, values)
     entries = found if isinstance(found, tuple) else (found,)
     if min(entries, default=1.0) < SMALLEST:
-        raise ValueError(
-            f"{field} is {min(entries)}; it must be at least {SMALLEST:g}: leave it out for exact readings"
-        )
+        raise ValueError(f"{field} is {min(entries)}; give at least {SMALLEST:g}, or leave it out")
     return found
 
 

@@ -44,8 +44,5 @@ class OfReadings(Effect):
 
     def __post_init__(self) -> None:
         if all(getattr(self, field) is None for field in READINGS):
-            kind = type(self).__name__
-            raise ValueError(
-                f"{kind} has neither position nor rate, and would change nothing; give one of them"
-            )
+            raise ValueError(f"{type(self).__name__} has neither position nor rate; give one of them")
         super().__post_init__()

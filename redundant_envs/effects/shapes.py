@@ -111,8 +111,7 @@ def shapes_of(
         for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
             if not isinstance(shape, Shape):
                 raise ValueError(
-                    f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "
-                    "redundant_envs.effects.shapes.Circle((x, y), radius)"
+                    f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes, as Circle(...)"
                 )
             found.append(shape)
     return found

@@ -63,9 +63,7 @@ class Tether(Effect):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = self.point
         if k > arm.num_masses:
-            raise ValueError(
-                f"Tether.point is {shown(k)}; {arm.kind} has the point masses 1 to {arm.num_masses}, the tip"
-            )
+            raise ValueError(f"Tether.point is {shown(k)}; {arm.kind} has the points 1 to {arm.num_masses}")
         return (
             Force(
                 Point(k - 1), pull_and_damping, potential=energy, conservative=pull,

@@ -141,22 +141,16 @@ def _check_hooks(where: str, effect: Effect, arm: Arm) -> None:
         except ValueError as error:
             raise ValueError(f"{called}, hook {n} ({type(hook).__name__}): {error}") from None
     check_numbers(called, effect, arm, every)
-    _check_uses(called, effect, arm, every)
+    _check_uses(called, effect, arm, known.named)
     forces = [h for h in every if isinstance(h, hooks.Force)]
     if any(h.conservative is not None for h in forces) and all(h.potential is None for h in forces):
-        raise ValueError(
-            f"{called} has a conservative force and no potential; give the potential, or leave "
-            "'conservative' out: the power of a force without a potential counts as work"
-        )
+        raise ValueError(f"{called} has a conservative force and no potential; give the potential, too")
 
 
 def _check_fields_of_effect(called: str, effect: Effect) -> None:
     for f in dataclasses.fields(effect):
         if not f.init and f.name not in effect.static:
-            raise ValueError(
-                f"{called}.{f.name} is not an argument of its class, so it would not change with the "
-                "others; compute it in the effect's functions, or name it in 'static'"
-            )
+            raise ValueError(f"{called}.{f.name} is not an argument of its class; name it in 'static'")
     for field, value in effect.parameters().items():
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value:
             raise ValueError(f"{called}.{field} is {value!r:.80}; give a number or a tuple of them")
@@ -171,8 +165,7 @@ def check_numbers(where: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -
         low, high = numbers[lower[1:]], numbers[upper[1:]]
         if not low < high:
             raise ValueError(
-                f"{where}: {what} is {lower} to {upper}, which are {low} and {high}; the first must be below "
-                "the second"
+                f"{where}: {what} is {lower} to {upper}, {low} to {high}; give the smaller one first"
             )
 
     for hook in every:
@@ -187,35 +180,26 @@ def check_numbers(where: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -
         for end in ends:
             if end not in numbers:
                 raise ValueError(
-                    f"{where}.travel gives {end!r}, which is not a number of this effect; it has "
-                    f"{', '.join(numbers) or 'none'}"
+                    f"{where}.travel gives {end!r}; its numbers are {', '.join(numbers) or 'none'}"
                 )
         check_order(f"the travel of {arm.joints[int(joint)]!r}", *(f".{end}" for end in ends))
 
 
-def _check_uses(called: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -> None:
+def _check_uses(called: str, effect: Effect, arm: Arm, named: set[str]) -> None:
     """Refuse a field with several numbers of which some are used and some are not, and the unit of a number
     that the effect does not have."""
     numbers = effect.parameters()
-    used = {*effect.action_units(arm)}.union(*effect.travel(arm).values())
-    for part in (part for hook in every for part in (hook, *states_of(hook))):
-        named = (getattr(part, field.name) for field in dataclasses.fields(part))
-        sources = (*getattr(part, "bind", {}).values(), *named)
-        used |= {name[1:] for name in sources if isinstance(name, str) and name[:1] == "."}
+    used = named.union(effect.action_units(arm), *effect.travel(arm).values())
     for field in dataclasses.fields(effect):
         entries = [name for name in numbers if name.startswith(f"{field.name}[")]
         unused = [name for name in entries if name not in used]
         if unused and len(unused) < len(entries):
             raise ValueError(
-                f"{called}.{field.name} has {len(entries)} entries, of which no hook uses "
-                f"{', '.join(unused)}; give {len(entries) - len(unused)}"
+                f"{called}.{field.name} has {len(entries)} entries; no hook uses {', '.join(unused)}"
             )
     for name in effect.units(arm):
         if name not in {*numbers, *(n.split("[")[0] for n in numbers)}:
-            raise ValueError(
-                f"{called}.units has {name!r}, which is none of its numbers: "
-                f"{', '.join(numbers) or 'it has none'}"
-            )
+            raise ValueError(f"{called}.units has {name!r}; its numbers are {', '.join(numbers) or 'none'}")
 
 
 class _Known:
@@ -226,16 +210,15 @@ class _Known:
         self.has_instant = any(isinstance(hook, hooks.Instant) for hook in every)
         self.own: dict[str, State | None] = dict.fromkeys(effect.parameters())
         """Own numbers of the effect, and its states."""
+        self.named = set[str]()
+        """Those of them that hooks take."""
 
     def add_states(self, hook: Hook) -> None:
         _check_types(hook)
         for state in states_of(hook):
             name = getattr(state, "name", None)
             if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in self.own:
-                raise ValueError(
-                    f"it has the state {name!r}; give a State with a name of its own, 'name' or 'name[k]', "
-                    "that no other number of the effect has"
-                )
+                raise ValueError(f"it has the state {name!r}; give a name of its own, 'name' or 'name[k]'")
             self.own[name] = state
 
     def check(self, hook: Hook) -> None:
@@ -244,79 +227,53 @@ class _Known:
         numbers = [name for name, state in self.own.items() if state is None]
         for field in OWN_NUMBERS:
             if hasattr(hook, field):
-                _check_name(field, getattr(hook, field), self.own if field == "mass" else numbers)
+                self._check_name(field, getattr(hook, field), self.own if field == "mass" else numbers)
         for name in getattr(hook, "switch", None) or ():
-            _check_name("switch", name, numbers)
+            self._check_name("switch", name, numbers)
         mass = self.own[hook.mass[1:]] if isinstance(hook, hooks.PointMass) else None
         if mass is not None and (mass.update is None or mass.when == "instant"):
             raise ValueError(
-                f"the mass {mass.name!r} is a state that changes within intervals; give one with an update, "
-                "when='interval'"
+                f"the mass {mass.name!r} changes within intervals; give it an update, when='interval'"
             )
         for part in (hook, *states_of(hook)):
             self._check_part(part, hook)
+
+    def _check_name(self, where: str, source: Any, own: Collection[str]) -> None:
+        """ValueError about the name of a number that the effect does not have."""
+        if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
+            valid = ", ".join(f".{name}" for name in own)
+            raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid or 'none'}")
+        self.named.add(source[1:])
 
     def _check_part(self, part: Any, hook: Hook) -> None:
         _check_types(part)
         what = f"the state {part.name!r}" if isinstance(part, State) else "it"
         when = getattr(part, "when", "interval")
         if when not in hooks.WHEN or (when == "instant" and not self.has_instant):
-            raise ValueError(
-                f"{what} has when={when!r:.40}; give 'interval' or 'instant', the latter in an effect with "
-                "an Instant"
-            )
+            raise ValueError(f"{what} has when={when!r:.40}; give 'interval', or 'instant' beside an Instant")
         for field, other, fix in NEEDS:
             if getattr(part, field, None) and not getattr(part, other):
                 raise ValueError(f"{what} has {field} without {other}; {fix}")
         if isinstance(part, State):
-            self._check_state(part, hook)
-        takes = {
-            a: None
-            for x in (part, *states_of(part))
-            for f in functions_of(x).values()
-            for a in arguments_of(f)
-        }
+            _check_state(part, hook)
+        functions = (f for x in (part, *states_of(part)) for f in functions_of(x).values())
+        takes = dict.fromkeys(argument for f in functions for argument in arguments_of(f))
         for name in getattr(part, "bind", ()):
             if name not in takes:
-                raise ValueError(
-                    f"bind has {name!r}, which no function here takes; they take "
-                    f"{', '.join(takes) or 'nothing'}"
-                )
+                raise ValueError(f"bind has {name!r}; its functions take {', '.join(takes) or 'nothing'}")
         for field, rule in RULES.get(type(part), {}).items():
             given = getattr(part, field)
             if given is not None and (field != "initial" or callable(given)):
                 self._check_function(field, rule, part, hook)
-
-    def _check_state(self, state: State, hook: Hook) -> None:
-        """ValueError about a state without one way to change, or whose closed form is none."""
-        name = f"the state {state.name!r}"
-        if (state.derivative is None) == (state.update is None):
-            raise ValueError(f"{name} needs either a derivative or an update")
-        if state.derivative is not None and isinstance(hook, hooks.Sensing):
-            raise ValueError(
-                f"{name} of a sensor has a derivative; give an update: sensors are read once in an interval"
-            )
-        if state.when == "instant" and state.update is None:
-            raise ValueError(f"{name} has when='instant' and no update; give one")
-        if not callable(state.initial):
-            number(f"initial of {name}", state.initial)
-        takes = (
-            [hooks.source_of(a, state, hook, self.own) for a in arguments_of(state.closed)]
-            if state.closed
-            else ()
-        )
-        for source in (hooks.ELAPSED, f".{state.name}") if state.closed else ():
-            if source not in takes:
-                raise ValueError(
-                    f"closed of {name}, {name_of(state.closed)}, does not take {source!r}; a closed form is "
-                    "a function of the value before and of the time since then"
-                )
 
     def _check_function(self, field: str, rule: Rule, part: Any, hook: Hook) -> None:
         """ValueError about the text of a function, the names that it takes, or its rule."""
         function, at_point, several = getattr(part, field), _acts_at_point(part), field in SEVERAL
         values, name = dialect.check(function), name_of(function)
         roots = dict(self._roots(field, part, hook))
+        for source in (hooks.ELAPSED, f".{part.name}") if field == "closed" else ():
+            if source not in roots:
+                raise ValueError(f"closed {name} does not take {source!r}, as a closed form must")
         wanted = 2 if at_point and field in AXES else rule.values
         if values > wanted or (values < wanted and not several):
             raise ValueError(
@@ -336,8 +293,7 @@ class _Known:
         more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))
         if more and field == "conservative" and function is part.function:
             raise ValueError(
-                f"{name} has a potential and depends on {more}, so not all of it is the derivative of the "
-                "potential; give the part that is as a separate function, conservative="
+                f"{name} has a potential and depends on {more}; give its part without them as conservative="
             )
         if more and may is not May.ANYTHING:
             raise ValueError(f"{field} {name} depends on {more}; it may depend on {may.value} alone")
@@ -354,13 +310,12 @@ class _Known:
             if not isinstance(source, str):
                 raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
             if source.startswith("."):
-                _check_name(where, source, self.own)
+                self._check_name(where, source, self.own)
                 yield source, {source} if self.own[source[1:]] else set()
             elif DRAW.fullmatch(source):
                 if not isinstance(part, State) or field not in TAKING_DRAWS:
                     raise ValueError(
-                        f"{where}: {source!r} is a draw, which only the functions "
-                        f"{' and '.join(TAKING_DRAWS)} of a State take; keep it in a state, and bind that"
+                        f"{where}: {source!r} is a draw; take it in an update or initial of a State"
                     )
                 yield source, set()
             elif source == hooks.SPEED and isinstance(part, hooks.Friction):
@@ -369,10 +324,7 @@ class _Known:
                 yield source, set()
             elif source == hooks.PASSED:
                 if not self.has_instant:
-                    raise ValueError(
-                        f"{label} takes {source!r}, and the effect has no instant; add Instant(after=...) to "
-                        "its hooks"
-                    )
+                    raise ValueError(f"{label} takes {source!r}; add Instant(after=...) to the hooks")
                 yield source, {source}
             else:
                 try:
@@ -389,9 +341,7 @@ class _Known:
         if source == hooks.SIDE and getattr(hook, "switch", None) is not None:
             return roots_of(hook.motion[0], self.arm)
         guard = getattr(hook, "guard", None)
-        without_side = field == "guard" or (
-            field == "function" and getattr(hook, "by_side", None) is not None
-        )
+        without_side = field == "guard" or (field == "function" and getattr(hook, "by_side", None))
         if guard is None or without_side or source not in hooks.sides(dialect.check(guard)):
             return frozenset()
         return frozenset().union(*(behind for _, behind in self._roots("guard", hook, hook)))
@@ -401,6 +351,19 @@ def _check_types(part: Any) -> None:
     for field, (kind, what) in FIELDS.items():
         if hasattr(part, field) and not isinstance(getattr(part, field), kind):
             raise ValueError(f"{field} is {getattr(part, field)!r:.80}; give {what}")
+
+
+def _check_state(state: State, hook: Hook) -> None:
+    """ValueError about a state without one way to change, or whose closed form is none."""
+    name = f"the state {state.name!r}"
+    if (state.derivative is None) == (state.update is None):
+        raise ValueError(f"{name} needs either a derivative or an update")
+    if state.derivative is not None and isinstance(hook, hooks.Sensing):
+        raise ValueError(f"{name} of a sensor has a derivative; give an update")
+    if state.when == "instant" and state.update is None:
+        raise ValueError(f"{name} has when='instant' and no update; give one")
+    if not callable(state.initial):
+        number(f"initial of {name}", state.initial)
 
 
 def _check_place(hook: Any, arm: Arm) -> None:
@@ -424,14 +387,11 @@ def _check_place(hook: Any, arm: Arm) -> None:
             last = len(arm.joints) - 1
             raise ValueError(f"joint is {joint!r}; give 0 to {last} ({', '.join(arm.joints)})")
     if len({arm.prismatic[k] for k in joints}) > 1:
-        raise ValueError(
-            f"joints is {joints!r}, which turn and slide: rad/s and m/s cannot be added; give one kind"
-        )
+        raise ValueError(f"joints is {joints!r}, which turn and slide; give one kind")
     switch = getattr(hook, "switch", None)
     if switch is not None and (at_point or hook.guard or not isinstance(switch, tuple) or len(switch) != 2):
         raise ValueError(
-            f"switch is {switch!r}; give the names of two numbers, ('.lower', '.upper'), to a force on a "
-            "joint without a guard, which would say another law"
+            f"switch is {switch!r}; give ('.lower', '.upper') to a force on a joint without a guard"
         )
 
 
@@ -441,13 +401,6 @@ def _is_one_of(count: int, index: Any) -> bool:
 
 def _acts_at_point(part: Any) -> bool:
     return isinstance(part, hooks.Force | hooks.Impulse) and isinstance(part.joint, Point)
-
-
-def _check_name(where: str, source: Any, own: Collection[str]) -> None:
-    """ValueError about the name of a number that the effect does not have."""
-    if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
-        valid = ", ".join(f".{name}" for name in own)
-        raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid or 'none'}")
 
 
 @functools.lru_cache(maxsize=256)

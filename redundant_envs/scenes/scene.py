@@ -103,8 +103,7 @@ class Scene:
             if len({a.parameter(a.hook.restitution) for a in alike}) > 1:
                 joints = "sliders" if slides else "revolute joints"
                 raise ValueError(
-                    f"effects has stops with several restitutions; one number serves all stops of {joints}: "
-                    "combine them"
+                    f"effects has stops with several restitutions; give one number for all {joints}"
                 )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one joint; combine them into one")
@@ -113,22 +112,17 @@ class Scene:
             other = taken.setdefault(identifier(name), name)
             if other != name:
                 raise ValueError(
-                    f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
-                    f"({identifier(name)}); rename a field, or give one effect another 'key'"
+                    f"effects have {other!r} and {name!r}, names too much alike; rename a field or a 'key'"
                 )
         if isinstance(self.robot, WithAddedInertia):
-            raise ValueError(
-                f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
-                "scene's own robot, and the effects"
-            )
+            raise ValueError(f"robot is a {self.robot.kind} with added inertias; give the scene's own robot")
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
         if len(instants := self.attached.instants) > MAX_INSTANTS:
             owners = ", ".join(a.key for a in instants)
             raise ValueError(
-                f"effects has {len(instants)} instants, of {owners}; a scene may have {MAX_INSTANTS}: each "
-                "divides every interval once more; leave some out"
+                f"effects has {len(instants)} instants, of {owners}; give at most {MAX_INSTANTS}"
             )
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
@@ -156,9 +150,7 @@ class Scene:
         for i, given in enumerate(self.effects):
             if not isinstance(given, Effect):
                 known = ", ".join(sorted(EFFECTS))
-                raise ValueError(
-                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
-                )
+                raise ValueError(f"effects[{i}] is {shown(given)}; give an effect: {known}")
             effect = given.fitted(self.robot).at_interval(self.control_dt)
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
@@ -189,15 +181,10 @@ class Scene:
         tolerance = number("tolerance", self.tolerance)
         if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise ValueError(
-                f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
-                " (smaller ones are below rounding, larger ones mean nothing)"
+                f"tolerance is {tolerance} m; give {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g} m"
             )
         if self.integrator != "rk8" or self.substeps != 1:
-            raise ValueError(
-                f"tolerance is {tolerance} m with integrator {self.integrator!r} and {self.substeps} "
-                "substeps; only 'rk8' has the error estimate it needs, and error control chooses the steps "
-                "itself: leave substeps at 1"
-            )
+            raise ValueError(f"tolerance is {tolerance} m; give it with integrator 'rk8' and 1 substep alone")
         return tolerance
 
     def parameters(self) -> dict[str, float]:
@@ -348,9 +335,7 @@ class Scene:
 def check_scene(scene: Any) -> None:
     """ValueError unless it is a scene; names and files are loaded by :func:`load_scene`."""
     if not isinstance(scene, Scene):
-        raise ValueError(
-            f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes of a name or a file"
-        )
+        raise ValueError(f"scene is {shown(scene)}; give a Scene, as rde.load_scene makes")
 
 
 def scene_names() -> list[str]:
@@ -380,9 +365,7 @@ def scene_path(scene: str | Path) -> Path:
 def scene_data(scene: str | Path) -> Any:
     """What the file of a scene holds."""
     if not isinstance(scene, str | Path):
-        raise ValueError(
-            f"scene is {type(scene).__name__}; give a name, a path or a mapping (Scene.to_dict() makes one)"
-        )
+        raise ValueError(f"scene is {type(scene).__name__}; give a name, a path or a mapping")
     path = scene_path(scene)
     if not exists(path):
         raise ValueError(
@@ -406,14 +389,11 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         own = [k for k in STEPPING if k in data]
     if own:
         raise ValueError(
-            f"accuracy is {shown(accuracy)} and the scene gives {', '.join(own)}; accuracy sets "
-            "integrator, substeps and tolerance: give one or the other"
+            f"accuracy is {shown(accuracy)}, and sets {', '.join(own)}, which the scene gives; leave one out"
         )
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
-            raise ValueError(
-                f"accuracy is {shown(accuracy)}; choose {', '.join(ACCURACIES)} or a tip error in metres"
-            )
+            raise ValueError(f"accuracy is {shown(accuracy)}; give {', '.join(ACCURACIES)} or metres")
         accuracy = ACCURACIES[accuracy]
     tolerance = number("accuracy", accuracy)
     return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=tolerance)

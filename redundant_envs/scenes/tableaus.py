@@ -44,9 +44,7 @@ class Tableau:
                 return tuple(map(float, values))
         except (TypeError, ValueError, OverflowError):
             pass
-        raise ValueError(
-            f"the tableau {self.name!r} has {shown(values)} as {field}; give a sequence of numbers"
-        )
+        raise ValueError(f"{field} of the tableau {self.name!r} is {shown(values)}; give numbers")
 
     @property
     def stages(self) -> int:
@@ -65,21 +63,17 @@ class Tableau:
         if not s or len(self.c) != s or len(rows) != s or any(n > k for k, n in enumerate(rows)):
             raise ValueError(
                 f"the tableau {self.name!r} has rows of {rows} numbers, {s} weights and {len(self.c)} nodes; "
-                "give as many rows and nodes as weights, row k (from 0) with at most k numbers"
+                "give as many, row k (from 0) with at most k numbers"
             )
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ValueError(f"the tableau is called {self.name!r}; give a name of letters and digits")
         if self.error6 or self.error5 or self.error3:
-            raise ValueError(
-                f"the tableau {self.name!r} gives error weights; only methods of this package may"
-            )
+            raise ValueError(f"the tableau {self.name!r} gives error weights; leave them out")
         for k, row in enumerate((*self.a, self.b)):
             wanted = 1.0 if k == s else self.c[k]
             if not all(math.isfinite(x) for x in row) or not abs(sum(row) - wanted) <= 1e-12:
                 what = "weights" if k == s else f"row {k}"
-                raise ValueError(
-                    f"the {what} of the tableau {self.name!r} sum to {sum(row)!r}; give {wanted!r}"
-                )
+                raise ValueError(f"the {what} of {self.name!r} sum to {sum(row)!r}; give {wanted!r}")
         whole_number(f"the order of the tableau {self.name!r}", self.order)
 
     @cached_property

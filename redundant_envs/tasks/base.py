@@ -164,8 +164,7 @@ class Task:
         for k in scene.robot.sliders():
             if k not in travel:
                 raise ValueError(
-                    f"the {self.name.lower()} task needs limited travel of {scene.robot.joints[k]!r}; "
-                    "add a PrismaticStop with both ends or a LimitSpring for it to the scene's effects"
+                    f"{scene.robot.joints[k]!r} has no limited travel; add a PrismaticStop or a LimitSpring"
                 )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names

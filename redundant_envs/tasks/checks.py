@@ -131,14 +131,10 @@ def task_described(task: Task, scene: Scene) -> Described:
 def _check_rewards(task: Task, scene: Scene) -> None:
     kind, functions = type(task).__name__, task.reward_functions(scene)
     if all("paid" in arguments_of(f) for f in functions):
-        raise ValueError(
-            f"{kind}.reward_functions gives no term of its own; give one that does not take 'paid'"
-        )
+        raise ValueError(f"{kind}.reward_functions gives no term of its own; give one without 'paid'")
     for f in functions:
         if "ended" in arguments_of(f) and "paid" not in arguments_of(f):
-            raise ValueError(
-                f"{kind}.reward_functions has {f.__qualname__}, which takes 'ended'; take 'paid' too"
-            )
+            raise ValueError(f"{kind}: {f.__qualname__} takes 'ended'; take 'paid' too")
     if not task.goal_conditioned:
         return
     missing = [name for name in ("goal_x", "goal_y") if name not in task.memory]
@@ -146,7 +142,4 @@ def _check_rewards(task: Task, scene: Scene) -> None:
         what = f"memory has no {missing[0]}" if missing else "goal_functions is empty"
         raise ValueError(f"{kind} is goal-conditioned and its {what}; give goal_x, goal_y and goal_functions")
     if [arguments_of(f) for f in functions] != [("goal_reward",)]:
-        raise ValueError(
-            f"{kind} is goal-conditioned: its one reward term must be goal_reward itself, as hindsight "
-            "replay computes it; give a function of goal_reward alone"
-        )
+        raise ValueError(f"{kind} is goal-conditioned: give one reward term, a function of goal_reward alone")
