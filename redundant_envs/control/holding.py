@@ -80,7 +80,7 @@ def slider_travel(scene: Scene) -> Travel:
         least = -next(lengths)
         if not (least <= low and high < np.inf):
             raise ValueError(
-                f"{scene.robot.joints[k]!r} has the travel {low} to {high} m; give both ends, from {least} m"
+                f"PrismaticStop leaves {scene.robot.joints[k]!r} {low} to {high} m; give ends, >= {least}"
             )
     return travel
 
@@ -88,12 +88,12 @@ def slider_travel(scene: Scene) -> Travel:
 def effort_limits(scene: Scene) -> Array:
     """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or
     a spring on a revolute joint, whose force depends on how often the joint has turned."""
-    for a in scene.attached:
+    for a in scene.attached.of(Actuation, Force):
         if isinstance(a.hook, Force):
             turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]
             known = a.hook.potential is None or not turns
         else:
-            known = not isinstance(a.hook, Actuation) or isinstance(a.effect, EffortLimits)
+            known = isinstance(a.effect, EffortLimits)
         if not known:
             raise ValueError(
                 f"effects[{scene.effects.index(a.effect)}] is {shown(a.effect)}; the load at rest is known "

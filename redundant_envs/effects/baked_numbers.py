@@ -20,8 +20,8 @@ from redundant_envs.language.algebra import name_of
 from redundant_envs.robots.arm import Arm
 from redundant_envs.support.values import replaced, with_fields
 
-Described = dict[str, tuple[str, str]]
-"""What is made from numbers: its name -> what is shown of it, and a text that is equal if it is the same."""
+Described = dict[str, str]
+"""What is made from numbers: its name -> a text, equal if it is the same, whose first line is shown."""
 STEADY = 8
 """How often something is made again before a difference is put down to a number."""
 FEW = 3
@@ -34,17 +34,13 @@ class Place(NamedTuple):
     owner: int  # which one has it
     name: str  # its name there, "field" or "field[k]"
 
-    @property
-    def field(self) -> str:
-        return self.name.partition("[")[0]
-
 
 class Owner(NamedTuple):
     """Something with numbers."""
 
     name: str  # in messages
     thing: Any  # a frozen dataclass
-    fix: Callable[[Place], str]  # what to write instead of using one of its numbers
+    fix: Callable[[str], str]  # what to write instead of using the number of a name
 
 
 def check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
@@ -132,7 +128,7 @@ class _Maker:
             if found is None or found == self.nominal:
                 continue
             what = self.difference(found)
-            (was, _), (shown, _) = (d.get(what, ("nothing", "")) for d in (self.nominal, found))
+            was, shown = (d.get(what, "nothing").partition("\n")[0] for d in (self.nominal, found))
             how = f"is {was} at {self.values[place]:.6g} and {shown} at {value:.6g}"
             if was == shown:
                 how = f"{shown} computes with the number itself"
@@ -140,13 +136,13 @@ class _Maker:
             of = "" if place.owner == 0 else f" of {owner.name}"
             raise ValueError(
                 f"{self.name} does not follow its number {place.name}{of} when it is set: {what} {how}; "
-                f"{owner.fix(place)}"
+                f"{owner.fix(place.name)}"
             )
         if len(values) > 1:
             names = ", ".join(place.name for place in values)
             raise ValueError(
                 f"{self.name} does not follow its numbers when several of {names} are set; "
-                f"{self.owners[0].fix(next(iter(values)))}"
+                f"{self.owners[0].fix(next(iter(values)).name)}"
             )
 
 
@@ -193,54 +189,48 @@ def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:
     """ValueError if the hooks of an effect would not follow when its numbers or those of the arm are set."""
 
-    def bind(place: Place) -> str:
+    def bind(name: str) -> str:
+        field = name.partition("[")[0]
         return (
-            f"take it as an argument of the function and bind it, bind={{{place.field!r}: '.{place.name}'}}, "
-            f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
+            f"take it as an argument of the function and bind it, bind={{{field!r}: '.{name}'}}, or name "
+            f"{field!r} in 'static' if it is part of the structure and is never set"
         )
 
     own = Owner(f"{where} ({type(effect).__name__})", effect, bind)
     check_captured((own, Owner("the arm", arm, of_the_arm)), hooks_described)
 
 
-def of_the_arm(place: Place) -> str:
-    letter, entry = place.name[0], place.name.partition("[")[2][:-1]
-    number = f"{letter}{int(entry) + 1}" if entry else letter
+def of_the_arm(name: str) -> str:
+    number = f"{name[0]}{int(name.partition('[')[2][:-1]) + 1}"
     return f"take it as the argument {number} of the function, which needs no bind"
 
 
 def hooks_described(effect: Effect, arm: Arm) -> Described:
     """Everything that a scene takes from an effect, but for its numbers."""
     hooks = effect.hooks(arm)
-    found: Described = {
-        "the number of hooks": (str(len(hooks)), ""),
-        "key": (effect.key, ""),
-        "parameters": (", ".join(effect.parameters()), ""),
-        "action_units": (repr(effect.action_units(arm)), ""),
-    }
+    found: dict[str, Any] = {
+        "the number of hooks": len(hooks), "key": effect.key, "parameters": [*effect.parameters()],
+        "action_units": effect.action_units(arm),
+    }  # fmt: skip
     if type(effect).travel is not Effect.travel:  # which has those of its impacts that are finite
-        found["travel"] = (repr(sorted(effect.travel(arm).items())), "")
+        found["travel"] = sorted(effect.travel(arm).items())
     parts: dict[str, Any] = {}
     for n, hook in enumerate(hooks):
         name = f"hook {n} ({type(hook).__name__})"
         parts |= {name: hook, **{f"{name}, state {s.name!r}": s for s in states_of(hook)}}
-    described = functools.cache(function_described)
     for name, part in parts.items():
         for f in dataclasses.fields(part):
             value = getattr(part, f.name)
-            if f.name == "states":
-                shown = str([state.name for state in value]), ""
-            elif callable(value):
-                shown = described(value)
-            else:
-                shown = repr(sorted(value.items()) if isinstance(value, Mapping) else value), ""
-            found[f"{name}, {f.name}"] = shown
-    return found
+            if isinstance(value, Mapping):
+                value = sorted(value.items())
+            found[f"{name}, {f.name}"] = [s.name for s in value] if f.name == "states" else value
+    described = functools.cache(function_described)
+    return {name: described(x) if callable(x) else repr(x) for name, x in found.items()}
 
 
-def function_described(function: Any) -> tuple[str, str]:
+def function_described(function: Any) -> str:
     """Name of a function, and all that it computes."""
     try:
-        return name_of(function), dialect.computed_by(function)
+        return f"{name_of(function)}\n{dialect.computed_by(function)}"
     except ValueError as error:
-        return name_of(function), str(error)
+        return f"{name_of(function)}\n{error}"

@@ -109,7 +109,7 @@ class Attached(Generic[Kind]):
     @property
     def passed(self) -> str:
         """The field that says whether the instant of its effect has passed."""
-        return passed_field(self.key)
+        return f"passed_{self.key}"
 
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
@@ -210,21 +210,26 @@ class Attachments(tuple[Attached[Hook], ...]):
     @cached_property
     def draws(self) -> dict[str, Draw]:
         """Draws by the names of quantities; ValueError if states take too many, or two streams are one."""
-        taken: dict[str, tuple[str, str, bool, int, int]] = {}
-        most: dict[tuple[str, str, bool], int] = {}
-        """Draws of a kind that each state of a name may take: those of the next one follow."""
+        taken: dict[str, tuple[tuple[str, str, bool], int, int]] = {}
         for a in self:
             for state, functions in zip(states_of(a.hook), a.states.values(), strict=True):
                 root, _, index = state.name.partition("[")
-                names = (name for bound in functions.values() for name in bound.names if DRAWN in name)
-                for name in names:
+                for name in (name for bound in functions.values() for name in bound.names if DRAWN in name):
                     kind, number = DRAW.findall(name.partition(DRAWN)[2])[0]
-                    of_kind = a.key, root, kind == "normal"
-                    taken[name] = *of_kind, int(index[:-1] or 0), int(number)
-                    most[of_kind] = max(most.get(of_kind, 0), int(number))
-        _check_streams((key, root) for key, root, _ in most)
+                    taken[name] = (a.key, root, kind == "normal"), int(index[:-1] or 0), int(number)
+        most: dict[tuple[str, str, bool], int] = {}
+        """Draws of a kind that each state of a name may take: those of the next one follow."""
+        for of_kind, _, number in taken.values():
+            most[of_kind] = max(most.get(of_kind, 0), number)
+        streams = {START_OF_EPISODES: "the start of an episode"}
+        for key, root, _ in most:
+            name, other = f"{key}.{root}", streams.setdefault(stream_of(key, root), f"{key}.{root}")
+            if other != name:
+                raise ValueError(
+                    f"the draws of {name!r} would be those of {other!r}: rename one of these states"
+                )
         made = {}
-        for name, (key, root, normal, k, draw) in taken.items():
+        for name, ((key, root, normal), k, draw) in taken.items():
             place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
                 raise ValueError(
@@ -365,16 +370,6 @@ DRAWN = " draws "
 """Between the field of a state and its draw in the name of a quantity, as in no other name."""
 
 
-def _check_streams(states: Iterable[tuple[str, str]]) -> None:
-    """ValueError if draws of two effects' states, or of one and an episode's start, would be the same."""
-    streams = {START_OF_EPISODES: "the start of an episode"}
-    for key, root in states:
-        name = f"{key}.{root}"
-        other = streams.setdefault(stream_of(key, root), name)
-        if other != name:
-            raise ValueError(f"the draws of {name!r} would be those of {other!r}: rename one of these states")
-
-
 def _attached(
     own: Mapping[str, set[str]], switches: Iterator[int], guards: Iterator[int], effect: Effect, hook: Any,
     by_side: bool = False,
@@ -401,7 +396,7 @@ def _attached(
         if source == hooks.ELAPSED and field == "closed":
             return TIME
         if source == hooks.PASSED:
-            return passed_field(key)
+            return f"passed_{key}"
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
@@ -415,8 +410,3 @@ def _attached(
 
     states = {f"{key}.{state.name}": bound(state) for state in states_of(hook)}
     return Attached(effect, hook, bound(used), states, law, names)
-
-
-def passed_field(key: str) -> str:
-    """The field that says whether the instant of the effect with a key has passed."""
-    return f"passed_{key}"

@@ -5,19 +5,8 @@ from typing import Any
 
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import (
-    Example,
-    Numbers,
-    checked,
-    not_negative,
-    number,
-    one,
-    pair,
-    positive,
-    text,
-)
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
-from redundant_envs.robots.parameters import LARGEST
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -148,7 +137,7 @@ class Disc(Effect):
     """
 
     centre: Numbers = field(metadata=pair(contact.place, "m", "m"))
-    radius: float = field(metadata=one(number, "m"))
+    radius: float = field(metadata=one(positive, "m"))
     stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
     damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
     friction: float = field(default=0.0, metadata=one(not_negative, "1"))
@@ -164,11 +153,9 @@ class Disc(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0.0 < self.radius <= LARGEST:
-            raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
         if math.hypot(*self.centre) <= self.radius:
             raise ValueError(
-                f"Disc.radius is {self.radius} m: it covers the base, (0, 0); give a smaller radius"
+                f"Disc.radius is {self.radius} m: the disc covers the base, (0, 0); give a smaller radius"
             )
 
     @property

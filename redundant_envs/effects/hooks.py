@@ -356,7 +356,9 @@ def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
     place: Any = getattr(hook, "joint", None)
     if argument in part.bind:
         return part.bind[argument]
-    for name in (argument, f"{argument}[{place}]", f"{argument[:-2]}{AXES.get(argument[-2:])}"):
+    of_state = "".join(part.name.partition("[")[1:]) if isinstance(part, State) else ""
+    axis = f"{argument[:-2]}{AXES.get(argument[-2:])}"
+    for name in (argument, f"{argument}{of_state}", f"{argument}[{place}]", axis):
         if name in own:
             return f".{name}"
     if isinstance(hook, Sensing) and argument == "reading":
@@ -376,10 +378,10 @@ class Effect:
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
     the effect's own numbers or states as ".field" or ".field[k]". An argument that is not mapped takes the
-    own number or state of its name, with one for each joint that of the hook's, and with one for each axis
-    those of ``name_x`` and ``name_y``; ``position``, ``rate`` or ``command`` of the hook's joint, ``x``,
-    ``y``, ``vx`` or ``vy`` of its point, the ``reading`` that reaches its sensor; or the quantity of its
-    name. ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
+    own number or state of its name, with the index of the state or of the hook's joint, and for ``name_x``
+    and ``name_y`` those of ``name``; ``position``, ``rate`` or ``command`` of the joint; ``x``, ``y``, ``vx``
+    or ``vy`` of the point; the ``reading`` that reaches the sensor; or the quantity of its name.
+    ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.

@@ -1,7 +1,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
 from redundant_envs.effects.numbers import Ends, Example, number, one, share, travel
@@ -32,8 +31,6 @@ class JointStop(Effect):
     lower: Ends
     upper: Ends
     restitution: float = field(default=1.0, metadata=one(share))
-
-    each: ClassVar[str] = "joint"
 
     example = Example({"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0})
 
@@ -78,6 +75,6 @@ class JointStop(Effect):
         ends, field = getattr(self, name), f"{type(self).__name__}.{name}"
         given = ends.tolist() if hasattr(ends, "tolist") else ends
         if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
-            raise ValueError(f"{field} is {shown(ends)}; give an end for each {self.each}, in their order")
+            raise ValueError(f"{field} is {shown(ends)}; give a sequence of ends, or None for those without")
         kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
         return tuple(None if end is None else number(f"{field}[{i}]", end) for i, end in enumerate(kept))

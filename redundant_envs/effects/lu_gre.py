@@ -83,7 +83,7 @@ class LuGre(Effect):
         for k, (low, high) in enumerate(zip(*rows, strict=False)):  # a scene refuses other counts
             if high < low:
                 raise ValueError(
-                    f"LuGre.stiction is {high} at joint {k + 1}; give at least LuGre.coulomb, {low}"
+                    f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; give as much"
                 )
 
     @at_each_joint

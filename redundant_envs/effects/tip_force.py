@@ -1,8 +1,8 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Arm, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, each_axis, one, pair, strengths
+from redundant_envs.effects.hooks import Arm, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, each_axis, not_negative, one, pair, strengths
 from redundant_envs.language.algebra import physics
 
 
@@ -53,12 +53,12 @@ class TipForce(d.Disturbance):
     """
 
     step: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
-    start: float | None = field(default=None, metadata=one(d.from_the_start, "s"))
+    start: float | None = field(default=None, metadata=one(not_negative, "s"))
     amplitude: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
     frequency: float | None = field(default=None, metadata=one(d.moderate, "Hz"))
     phase: float | Numbers | None = field(default=None, metadata=each_axis(strengths, "rad"))
-    density: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N sqrt(s)"))
-    deviation: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N"))
+    density: float | Numbers | None = field(default=None, metadata=each_axis(not_negative, "N sqrt(s)"))
+    deviation: float | Numbers | None = field(default=None, metadata=each_axis(not_negative, "N"))
     time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
 
     example = Example(
@@ -67,13 +67,5 @@ class TipForce(d.Disturbance):
     )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        tip, found, axes = Point(arm.num_masses - 1), [], ("[0]", "[1]")
-        if self.step is not None:
-            found.append(Force(tip, steps, states=(d.clock(),)))
-        if self.amplitude is not None:
-            found.append(Force(tip, oscillating, states=(d.phase_angle(),)))
-        if self.density is not None:
-            found.append(Force(tip, noise, states=tuple(d.white_noise(axis, "N") for axis in axes)))
-        if self.deviation is not None:
-            found.append(Force(tip, wandered, states=tuple(d.wander(axis, "N") for axis in axes)))
-        return tuple(found)
+        tip, laws = Point(arm.num_masses - 1), (steps, oscillating, noise, wandered)
+        return tuple(self.forces(tip, ("[0]", "[1]"), "N", laws))

@@ -1,6 +1,6 @@
 """Checks that an effect fits an arm: of every hook, when a scene is made, before anything is compiled.
 
-:data:`RULES` says of each function how many values it returns and what it may depend on, :data:`FIELDS` what
+:data:`RULES` says of functions how many values they return and what they may depend on, :data:`FIELDS` what
 other fields may be, and :data:`NEEDS` which go with others.
 """
 
@@ -45,37 +45,26 @@ class Rule(NamedTuple):
     may: May = May.ANYTHING
 
 
-RULES: dict[type, dict[str, Rule]] = {
-    hooks.Field: {"function": Rule(2, May.STATES)},
-    hooks.Force: {
-        "function": Rule(),
-        "kink": Rule(hooks.MAX_KINKS),
-        "guard": Rule(hooks.MAX_GUARDS),
-        "potential": Rule(1, May.POSE),
-        "conservative": Rule(1, May.POSE),
-        "stiffness": Rule(1, May.PARAMETERS),
-        "damping": Rule(1, May.OWN_JOINT),
-    },
-    hooks.Impulse: {"function": Rule()},
-    hooks.Actuation: {
-        "function": Rule(),
-        "kink": Rule(hooks.MAX_KINKS),
-        "guard": Rule(hooks.MAX_GUARDS),
-        "by_side": Rule(),
-    },
-    hooks.Friction: {"limit": Rule(1, May.SPEED)},
-    hooks.Gap: {"function": Rule(1, May.POSE)},
-    hooks.Sensing: {"function": Rule(1, May.READINGS)},
-    hooks.Instant: {"after": Rule(1, May.PARAMETERS)},
-    State: {
-        "derivative": Rule(),
-        "update": Rule(),
-        "initial": Rule(1, May.START),
-        "rate": Rule(1, May.PARAMETERS),
-        "closed": Rule(),
-    },
+RULES = {
+    "kink": Rule(hooks.MAX_KINKS),
+    "guard": Rule(hooks.MAX_GUARDS),
+    "potential": Rule(1, May.POSE),
+    "conservative": Rule(1, May.POSE),
+    "stiffness": Rule(1, May.PARAMETERS),
+    "damping": Rule(1, May.OWN_JOINT),
+    "limit": Rule(1, May.SPEED),
+    "after": Rule(1, May.PARAMETERS),
+    "initial": Rule(1, May.START),
+    "rate": Rule(1, May.PARAMETERS),
 }
-"""Functions of hooks and of states. At a point those of :data:`AXES` return two values."""
+"""Functions of hooks and states by their fields; all others return one value and may depend on anything, but
+for those of :data:`FUNCTIONS`. At a point those of :data:`AXES` return two values."""
+FUNCTIONS: Mapping[Any, Rule] = {
+    hooks.Field: Rule(2, May.STATES),
+    hooks.Gap: Rule(1, May.POSE),
+    hooks.Sensing: Rule(1, May.READINGS),
+}
+"""``function`` of hooks."""
 AXES = "function", "conservative"
 SEVERAL = "guard", "kink"
 """Functions of hooks that may return several values."""
@@ -102,6 +91,15 @@ OWN_NUMBERS = "mass", "inertia", "lower", "upper", "restitution"
 STATE_NAME = re.compile(r"[^\W\d]\w*(\[\d+\])?")
 HOOKS = ", ".join(kind.__name__ for kind in get_args(Hook))
 KEY = re.compile(r"[^\W\d]\w*(\.\w+)*")
+
+
+def function_fields(kind: Any) -> list[str]:
+    """Fields of a hook or a state that are functions."""
+    return [field.name for field in dataclasses.fields(kind) if "Callable" in str(field.type)]
+
+
+def rule_of(kind: type, field: str) -> Rule:
+    return FUNCTIONS.get(kind, Rule()) if field == "function" else RULES.get(field, Rule())
 
 
 def check_attached(where: str, effect: Effect, arm: Arm) -> None:
@@ -261,10 +259,10 @@ class _Known:
         for name in getattr(part, "bind", ()):
             if name not in takes:
                 raise ValueError(f"bind has {name!r}; its functions take {', '.join(takes) or 'nothing'}")
-        for field, rule in RULES.get(type(part), {}).items():
+        for field in function_fields(type(part)):
             given = getattr(part, field)
             if given is not None and (field != "initial" or callable(given)):
-                self._check_function(field, rule, part, hook)
+                self._check_function(field, rule_of(type(part), field), part, hook)
 
     def _check_function(self, field: str, rule: Rule, part: Any, hook: Hook) -> None:
         """ValueError about the text of a function, the names that it takes, or its rule."""

@@ -103,7 +103,7 @@ class Scene:
             if len({a.parameter(a.hook.restitution) for a in alike}) > 1:
                 joints = "sliders" if slides else "revolute joints"
                 raise ValueError(
-                    f"effects has stops with several restitutions; give one number for all {joints}"
+                    f"effects has stops with several restitutions; give one number for all stops of {joints}"
                 )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one joint; combine them into one")
@@ -335,7 +335,7 @@ class Scene:
 def check_scene(scene: Any) -> None:
     """ValueError unless it is a scene; names and files are loaded by :func:`load_scene`."""
     if not isinstance(scene, Scene):
-        raise ValueError(f"scene is {shown(scene)}; give a Scene, as rde.load_scene makes")
+        raise ValueError(f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes")
 
 
 def scene_names() -> list[str]:
@@ -389,7 +389,7 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         own = [k for k in STEPPING if k in data]
     if own:
         raise ValueError(
-            f"accuracy is {shown(accuracy)}, and sets {', '.join(own)}, which the scene gives; leave one out"
+            f"accuracy is {shown(accuracy)}, and the scene gives {', '.join(own)}; give one or the other"
         )
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:

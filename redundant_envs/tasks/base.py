@@ -164,7 +164,7 @@ class Task:
         for k in scene.robot.sliders():
             if k not in travel:
                 raise ValueError(
-                    f"{scene.robot.joints[k]!r} has no limited travel; add a PrismaticStop or a LimitSpring"
+                    f"the task needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop"
                 )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names

@@ -6,7 +6,7 @@ from typing import Any
 
 from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
-from redundant_envs.effects.baked_numbers import Described, Owner, Place
+from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
@@ -97,12 +97,12 @@ def _check_captured(task: Task, scene: Scene) -> None:
             vars(other).pop(cached, None)
         return task_described(task, other)
 
-    def of_task(place: Place) -> str:
-        other = f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
-        return f"take it as the argument {place.field} of the function, {other}"
+    def of_task(name: str) -> str:
+        other = f"or name {name!r} in 'static' if it is part of the structure and is never set"
+        return f"take it as the argument {name} of the function, {other}"
 
-    def of_effect(key: str) -> Callable[[Place], str]:
-        return lambda place: f"take it as the argument {identifier(f'{key}.{place.name}')} of the function"
+    def of_effect(key: str) -> Callable[[str], str]:
+        return lambda name: f"take it as the argument {identifier(f'{key}.{name}')} of the function"
 
     owners = [
         Owner(type(task).__name__, task, of_task),
@@ -115,7 +115,7 @@ def _check_captured(task: Task, scene: Scene) -> None:
 def task_described(task: Task, scene: Scene) -> Described:
     """Everything that an environment takes from a task, but for its numbers."""
     functions = (*task.functions(scene), *task.begin_functions)
-    found: Described = {"the number of functions": (str(len(functions)), "")}
+    found: Described = {"the number of functions": str(len(functions))}
     for f in functions:
         found[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
     names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
@@ -125,7 +125,7 @@ def task_described(task: Task, scene: Scene) -> Described:
         "aliases": task.aliases(scene),
         "start_range": [task.start_range(scene, joint) for joint in range(len(scene.robot.joints))],
     }  # fmt: skip
-    return found | {name: (repr(value), "") for name, value in told.items()}
+    return found | {name: repr(value) for name, value in told.items()}
 
 
 def _check_rewards(task: Task, scene: Scene) -> None:

@@ -115,18 +115,18 @@ HOOKS = {
     "the control interval": ((e.Force(0, physics(lambda T: T), {"T": "interval"}),), "called 'interval'"),
     "a mass that moves": (
         (e.PointMass(e.Point(3), ".z", (state(derivative=falling),)),),
-        "the mass 'z' is a state that changes within intervals; give one with an update",
+        "the mass 'z' changes within intervals; give it an update",
     ),
     "a mass at an instant": (
         (e.PointMass(e.Point(3), ".z", (state(update=falling, when="instant"),)), INSTANT),
-        "the mass 'z' is a state that changes within intervals; give one with an update",
+        "the mass 'z' changes within intervals; give it an update",
     ),
     "no instant": (
         (e.Impulse(0, knock, {"k": ".k"}, when="instant"),),
-        "has when='instant'; give 'interval' or 'instant', the latter in an effect with an Instant",
+        "has when='instant'; give 'interval', or 'instant' beside an Instant",
     ),
     "a draw in a force": (
-        (e.Force(0, of_draw),), "'normal1' is a draw, which only ", "update",
+        (e.Force(0, of_draw),), "'normal1' is a draw; take it in an update",
     ),
     "a draw in a sensor": ((e.Sensing(0, of_draw),), "'normal1' is a draw"),
     "a state that begins as itself": (
@@ -188,13 +188,13 @@ SCENES = {
     ),
     "four inertias of two links": (
         RPRP, (e.LinkInertia((0.1,) * 4),),
-        "LinkInertia.inertias has 4 entries; RPRP has 2 revolute joints: give 2",
+        "LinkInertia.inertias has 4 entries; give one, or 2 for RPRP",
     ),
     "a tendon of r1": (
         FOUR_R, (e.Tendon(("r1", "joint2"), (1.0, 1.0), 1.0),), "Tendon.joints[0] is 'r1'; FourR has joint1",
     ),
     "point 5": (
-        RPRP, (e.Tether(5, (0.0, 0.0), 1.0),), "Tether.point is 5; RPRP has the point masses 1 to 4",
+        RPRP, (e.Tether(5, (0.0, 0.0), 1.0),), "Tether.point is 5; RPRP has the points 1 to 4",
     ),
     "one stop of four": (
         FOUR_R, (e.JointStop((0.1,), (0.2,)),), "lower has 1 entries;", "has 4 joints: give an end, or None",
@@ -228,11 +228,11 @@ NUMBERS = [
     (lambda: e.PrismaticStop((0.0,), (0.3, 0.3)), "PrismaticStop.lower has 1 entries", "upper 2"),
     (lambda: e.JointStop((0.3,), (0.1,)), "JointStop.lower[0]"),
     (lambda: e.JointStop((None,), (np.inf,)), "have no end of any joint; give one"),
-    (lambda: e.JointStop(0.1, 0.2), "lower is 0.1; give an end for each joint"),
+    (lambda: e.JointStop(0.1, 0.2), "lower is 0.1; give a sequence of ends"),
     (lambda: e.Tendon("joint2", (1.0,), 1.0), "Tendon.joints is 'joint2'; give the names of two or more"),
     (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
-    (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0 s; it must be positive: give a Payload"),
+    (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
     (lambda: bristles(0.5), "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1"),
     (lambda: bristles((1.0, 0.9)), "LuGre.stiction is 0.9 and LuGre.coulomb 1.0 at joint 2"),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
@@ -242,8 +242,7 @@ NUMBERS = [
     (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
     (lambda: e.JointTorque(deviation=1.0), "deviation is given without time_constant"),
     (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
-    (lambda: e.JointTorque(density=()), "density has 0 entries; give one for each joint"),
-    (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m, and the base of the arm", "smaller radius"),
+    (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m: the disc covers the base", "smaller radius"),
     (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is ", "covers the base", "opposite normal"),
     (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is ", "no direction"),
 ]
