@@ -22,7 +22,7 @@ from redundant_envs.effects.hooks import Actuation, Force, Point
 from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
+from redundant_envs.robots.parameters import not_negative
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import hard_stops
@@ -155,9 +155,7 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
         raise ValueError(f"goals has the shape {points.shape}; give (n, 2), x and y of each in metres")
     if not np.isfinite(points).all():
         raise ValueError("goals has entries that are not finite; give metres")
-    margin = number("tolerance", tolerance)
-    if margin < 0.0:
-        raise ValueError(f"tolerance is {margin} m; it must not be negative")
+    margin: Any = not_negative("tolerance", tolerance)
 
     def pose(x: Array, sheet: Sheet, near: Array) -> Array:
         return goal_poses(scene.robot, travel, near + margin * x[..., 2:], x[..., :2], sheet)

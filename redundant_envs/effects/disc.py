@@ -81,7 +81,7 @@ def turn_of_link(xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius,
     vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
     depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
     inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
-    return contact.sliding_there(nx, ny, vx, vy, friction, inside, stays)
+    return contact.sliding_there(depth, nx, ny, vx, vy, friction, inside, stays)
 
 
 @physics

@@ -76,6 +76,7 @@ FIELDS: Mapping[str, tuple[Any, str]] = {
     "states": (tuple | list, "a tuple, such as (State(...),)"),
     "takes": (str, UNIT),
     "gives": (str, UNIT),
+    "joints": (tuple, "a tuple of joints"),
     "link": (hooks.Link, ", ".join(f"Link.{link.name}" for link in hooks.Link)),
     "reading": (hooks.Reading, "Reading.POSITION or Reading.RATE"),
 }
@@ -367,19 +368,15 @@ def _check_state(state: State, hook: Hook) -> None:
 def _check_place(hook: Any, arm: Arm) -> None:
     """ValueError about joints and points that the arm does not have, or where no such hook can be."""
     at_point = isinstance(hook, hooks.PointMass) or _acts_at_point(hook)
-    joints: Any = ()
+    place = getattr(hook, "joint", getattr(hook, "point", None))
+    joints: Any = getattr(hook, "joints", () if at_point or place is None else (place,))
     if at_point:
-        place = hook.point if isinstance(hook, hooks.PointMass) else hook.joint
         k = getattr(place, "number", place)
         if not isinstance(place, Point) or not _is_one_of(arm.num_masses, k):
             last = arm.num_masses - 1
             raise ValueError(f"the number of the Point is {k!r}; give Point(0) to Point({last}), the tip")
-    elif isinstance(hook, hooks.Inertia):
-        joints = hook.joints
-        if not isinstance(joints, tuple) or not joints or len({*joints}) < len(joints):
-            raise ValueError(f"joints is {joints!r}; give a tuple of joints, each once, such as (0,)")
-    elif hasattr(hook, "joint"):
-        joints = (hook.joint,)
+    if isinstance(hook, hooks.Inertia) and (not joints or len({*joints}) < len(joints)):
+        raise ValueError(f"joints is {joints!r}; give a tuple of joints, each once, such as (0,)")
     for joint in joints:
         if not _is_one_of(len(arm.joints), joint):
             last = len(arm.joints) - 1
