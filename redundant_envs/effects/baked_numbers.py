@@ -22,10 +22,8 @@ from redundant_envs.support.values import replaced, with_fields
 
 Described = dict[str, str]
 """What is made from numbers: its name -> a text, equal if it is the same, whose first line is shown."""
-STEADY = 8
-"""How often something is made again before a difference is put down to a number."""
-FEW = 3
-"""With fewer other values accepted among those of all numbers, a number is changed alone."""
+STEADY = 8  # how often something is made again before a difference is put down to a number
+FEW = 3  # with fewer other values accepted among those of all numbers, a number is changed alone
 
 
 class Place(NamedTuple):

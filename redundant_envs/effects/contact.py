@@ -10,8 +10,7 @@ from typing import Any
 from redundant_envs.language.algebra import arguments_of, identity, maximum, physics, sqrt, where
 from redundant_envs.robots.parameters import LARGEST
 
-NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
-"""Numbers of the law."""
+NUMBERS = ("stiffness", "damping", "friction", "slip_speed")  # numbers of the law
 
 
 @physics

@@ -6,8 +6,7 @@ from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
 from redundant_envs.effects.numbers import Ends, Example, number, one, share, travel
 from redundant_envs.support.values import shown
 
-FREE = {"lower": -math.inf, "upper": math.inf}
-"""Ends of the travel of a joint without stops."""
+FREE = {"lower": -math.inf, "upper": math.inf}  # ends of the travel of a joint without stops
 
 
 @dataclass(frozen=True)

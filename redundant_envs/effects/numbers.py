@@ -109,14 +109,11 @@ def _declared(form: Check, of_joints: bool, check: Check, *units: str) -> Metada
 
 one = functools.partial(_declared, number, False)
 """Metadata of a single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
-pair = functools.partial(_declared, two, False)
-"""Of a number for each axis, x and y."""
-each_axis = functools.partial(_declared, of_axes, False)
-"""Of a number for each axis, or one for both."""
+pair = functools.partial(_declared, two, False)  # of a number for each axis, x and y
+each_axis = functools.partial(_declared, of_axes, False)  # of a number for each axis, or one for both
 each_joint = functools.partial(_declared, _as_given, True)
 """Of a number for each joint, or one that serves all of them."""
-row = functools.partial(_declared, numbers, False)
-"""Of numbers of which the effect says how many there are."""
+row = functools.partial(_declared, numbers, False)  # of numbers of which the effect says how many there are
 checked = functools.partial(_declared, _as_given, False)
 """Of what its check alone describes, such as a name."""
 

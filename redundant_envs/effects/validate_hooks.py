@@ -66,10 +66,8 @@ FUNCTIONS: Mapping[Any, Rule] = {
 }
 """``function`` of hooks."""
 AXES = "function", "conservative"
-SEVERAL = "guard", "kink"
-"""Functions of hooks that may return several values."""
-TAKING_DRAWS = "update", "initial"
-"""Functions of states that may take draws."""
+SEVERAL = "guard", "kink"  # functions of hooks that may return several values
+TAKING_DRAWS = "update", "initial"  # functions of states that may take draws
 UNIT = "a unit such as 'V', or '' for that of the command"
 FIELDS: Mapping[str, tuple[Any, str]] = {
     "bind": (Mapping, "a mapping of arguments to names"),

@@ -16,14 +16,11 @@ from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.support.values import replaced, shown
 
-Table = dict[str, NDArray[np.float64]]
-"""Parameter name -> values of some lanes."""
+Table = dict[str, NDArray[np.float64]]  # parameter name -> values of some lanes
 ROUNDING = 1e-12
 """Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
-OF_ARM = ("masses", "lengths")
-"""Names of the numbers of an arm."""
-ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")
-"""These, and names of one of them."""
+OF_ARM = ("masses", "lengths")  # names of the numbers of an arm
+ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")  # these, and names of one of them
 
 
 def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:

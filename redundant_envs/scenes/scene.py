@@ -6,7 +6,6 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from redundant_envs.scenes.ranges import ranges
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.support.values import (
+    check_between,
     check_bounds,
     check_keys,
     check_registered,
@@ -34,6 +34,7 @@ from redundant_envs.support.values import (
     shown,
     typed,
     warn,
+    whole_number,
 )
 
 MAX_SUBSTEPS = 1_000_000
@@ -119,18 +120,13 @@ class Scene:
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        if len(instants := self.attached.instants) > MAX_INSTANTS:
-            owners = ", ".join(a.key for a in instants)
-            raise ValueError(
-                f"effects has {len(instants)} instants, of {owners}; give at most {MAX_INSTANTS}"
-            )
+        owners = [a.key for a in self.attached.instants]
+        if len(owners) > MAX_INSTANTS:
+            raise ValueError(f"effects has instants of {', '.join(owners)}; give at most {MAX_INSTANTS}")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
-        whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
-        if not whole or not 1 <= self.substeps <= MAX_SUBSTEPS:
-            fix = f"give a whole number from 1 to {MAX_SUBSTEPS}, or a tolerance instead"
-            raise ValueError(f"substeps is {shown(self.substeps)}; {fix}")
-        object.__setattr__(self, "substeps", int(self.substeps))
+        object.__setattr__(self, "substeps", whole_number("substeps", self.substeps))
+        check_between("substeps", self.substeps, 1, MAX_SUBSTEPS)
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
         if self.tolerance is not None:
@@ -155,19 +151,15 @@ class Scene:
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
             if other is not effect:
-                fix = "combine the two into one"
-                if type(effect) is not type(other):
-                    fix = "two classes share this name of their parameters: give one a 'key' of its own"
-                elif "name" in effect.static:
-                    fix = "give one of them another 'name'"
+                fix = "combine the two, or give one of them another 'name' or 'key'"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
 
     def _checked_interval(self) -> float:
         dt = number("control_dt", self.control_dt)
         if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
-            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
+            allowed = f"{SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
+            raise ValueError(f"control_dt is {dt} s; it must lie in {allowed}")
         if dt > LONG_INTERVAL and id(dt) not in _told:
             dt += 0.0  # a number of its own, which no other scene has
             _told[id(dt)] = dt

@@ -162,7 +162,7 @@ SCENES = {
     ),
     "two classes of one name": (
         FOUR_R, (e.Gravity(), type("Gravity", (StiffeningSpring,), {})()),
-        "second 'gravity'; two classes share", "'key' of its own",
+        "second 'gravity'; combine the two, or give", "'key'",
     ),
     "two gravities": (
         FOUR_R, (e.Gravity(), e.Gravity(1.62)), "effects[1] is a second 'gravity'; combine the two",
