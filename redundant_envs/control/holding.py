@@ -74,13 +74,11 @@ def stops(scene: Scene) -> Travel:
 def slider_travel(scene: Scene) -> Travel:
     """The stops of every slider; ValueError where the travel has an end without a stop."""
     travel = stops(scene)
-    lengths = iter(scene.robot.lengths)
-    for k in scene.robot.sliders():
+    for k, length in zip(scene.robot.sliders(), scene.robot.lengths, strict=False):
         low, high = travel.get(k, (-np.inf, np.inf))
-        least = -next(lengths)
-        if not (least <= low and high < np.inf):
+        if not (-length <= low and high < np.inf):
             raise ValueError(
-                f"PrismaticStop leaves {scene.robot.joints[k]!r} {low} to {high} m; give ends, >= {least}"
+                f"PrismaticStop leaves {scene.robot.joints[k]!r} {low} to {high} m; give ends, >= {-length}"
             )
     return travel
 

@@ -354,11 +354,11 @@ def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
     """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says; ``own``
     has the numbers and states of the effect."""
     place: Any = getattr(hook, "joint", None)
-    if argument in part.bind:
-        return part.bind[argument]
+    if argument in part.bind or argument in own:
+        return part.bind.get(argument, f".{argument}")
     of_state = "".join(part.name.partition("[")[1:]) if isinstance(part, State) else ""
     axis = f"{argument[:-2]}{AXES.get(argument[-2:])}"
-    for name in (argument, f"{argument}{of_state}", f"{argument}[{place}]", axis):
+    for name in (f"{argument}{of_state}", f"{argument}[{place}]", axis):
         if name in own:
             return f".{name}"
     if isinstance(hook, Sensing) and argument == "reading":

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from redundant_envs.language.algebra import cases, clamp, exp, log, numbered, physics, sqrt, where
-from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.robots.parameters import numbers, strengths
 from redundant_envs.support.values import check_keys, shown
 
 MAX_CHOICES = 64
@@ -199,7 +199,7 @@ def distribution(where: str, data: Any) -> Distribution:
         if low <= 0.0:
             raise ValueError(f"{field} begins at {low}; both ends must be positive, as logarithms need")
         return LogUniform(low, high)
-    mean, deviation = _strengths(field, data[kind], "a mean and a standard deviation")
+    mean, deviation = _two(field, data[kind])
     if deviation <= 0.0:
         raise ValueError(f"{field} has the standard deviation {deviation}; it must be positive")
     if "within" not in data:
@@ -213,29 +213,26 @@ def distribution(where: str, data: Any) -> Distribution:
     return made
 
 
-def _strengths(field: str, data: Any, what: str) -> tuple[float, float]:
-    values = numbers(field, data)
-    if len(values) != 2:
-        raise ValueError(f"{field} is {shown(data)}; give two numbers, {what}")
-    first, second = (strength(f"{field}[{k}]", value) for k, value in enumerate(values))
-    return first, second
+def _two(field: str, data: Any) -> tuple[float, float]:
+    found: Any = strengths(field, numbers(field, data, 2))
+    return found
 
 
 def _ends(field: str, data: Any) -> tuple[float, float]:
-    low, high = _strengths(field, data, "the least and the largest")
+    low, high = _two(field, data)
     if low >= high:
         raise ValueError(f"{field} is {low} to {high}; give a smaller and a larger number")
     return low, high
 
 
 def _choices(field: str, data: Any) -> tuple[float, ...]:
-    values = tuple(strength(f"{field}[{k}]", v) for k, v in enumerate(numbers(field, data)))
+    values: Any = strengths(field, numbers(field, data))
     if not 1 <= len(values) <= MAX_CHOICES:
         raise ValueError(f"{field} has {len(values)} values; give 1 to {MAX_CHOICES}")
     twice = [v for v in values if values.count(v) > 1]
     if twice:
         raise ValueError(f"{field} has {twice[0]} more than once; name each once")
-    return values
+    return tuple(values)
 
 
 @dataclass(frozen=True)
