@@ -1,7 +1,7 @@
 """Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from redundant_envs.compiler import dialect
@@ -50,28 +50,26 @@ def check_task(task: Task, scene: Scene) -> None:
         reserved |= dict.fromkeys(map(identifier, own), f"of the effect {type(effect).__name__}")
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
+    of_angles = [name for pair in task.angles.values() for name in pair]
     begun = {name for f in task.begin_functions for name in gives_of(f)}
     shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
     for field, names, more in (
         ("functions", givers_of(functions), {}),
         ("parameters", task.parameters(), shared),
         ("memory", task.memory, {}),  # which begin_functions may give
-        ("angles", sum(task.angles.values(), ()), dict.fromkeys(begun, f"of {kind}.begin_functions")),
+        ("angles", of_angles, dict.fromkeys(begun, f"of {kind}.begin_functions")),
     ):
         check_names(f"{kind}.{field}", names, taken | more)
         taken |= {name: f"of {kind}.{field}" for name in names if name not in begun or field == "memory"}
     fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
-    for field, entries, allowed in (
-        ("moves", task.moves, task.memory),
-        ("updates", task.updates, task.memory),
-        ("flags", task.flags, task.metrics),
-        ("labels", task.labels, task.metrics),
-        ("held_outputs", task.held_outputs, task.metrics),
-        ("static", task.static, [f for f in fields if f not in of_all]),
-        ("ranges", task.ranges, fields),
-        ("units", task.units, fields),
-    ):
-        for name in entries:
+    choices: dict[str, Sequence[str]] = {
+        **dict.fromkeys(("moves", "updates"), task.memory),
+        **dict.fromkeys(("flags", "labels", "held_outputs"), task.metrics),
+        **dict.fromkeys(("ranges", "units"), fields),
+        "static": [f for f in fields if f not in of_all],
+    }
+    for field, allowed in choices.items():
+        for name in getattr(task, field):
             if name not in allowed:
                 raise ValueError(f"{kind}.{field} has {name!r}; choose {', '.join(allowed) or 'none'}")
     shown = [task.labels.get(name, name) for name in task.metrics]
