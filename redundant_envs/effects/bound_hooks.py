@@ -225,16 +225,12 @@ class Attachments(tuple[Attached[Hook], ...]):
         for key, root, _ in most:
             name, other = f"{key}.{root}", streams.setdefault(stream_of(key, root), f"{key}.{root}")
             if other != name:
-                raise ValueError(
-                    f"the draws of {name!r} would be those of {other!r}: rename one of these states"
-                )
+                raise ValueError(f"the draws of {name!r} would be those of {other!r}: rename one of them")
         made = {}
         for name, ((key, root, normal), k, draw) in taken.items():
             place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
-                raise ValueError(
-                    f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take fewer"
-                )
+                raise ValueError(f"states {root!r} of {key!r} take more than {MAX_DRAWS} draws; take fewer")
             made[name] = Draw(stream_of(key, root), normal, place)
         return made
 
@@ -261,9 +257,7 @@ class Attachments(tuple[Attached[Hook], ...]):
                 )
             unit, giver = link.hook.gives or effort, link.key
         if unit != effort:
-            raise ValueError(
-                f"effects: at {arm.joints[joint]} {giver!r} gives {unit!r}, not {effort!r}; add a motor"
-            )
+            raise ValueError(f"at {arm.joints[joint]} {giver!r} gives {unit!r}, not {effort!r}; add a motor")
         return [*units, (None, unit)]
 
     def place_in_chain(self, effect: Effect) -> float:

@@ -154,9 +154,7 @@ class Disc(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.centre) <= self.radius:
-            raise ValueError(
-                f"Disc.radius is {self.radius} m: the disc covers the base, (0, 0); give a smaller radius"
-            )
+            raise ValueError(f"Disc.radius is {self.radius} m: the disc covers the base; give a smaller one")
 
     @property
     def key(self) -> str:

@@ -36,9 +36,7 @@ class Gravity(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.down) > 1.0 + 1e-12:
-            raise ValueError(
-                f"Gravity.down is {self.down}, longer than 1; give a unit vector, or its projection"
-            )
+            raise ValueError(f"Gravity.down is {self.down}; give a unit vector, or its projection")
 
     @classmethod
     def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> Gravity:

@@ -161,9 +161,7 @@ def check_numbers(where: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -
     def check_order(what: str, lower: str, upper: str) -> None:
         low, high = numbers[lower[1:]], numbers[upper[1:]]
         if not low < high:
-            raise ValueError(
-                f"{where}: {what} is {lower} to {upper}, {low} to {high}; give the smaller one first"
-            )
+            raise ValueError(f"{where}: {what} is {lower} to {upper}, {low} to {high}; give the lower first")
 
     for hook in every:
         if isinstance(hook, hooks.Force) and hook.switch is not None:
@@ -176,9 +174,7 @@ def check_numbers(where: str, effect: Effect, arm: Arm, every: Iterable[Hook]) -
     for joint, ends in effect.travel(arm).items():
         for end in ends:
             if end not in numbers:
-                raise ValueError(
-                    f"{where}.travel gives {end!r}; its numbers are {', '.join(numbers) or 'none'}"
-                )
+                raise ValueError(f"{where}.travel gives {end!r}; it has {', '.join(numbers) or 'none'}")
         check_order(f"the travel of {arm.joints[int(joint)]!r}", *(f".{end}" for end in ends))
 
 
@@ -191,9 +187,7 @@ def _check_uses(called: str, effect: Effect, arm: Arm, named: set[str]) -> None:
         entries = [name for name in numbers if name.startswith(f"{field.name}[")]
         unused = [name for name in entries if name not in used]
         if unused and len(unused) < len(entries):
-            raise ValueError(
-                f"{called}.{field.name} has {len(entries)} entries; no hook uses {', '.join(unused)}"
-            )
+            raise ValueError(f"{called}.{field.name} has {len(entries)} entries; unused: {', '.join(unused)}")
     for name in effect.units(arm):
         if name not in {*numbers, *(n.split("[")[0] for n in numbers)}:
             raise ValueError(f"{called}.units has {name!r}; its numbers are {', '.join(numbers) or 'none'}")
@@ -229,9 +223,7 @@ class _Known:
             self._check_name("switch", name, numbers)
         mass = self.own[hook.mass[1:]] if isinstance(hook, hooks.PointMass) else None
         if mass is not None and (mass.update is None or mass.when == "instant"):
-            raise ValueError(
-                f"the mass {mass.name!r} changes within intervals; give it an update, when='interval'"
-            )
+            raise ValueError(f"the mass {mass.name!r} changes within intervals; give it an update")
         for part in (hook, *states_of(hook)):
             self._check_part(part, hook)
 
@@ -311,9 +303,7 @@ class _Known:
                 yield source, {source} if self.own[source[1:]] else set()
             elif DRAW.fullmatch(source):
                 if not isinstance(part, State) or field not in TAKING_DRAWS:
-                    raise ValueError(
-                        f"{where}: {source!r} is a draw; take it in an update or initial of a State"
-                    )
+                    raise ValueError(f"{where}: {source!r} is a draw; take it in update, initial of a State")
                 yield source, set()
             elif source == hooks.SPEED and isinstance(part, hooks.Friction):
                 continue
@@ -383,9 +373,7 @@ def _check_place(hook: Any, arm: Arm) -> None:
         raise ValueError(f"joints is {joints!r}, which turn and slide; give one kind")
     switch = getattr(hook, "switch", None)
     if switch is not None and (at_point or hook.guard or not isinstance(switch, tuple) or len(switch) != 2):
-        raise ValueError(
-            f"switch is {switch!r}; give ('.lower', '.upper') to a force on a joint without a guard"
-        )
+        raise ValueError(f"switch is {switch!r}; give ('.lower', '.upper') to a force on a joint, no guard")
 
 
 def _is_one_of(count: int, index: Any) -> bool:

@@ -112,9 +112,7 @@ class Scene:
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)
             if other != name:
-                raise ValueError(
-                    f"effects have {other!r} and {name!r}, names too much alike; rename a field or a 'key'"
-                )
+                raise ValueError(f"effects have {other!r} and {name!r}, too much alike; rename one")
         if isinstance(self.robot, WithAddedInertia):
             raise ValueError(f"robot is a {self.robot.kind} with added inertias; give the scene's own robot")
         self.command_units()  # refuses chains whose units do not meet
@@ -380,9 +378,7 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
         own = [k for k in STEPPING if k in data]
     if own:
-        raise ValueError(
-            f"accuracy is {shown(accuracy)}, and the scene gives {', '.join(own)}; give one or the other"
-        )
+        raise ValueError(f"accuracy is {shown(accuracy)}, as well as {', '.join(own)}; give one or the other")
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
             raise ValueError(f"accuracy is {shown(accuracy)}; give {', '.join(ACCURACIES)} or metres")

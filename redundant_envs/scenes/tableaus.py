@@ -65,9 +65,7 @@ class Tableau:
             wanted = 1.0 if k == s else self.c[k]
             if not abs(sum(row) - wanted) <= 1e-12:
                 what = "weights" if k == s else f"row {k}"
-                raise ValueError(
-                    f"the {what} of the tableau {self.name!r} sum to {sum(row)!r}; give {wanted!r}"
-                )
+                raise ValueError(f"{what} of the tableau {self.name!r} sum to {sum(row)!r}, not {wanted!r}")
         whole_number(f"the order of the tableau {self.name!r}", self.order)
 
     @cached_property

@@ -126,7 +126,7 @@ HOOKS = {
         "has when='instant'; give 'interval', or 'instant' beside an Instant",
     ),
     "a draw in a force": (
-        (e.Force(0, of_draw),), "'normal1' is a draw; take it in an update",
+        (e.Force(0, of_draw),), "'normal1' is a draw; take it in update",
     ),
     "a draw in a sensor": ((e.Sensing(0, of_draw),), "'normal1' is a draw"),
     "a state that begins as itself": (
@@ -158,7 +158,7 @@ def named(key, field):
 
 SCENES = {
     "alike identifiers": (
-        FOUR_R, (named("a", "b__c"), named("a.b", "c")), "'a.b__c' and 'a.b.c'", "rename a field",
+        FOUR_R, (named("a", "b__c"), named("a.b", "c")), "'a.b__c' and 'a.b.c'", "rename one",
     ),
     "two classes of one name": (
         FOUR_R, (e.Gravity(), type("Gravity", (StiffeningSpring,), {})()),
@@ -233,8 +233,8 @@ NUMBERS = [
     (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
     (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
-    (lambda: bristles(0.5), "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1"),
-    (lambda: bristles((1.0, 0.9)), "LuGre.stiction is 0.9 and LuGre.coulomb 1.0 at joint 2"),
+    (lambda: bristles(0.5), "LuGre.stiction is 0.5 at joint 1, coulomb 1.0"),
+    (lambda: bristles((1.0, 0.9)), "LuGre.stiction is 0.9 at joint 2, coulomb 1.0"),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
     (lambda: e.SensorDelay(0.2, 0.1), "SensorDelay.seconds is 0.2 s; ", "0 to longest, which is 0.1 s"),
     (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
@@ -242,7 +242,7 @@ NUMBERS = [
     (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
     (lambda: e.JointTorque(deviation=1.0), "deviation is given without time_constant"),
     (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
-    (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m: the disc covers the base", "smaller radius"),
+    (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m: the disc covers the base", "smaller one"),
     (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is ", "covers the base", "opposite normal"),
     (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is ", "no direction"),
 ]

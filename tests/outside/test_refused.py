@@ -179,7 +179,7 @@ def reading(when="instant", **kind):
 
 
 TURNED, LIGHTER = e.Inertia((0,), ".number"), e.PointMass(Point(1), ".number")
-BELOW = "give the smaller one first"
+BELOW = "give the lower first"
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ BELOW = "give the smaller one first"
         (effect_of(numbers={"a": float("nan")}), "a is nan"),
         (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
         (effect_of(numbers=AB, decorated=False, hooks=bound), r"Mine has a, b .* @dataclass\(frozen=True\)"),
-        (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"has 5 entries; no hook uses k\[4\]"),
+        (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"has 5 entries; unused: k\[4\]"),
         (effect_of(numbers={"n": field(init=False, default=2.0)}), r"Mine\).n is not an argument of its"),
         (walled("b", "a"), f"'r1' is .b to .a, 1.0 to -1.0; {BELOW}"),
         # fields and forces
@@ -210,7 +210,7 @@ BELOW = "give the smaller one first"
         (effect_of(Actuation(0, of_command, by_side=of_side)), "it has by_side without guard"),
         (
             effect_of(Force(1, of_side, switch=(".a", ".b"), guard=of_angle), numbers=AB),
-            "to a force on a joint without a guard",
+            "to a force on a joint, no guard",
         ),
         # instants
         (timed(Instant(of_place, {"place": ".number"})), "has 2 instants; give one"),
