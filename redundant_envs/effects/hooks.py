@@ -496,7 +496,8 @@ class Effect:
                 found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
                 found[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
-        for hook in self.hooks(arm):
+        known, own = ({name.partition("[")[0] for name in names} for names in (found, self.parameters()))
+        for hook in self.hooks(arm) if own - known else ():
             if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
                 found[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):

@@ -163,7 +163,9 @@ class Task:
         names: dict[str, str] = {}
         for k in scene.robot.sliders():
             if k not in travel:
-                raise ValueError(f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop")
+                raise ValueError(
+                    f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop with both ends"
+                )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names
 
