@@ -92,8 +92,7 @@ class ComputedTorque:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
         if scene.action_units() != tuple(f"{limits.key}.{name}" for name in limits.parameters()):
             raise ValueError(
-                f"scene has motors whose actions are shares of {scene.action_units()[0]}; the expert knows "
-                "efforts alone: leave this effect out"
+                f"actions are shares of {scene.action_units()[0]}; the expert knows efforts alone"
             )
         self.limits = np.array(limits.limits)
         self.friction = np.array(friction.coefficients) if friction else np.zeros(joints)

@@ -22,7 +22,7 @@ from redundant_envs.effects.hooks import Actuation, Force, Point
 from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, scene_quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
+from redundant_envs.robots.parameters import not_negative
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import hard_stops
@@ -74,14 +74,11 @@ def stops(scene: Scene) -> Travel:
 def slider_travel(scene: Scene) -> Travel:
     """The stops of every slider; ValueError where the travel has an end without a stop."""
     travel = stops(scene)
-    lengths = iter(scene.robot.lengths)
-    for k in scene.robot.sliders():
+    for k, length in zip(scene.robot.sliders(), scene.robot.lengths, strict=False):
         low, high = travel.get(k, (-np.inf, np.inf))
-        least = -next(lengths)
-        if not (least <= low and high < np.inf):
+        if not (-length <= low and high < np.inf):
             raise ValueError(
-                f"PrismaticStop leaves {scene.robot.joints[k]!r} a travel of {low} to {high} m; give "
-                f"both ends, the lower at least {least} m (a link cannot have a negative length)"
+                f"PrismaticStop leaves {scene.robot.joints[k]!r} {low} to {high} m; give ends, >= {-length}"
             )
     return travel
 
@@ -89,12 +86,12 @@ def slider_travel(scene: Scene) -> Travel:
 def effort_limits(scene: Scene) -> Array:
     """Effort limits of the joints, (joints,), N m and N. ValueError without any, or with another actuation or
     a spring on a revolute joint, whose force depends on how often the joint has turned."""
-    for a in scene.attached:
+    for a in scene.attached.of(Actuation, Force):
         if isinstance(a.hook, Force):
             turns = not isinstance(a.hook.joint, Point) and not scene.robot.prismatic[a.hook.joint]
             known = a.hook.potential is None or not turns
         else:
-            known = not isinstance(a.hook, Actuation) or isinstance(a.effect, EffortLimits)
+            known = isinstance(a.effect, EffortLimits)
         if not known:
             raise ValueError(
                 f"effects[{scene.effects.index(a.effect)}] is {shown(a.effect)}; the load at rest is known "
@@ -103,9 +100,7 @@ def effort_limits(scene: Scene) -> Array:
     limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
     given = np.atleast_1d(limits)
     if not given.size or given.min() <= 0.0:
-        raise ValueError(
-            f"EffortLimits.limits is {limits or None}; loads are shares of them: give positive numbers"
-        )
+        raise ValueError(f"EffortLimits.limits is {limits or None}; give positive numbers")
     return given
 
 
@@ -151,19 +146,14 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
     """
     joints = len(scene.robot.joints)
     if joints - 2 != PARAMETERS:
-        raise ValueError(
-            f"{scene.robot.kind} has {joints} joints; the search is for arms whose poses at a goal form a "
-            f"surface, those of {PARAMETERS + 2}"
-        )
+        raise ValueError(f"{scene.robot.kind} has {joints} joints; give an arm of {PARAMETERS + 2}")
     limits, travel = effort_limits(scene), slider_travel(scene)
     points = np.asarray(goals, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"goals has the shape {points.shape}; give (n, 2), x and y of each in metres")
     if not np.isfinite(points).all():
         raise ValueError("goals has entries that are not finite; give metres")
-    margin = number("tolerance", tolerance)
-    if margin < 0.0:
-        raise ValueError(f"tolerance is {margin} m; it must not be negative")
+    margin: Any = not_negative("tolerance", tolerance)
 
     def pose(x: Array, sheet: Sheet, near: Array) -> Array:
         return goal_poses(scene.robot, travel, near + margin * x[..., 2:], x[..., :2], sheet)
@@ -237,10 +227,7 @@ def num_sheets(arm: Arm) -> int:
         return 2 ** (len(arm.joints) - 1)
     if arm.prismatic == (False, True) * 2 and arm.num_lengths == 2:
         return 2
-    raise ValueError(
-        f"the poses of {arm.kind} at a goal are not known; they are for arms of revolute joints, and of two "
-        "links that both extend"
-    )
+    raise ValueError(f"the poses of {arm.kind} at a goal are not known; give 4R or RPRP")
 
 
 def goal_poses(arm: Arm, travel: Travel, goals: Array, psi: Array, sheet: Sheet) -> Array:

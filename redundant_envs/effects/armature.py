@@ -1,5 +1,3 @@
-"""Inertias of the motors' rotors."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia, at_each_joint

@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import itertools
 import math
-import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -21,14 +20,10 @@ from redundant_envs.language.algebra import name_of
 from redundant_envs.robots.arm import Arm
 from redundant_envs.support.values import replaced, with_fields
 
-Described = dict[str, tuple[str, str]]
-"""What is made from numbers: its name -> what is shown of it, and a text that is equal if it is the same."""
-STEADY = 8
-"""How often something is made again before a difference is put down to a number."""
-FEW = 3
-"""With fewer other values accepted among those of all numbers, a number is changed alone."""
-THRESHOLDS = 8
-"""Most numbers with which one number is compared that are tried."""
+Described = dict[str, str]
+"""What is made from numbers: its name -> a text, equal if it is the same, whose first line is shown."""
+STEADY = 8  # how often something is made again before a difference is put down to a number
+FEW = 3  # with fewer other values accepted among those of all numbers, a number is changed alone
 
 
 class Place(NamedTuple):
@@ -37,17 +32,13 @@ class Place(NamedTuple):
     owner: int  # which one has it
     name: str  # its name there, "field" or "field[k]"
 
-    @property
-    def field(self) -> str:
-        return self.name.partition("[")[0]
-
 
 class Owner(NamedTuple):
     """Something with numbers."""
 
     name: str  # in messages
     thing: Any  # a frozen dataclass
-    fix: Callable[[Place], str]  # what to write instead of using one of its numbers
+    fix: Callable[[str], str]  # what to write instead of using the number of a name
 
 
 def check_captured(owners: Sequence[Owner], described: Callable[..., Described]) -> None:
@@ -75,18 +66,14 @@ class _Maker:
         """Try other values of all numbers at once, then of those alone that were hardly ever accepted."""
         accepted = dict.fromkeys(self.values, 0)
         others = {place: _others(n, value) for n, (place, value) in enumerate(self.values.items())}
-        trials = [{place: values[k] for place, values in others.items()} for k in range(KINDS)]
+        trials = [dict(zip(others, values, strict=True)) for values in zip(*others.values(), strict=True)]
         for values in (*trials, *_far_apart(self.values)):
             for place in self.tried(values):
                 accepted[place] += 1
-        watched = {place: _Watched(value) for place, value in self.values.items()}
-        self.made(self.changed(watched, checked=False))
         for place, value in self.values.items():
-            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], value)
-            for other in (*near, *others[place]):
-                if accepted[place] >= FEW and other not in near:
-                    break
-                accepted[place] += len(self.tried({place: other}))
+            for other in others[place]:
+                if accepted[place] < FEW:
+                    accepted[place] += len(self.tried({place: other}))
             if accepted[place] == 0:
                 # no other value is allowed, or none was guessed: the checks of its class are left out
                 self.refuse({place: 1.25 * value + 0.1})
@@ -104,16 +91,19 @@ class _Maker:
 
     def changed(self, values: Mapping[Place, Any], checked: bool = True) -> list[Any]:
         """All things, with other numbers; None for one whose class checks and does not allow them."""
-        numbers: list[dict[str, Any]] = [{} for _ in self.things]
-        for place, value in values.items():
-            numbers[place.owner][place.name] = value
-        changed = [fields_with(*pair) for pair in zip(self.things, numbers, strict=True)]
-        make = functools.partial(_accepted, replaced) if checked else with_fields
-        return [make(t, **fields) if fields else t for t, fields in zip(self.things, changed, strict=True)]
+        changed = list(self.things)
+        for o in {place.owner for place in values}:
+            own = {place.name: value for place, value in values.items() if place.owner == o}
+            fields = fields_with(self.things[o], own)
+            changed[o] = (_accepted if checked else with_fields)(self.things[o], **fields)
+        return changed
 
     def made(self, things: Sequence[Any]) -> Described | None:
         """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
-        return _accepted(self.described, *things)
+        try:
+            return self.described(*things)
+        except Exception:  # a user's own text, which did not expect these numbers, may fail in any way
+            return None
 
     def check_steady(self, times: int) -> None:
         """ValueError if what is made of the same numbers is not the same."""
@@ -136,7 +126,7 @@ class _Maker:
             if found is None or found == self.nominal:
                 continue
             what = self.difference(found)
-            (was, _), (shown, _) = (d.get(what, ("nothing", "")) for d in (self.nominal, found))
+            was, shown = (d.get(what, "nothing").partition("\n")[0] for d in (self.nominal, found))
             how = f"is {was} at {self.values[place]:.6g} and {shown} at {value:.6g}"
             if was == shown:
                 how = f"{shown} computes with the number itself"
@@ -144,45 +134,22 @@ class _Maker:
             of = "" if place.owner == 0 else f" of {owner.name}"
             raise ValueError(
                 f"{self.name} does not follow its number {place.name}{of} when it is set: {what} {how}; "
-                f"{owner.fix(place)}"
+                f"{owner.fix(place.name)}"
             )
         if len(values) > 1:
             names = ", ".join(place.name for place in values)
             raise ValueError(
                 f"{self.name} does not follow its numbers when several of {names} are set; "
-                f"{self.owners[0].fix(next(iter(values)))}"
+                f"{self.owners[0].fix(next(iter(values)).name)}"
             )
 
 
-def _accepted(make: Callable[..., Any], *things: Any, **fields: Any) -> Any:
-    """What is made; None if a user's own text, which did not expect these numbers, fails in any way."""
+def _accepted(thing: Any, **fields: Any) -> Any:
+    """A thing with other numbers; None if its class refuses them, or fails in any way."""
     try:
-        return make(*things, **fields)
+        return replaced(thing, **fields)
     except Exception:
         return None
-
-
-class _Watched(float):
-    """A float that notes what it is compared with."""
-
-    def __init__(self, _: float) -> None:
-        self.seen: list[float] = []
-
-    @staticmethod
-    def noting(compare: Callable[[Any, Any], Any]) -> Any:
-        def noted(self: "_Watched", other: Any) -> Any:
-            if isinstance(other, int | float):
-                self.seen.append(float(other))
-            return compare(float(self), other)
-
-        return noted
-
-    __lt__, __le__, __gt__ = noting(operator.lt), noting(operator.le), noting(operator.gt)
-    __ge__, __eq__, __ne__ = noting(operator.ge), noting(operator.eq), noting(operator.ne)
-    __hash__ = float.__hash__
-
-    def __bool__(self) -> bool:
-        return bool(self != 0.0)
 
 
 def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
@@ -197,25 +164,15 @@ def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
                     yield Place(o, name), number
 
 
-KINDS = 12
-"""Other numbers of :func:`_others`."""
+FACTORS = 1.1, 0.9, 1.25, 0.8, 1.001, 16.0, 1.0 / 16.0, 1e3, 1e-3, -1.0, -1e3, 0.0
 
 
 def _others(n: int, value: Any) -> list[Any]:
     """Other numbers instead of the n-th one: nearby and far, of either sign, whole ones for a whole one."""
-    own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    base = value or 1.0 if math.isfinite(value) else math.copysign(1.0, value)
     step = 1 + n % 5
-    if float(value).is_integer():
-        near = [value + step, value - step, 2 * value + n % 5]
-    else:
-        near = [1.1 * own * value, 0.9 * own * value, 2 * value]
-    if not math.isfinite(value):
-        return near + [math.copysign(own * 10.0 ** (k - 6), value) for k in range(len(near), KINDS)]
-    factors_and_instead = (
-        (1.25 * own, 0.05), (0.8 / own, -0.05), (1.0 + 1e-3 * own, 1e-3), (16.0 * own, 16.0),
-        (1.0 / (16.0 * own), -16.0), (1e3 * own, 1e3), (1e-3 / own, 1e-6), (-own, -1.0), (0.0, 1.0),
-    )  # fmt: skip
-    return near + [factor * value if value else instead * own for factor, instead in factors_and_instead]
+    own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    return [base + step, base - step, 2 * base, *(own * factor * base for factor in FACTORS)]
 
 
 def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
@@ -227,65 +184,51 @@ def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
         yield {p: f * (numbers[p] or 1.0) for p, f in zip(own, factors, strict=True)}
 
 
-def _across(seen: Sequence[float], value: float) -> list[float]:
-    """Numbers at those with which a number is compared, on either side of each, and between them."""
-    found = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
-    found += [2.0 * c - value for c in seen]
-    found += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
-    return [x for x in found if math.isfinite(x)]
-
-
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:
     """ValueError if the hooks of an effect would not follow when its numbers or those of the arm are set."""
 
-    def bind(place: Place) -> str:
+    def bind(name: str) -> str:
+        field = name.partition("[")[0]
         return (
-            f"take it as an argument of the function and bind it, bind={{{place.field!r}: '.{place.name}'}}, "
-            f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
+            f"take it as an argument of the function and bind it, bind={{{field!r}: '.{name}'}}, or name "
+            f"{field!r} in 'static' if it is part of the structure and is never set"
         )
 
     own = Owner(f"{where} ({type(effect).__name__})", effect, bind)
     check_captured((own, Owner("the arm", arm, of_the_arm)), hooks_described)
 
 
-def of_the_arm(place: Place) -> str:
-    letter, entry = place.name[0], place.name.partition("[")[2][:-1]
-    number = f"{letter}{int(entry) + 1}" if entry else letter
+def of_the_arm(name: str) -> str:
+    number = f"{name[0]}{int(name.partition('[')[2][:-1]) + 1}"
     return f"take it as the argument {number} of the function, which needs no bind"
 
 
 def hooks_described(effect: Effect, arm: Arm) -> Described:
     """Everything that a scene takes from an effect, but for its numbers."""
     hooks = effect.hooks(arm)
-    found: Described = {
-        "the number of hooks": (str(len(hooks)), ""),
-        "key": (effect.key, ""),
-        "parameters": (", ".join(effect.parameters()), ""),
-        "action_units": (repr(effect.action_units(arm)), ""),
-    }
+    found: dict[str, Any] = {
+        "the number of hooks": len(hooks), "key": effect.key, "parameters": [*effect.parameters()],
+        "action_units": effect.action_units(arm),
+    }  # fmt: skip
     if type(effect).travel is not Effect.travel:  # which has those of its impacts that are finite
-        found["travel"] = (repr(sorted(effect.travel(arm).items())), "")
+        found["travel"] = sorted(effect.travel(arm).items())
     parts: dict[str, Any] = {}
     for n, hook in enumerate(hooks):
         name = f"hook {n} ({type(hook).__name__})"
         parts |= {name: hook, **{f"{name}, state {s.name!r}": s for s in states_of(hook)}}
-    described = functools.cache(function_described)
     for name, part in parts.items():
         for f in dataclasses.fields(part):
             value = getattr(part, f.name)
-            if f.name == "states":
-                shown = str([state.name for state in value]), ""
-            elif callable(value):
-                shown = described(value)
-            else:
-                shown = repr(sorted(value.items()) if isinstance(value, Mapping) else value), ""
-            found[f"{name}, {f.name}"] = shown
-    return found
+            if isinstance(value, Mapping):
+                value = sorted(value.items())
+            found[f"{name}, {f.name}"] = [s.name for s in value] if f.name == "states" else value
+    described = functools.cache(function_described)
+    return {name: described(x) if callable(x) else repr(x) for name, x in found.items()}
 
 
-def function_described(function: Any) -> tuple[str, str]:
+def function_described(function: Any) -> str:
     """Name of a function, and all that it computes."""
     try:
-        return name_of(function), dialect.computed_by(function)
+        return f"{name_of(function)}\n{dialect.computed_by(function)}"
     except ValueError as error:
-        return name_of(function), str(error)
+        return f"{name_of(function)}\n{error}"

@@ -1,12 +1,10 @@
-"""The hooks of a scene's effects, bound once: every function with the names of the quantities that it takes.
-
-Names are those of a lane: quantities of the arm, and numbers and states of effects under the names of their
-fields.
-"""
+"""The hooks of a scene's effects, bound once: every function with the names of the quantities that it takes,
+which are those of a lane: quantities of the arm, and numbers and states of effects by their fields."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -54,11 +52,9 @@ class Bound:
     key: str
 
     def __call__(self, x: Quantities) -> Any:
-        """Evaluate it on quantities."""
         return self.on(x.each(self.names))
 
     def on(self, arguments: Iterable[Any]) -> Any:
-        """Evaluate it on the values of its arguments."""
         with owned(self.key):
             return self.function(*arguments)
 
@@ -82,7 +78,6 @@ class Attached(Generic[Kind]):
 
     @property
     def key(self) -> str:
-        """Key of its effect."""
         return self.effect.key
 
     @property
@@ -92,11 +87,9 @@ class Attached(Generic[Kind]):
 
     @property
     def has_laws(self) -> bool:
-        """Whether it has more than one law."""
         return bool(self.law or self.guards)
 
     def guard_values(self, x: Quantities) -> tuple[Any, ...]:
-        """The values of its guard, from quantities."""
         found = self.functions["guard"](x) if self.guards else ()
         return found if isinstance(found, tuple) else (found,)
 
@@ -106,7 +99,7 @@ class Attached(Generic[Kind]):
             hook: Any = self.hook
             x[self.side] = side_beyond(*x.each((hook.motion[0], *map(self.parameter, hook.switch))))
         for name, value in zip(self.guards, self.guard_values(x), strict=True):
-            x[f"side_{name}"] = side_of_guard(value)
+            x[f"side_{name}"] = where(value >= 0.0, 1.0, -1.0)
 
     @property
     def instant(self) -> str:
@@ -116,7 +109,7 @@ class Attached(Generic[Kind]):
     @property
     def passed(self) -> str:
         """The field that says whether the instant of its effect has passed."""
-        return passed_field(self.key)
+        return f"passed_{self.key}"
 
     def parameter(self, own: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
@@ -132,11 +125,6 @@ class Attached(Generic[Kind]):
         return {field: own[what](x) for field, own in self.states.items() if what in own}
 
 
-def side_of_guard(value: Any) -> Any:
-    """The side of a guard: 1 where it is positive or 0, else -1."""
-    return where(value >= 0.0, 1.0, -1.0)
-
-
 class EffectStates(dict[str, State]):
     """The states of a scene's effects by their fields, in the order of :meth:`Scene.states`."""
 
@@ -150,20 +138,15 @@ class EffectStates(dict[str, State]):
         """Those whose values at the start of a motion are computed."""
         return tuple(name for name, state in self.items() if callable(state.initial))
 
-    @cached_property
-    def integrated(self) -> tuple[str, ...]:
-        """Those that steps integrate."""
-        return tuple(name for name, state in self.items() if state.derivative is not None)
+    integrated = cached_property(lambda self: self._with("derivative"))
+    """Those that steps integrate."""
+    closed = cached_property(lambda self: self._with("closed"))
+    """Those of the integrated ones that have a closed form, too."""
+    updated = cached_property(lambda self: self._with("update"))
+    """Those that are constant within a piece of an interval, and updated at its end or at an instant."""
 
-    @cached_property
-    def closed(self) -> tuple[str, ...]:
-        """Those of the integrated ones that have a closed form, too."""
-        return tuple(name for name, state in self.items() if state.closed is not None)
-
-    @cached_property
-    def updated(self) -> tuple[str, ...]:
-        """Those that are constant within a piece of an interval, and updated at its end or at an instant."""
-        return tuple(name for name, state in self.items() if state.update is not None)
+    def _with(self, field: str) -> tuple[str, ...]:
+        return tuple(name for name, state in self.items() if getattr(state, field) is not None)
 
 
 class Attachments(tuple[Attached[Hook], ...]):
@@ -175,16 +158,17 @@ class Attachments(tuple[Attached[Hook], ...]):
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> Attachments:
         """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
-        switches, guards = itertools.count(1), itertools.count(1)
         every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
-        made = cls._of([_attached(effect, hook, switches, guards) for effect, hook in every], arm)
-        located = made._locating(arm) if controlled else ()
-        return cls._of([_located(a, guards) if a in located else a for a in made], arm) if located else made
-
-    @classmethod
-    def _of(cls, every: Iterable[Attached[Any]], arm: Arm) -> Attachments:
-        made = cls(every)
-        made.commands = tuple(numbered("command{}", len(arm.joints)))
+        own = {effect.key: {*effect.parameters()} for effect in effects}
+        for effect, hook in every:
+            own[effect.key] |= {state.name for state in states_of(hook)}
+        attached = functools.partial(_attached, own, itertools.count(1), itertools.count(1))
+        made = cls(attached(*pair) for pair in every)
+        made.commands = commands = tuple(numbered("command{}", len(arm.joints)))
+        located = made._locating(arm) if controlled else set()
+        if located:
+            made = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in made)
+            made.commands = commands
         return made
 
     def _locating(self, arm: Arm) -> set[Attached[Any]]:
@@ -226,27 +210,27 @@ class Attachments(tuple[Attached[Hook], ...]):
     @cached_property
     def draws(self) -> dict[str, Draw]:
         """Draws by the names of quantities; ValueError if states take too many, or two streams are one."""
-        taken: dict[str, tuple[str, str, bool, int, int]] = {}
-        most: dict[tuple[str, str, bool], int] = {}
-        """Draws of a kind that each state of a name may take: those of the next one follow."""
+        taken: dict[str, tuple[tuple[str, str, bool], int, int]] = {}
         for a in self:
             for state, functions in zip(states_of(a.hook), a.states.values(), strict=True):
                 root, _, index = state.name.partition("[")
-                names = (name for bound in functions.values() for name in bound.names if DRAWN in name)
-                for name in names:
+                for name in (name for bound in functions.values() for name in bound.names if DRAWN in name):
                     kind, number = DRAW.findall(name.partition(DRAWN)[2])[0]
-                    of_kind = a.key, root, kind == "normal"
-                    taken[name] = *of_kind, int(index[:-1] or 0), int(number)
-                    most[of_kind] = max(most.get(of_kind, 0), int(number))
-        _check_streams((key, root) for key, root, _ in most)
+                    taken[name] = (a.key, root, kind == "normal"), int(index[:-1] or 0), int(number)
+        most: dict[tuple[str, str, bool], int] = {}
+        """Draws of a kind that each state of a name may take: those of the next one follow."""
+        for of_kind, _, number in taken.values():
+            most[of_kind] = max(most.get(of_kind, 0), number)
+        streams = {START_OF_EPISODES: "the start of an episode"}
+        for key, root, _ in most:
+            name, other = f"{key}.{root}", streams.setdefault(stream_of(key, root), f"{key}.{root}")
+            if other != name:
+                raise ValueError(f"the draws of {name!r} would be those of {other!r}: rename one of them")
         made = {}
-        for name, (key, root, normal, k, draw) in taken.items():
+        for name, ((key, root, normal), k, draw) in taken.items():
             place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
-                raise ValueError(
-                    f"the states {root!r} of {key!r} take more than {MAX_DRAWS} draws of a kind; take "
-                    "fewer, or give some of the states another name"
-                )
+                raise ValueError(f"states {root!r} of {key!r} take more than {MAX_DRAWS} draws; take fewer")
             made[name] = Draw(stream_of(key, root), normal, place)
         return made
 
@@ -256,29 +240,33 @@ class Attachments(tuple[Attached[Hook], ...]):
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
         return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
 
-    def command_units(self, arm: Arm) -> tuple[str, ...]:
-        """Units of the motors' commands; ValueError if units do not meet in the chain of one."""
-        return tuple(_command_unit(chain, arm, k) for k, chain in enumerate(self.chains.values()))
-
-    def unit_at(self, effect: Effect, joint: int, arm: Arm) -> str:
-        """Unit of the command that reaches the first link of an effect in the chain of a joint's motor."""
-        command = self.commands[joint]
-        unit = _command_unit(self.chains[command], arm, joint)
-        for link in self.chains[command]:
-            if link.effect is effect:
-                break
-            if link.hook.takes:
-                unit = link.hook.gives or hooks.effort_unit(arm, joint)
-        return unit
+    def units_along(self, joint: int, arm: Arm) -> list[tuple[Effect | None, str]]:
+        """Units in the chain of a joint's motor: of what reaches each link, with its effect, and of what
+        leaves the last one, with None; ValueError if they do not meet."""
+        effort, chain = hooks.effort_unit(arm, joint), self.chains[self.commands[joint]]
+        unit, giver, units = next((a.hook.takes for a in chain if a.hook.takes), effort), "", []
+        for link in chain:
+            units.append((link.effect, unit))
+            takes = link.hook.takes
+            if not takes:  # it hands on what it gets
+                continue
+            if takes != unit:
+                raise ValueError(
+                    f"effects: at {arm.joints[joint]} {giver!r} gives {unit!r}, and {link.key!r} behind it "
+                    f"takes {takes!r}; leave one of them out, or change the 'link' of one"
+                )
+            unit, giver = link.hook.gives or effort, link.key
+        if unit != effort:
+            raise ValueError(f"at {arm.joints[joint]} {giver!r} gives {unit!r}, not {effort!r}; add a motor")
+        return [*units, (None, unit)]
 
     def place_in_chain(self, effect: Effect) -> float:
         """The first place of an effect's links in the chains; beyond all places for one without links."""
         links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
         return min(links, default=math.inf)
 
-    @cached_property
+    @property
     def instants(self) -> tuple[Attached[hooks.Instant], ...]:
-        """Instants that divide an interval into pieces."""
         return self.of(hooks.Instant)
 
     def take(self, name: str) -> bool:
@@ -372,54 +360,19 @@ def field_of(fields: Iterable[Attached[Field]], x: Quantities) -> tuple[Any, Any
     return (total(ax for ax, _ in found), total(ay for _, ay in found)) if found else (ABSENT, ABSENT)
 
 
-def _command_unit(chain: Iterable[Attached[Actuation]], arm: Arm, joint: int) -> str:
-    """Unit of the command at the beginning of a motor's chain; ValueError if units do not meet."""
-    effort, given, giver, first = hooks.effort_unit(arm, joint), "", "", ""
-    for link in chain:
-        takes = link.hook.takes
-        if not takes:  # it hands on what it gets
-            continue
-        if giver and takes != given:
-            raise ValueError(
-                f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and {link.key!r} behind it "
-                f"takes {takes!r}; leave one of them out, or change the 'link' of one"
-            )
-        first = first or takes
-        given, giver = link.hook.gives or effort, link.key
-    if giver and given != effort:
-        raise ValueError(
-            f"effects: at {arm.joints[joint]} {giver!r} gives {given!r}, and the motor's effort is in "
-            f"{effort!r}; add an effect that takes {given!r}, such as a motor"
-        )
-    return first or effort
-
-
 DRAWN = " draws "
 """Between the field of a state and its draw in the name of a quantity, as in no other name."""
 
 
-def _check_streams(states: Iterable[tuple[str, str]]) -> None:
-    """ValueError if draws of two effects' states, or of one and an episode's start, would be the same."""
-    streams = {START_OF_EPISODES: "the start of an episode"}
-    for key, root in states:
-        name = f"{key}.{root}"
-        other = streams.setdefault(stream_of(key, root), name)
-        if other != name:
-            raise ValueError(
-                f"effects have the states {name!r}, whose draws would be those of {other!r}: their names "
-                "have the same hash; rename one of these states, or give its effect another 'key'"
-            )
-
-
-def _located(a: Attached[Any], guards: Iterator[int]) -> Attached[Any]:
-    """A link with the law for each side of its guard in place of its function."""
-    hook = dataclasses.replace(a.hook, function=a.hook.by_side, by_side=None)
-    return _attached(a.effect, hook, iter(()), guards)
-
-
-def _attached(effect: Effect, hook: Any, switches: Iterator[int], guards: Iterator[int]) -> Attached[Any]:
-    """A hook whose functions are bound; its boundaries get the next numbers of switches and guards."""
+def _attached(
+    own: Mapping[str, set[str]], switches: Iterator[int], guards: Iterator[int], effect: Effect, hook: Any,
+    by_side: bool = False,
+) -> Attached[Any]:  # fmt: skip
+    """A hook whose functions are bound; its boundaries get the next numbers of switches and guards. With
+    ``by_side`` a link has the law for each side of its guard in place of its function, or else no guard."""
     key, law = effect.key, "" if getattr(hook, "switch", None) is None else f"switch{next(switches)}"
+    if by_side:
+        hook = dataclasses.replace(hook, function=hook.by_side, by_side=None)
     used = hook
     if getattr(hook, "by_side", None) is not None:
         used = dataclasses.replace(hook, guard=None, by_side=None)
@@ -429,7 +382,7 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], guards: Iterat
 
     def quantity(part: Any, field: str, argument: str) -> str:
         """The name of the quantity that a function of a hook or a state takes."""
-        source = part.bind.get(argument, argument)
+        source = hooks.source_of(argument, part, hook, own[key])
         if laws.get(source):
             return f"side_{laws[source]}"
         if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own
@@ -437,7 +390,7 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], guards: Iterat
         if source == hooks.ELAPSED and field == "closed":
             return TIME
         if source == hooks.PASSED:
-            return passed_field(key)
+            return f"passed_{key}"
         return f"{key}{source}" if source.startswith(".") else source
 
     def bound(part: Any) -> Functions:
@@ -451,8 +404,3 @@ def _attached(effect: Effect, hook: Any, switches: Iterator[int], guards: Iterat
 
     states = {f"{key}.{state.name}": bound(state) for state in states_of(hook)}
     return Attached(effect, hook, bound(used), states, law, names)
-
-
-def passed_field(key: str) -> str:
-    """The field that says whether the instant of the effect with a key has passed."""
-    return f"passed_{key}"

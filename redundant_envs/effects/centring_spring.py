@@ -1,5 +1,3 @@
-"""The spring that the report prints for its prismatic joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
@@ -41,8 +39,8 @@ class CentringSpring(Effect):
     """
 
     stiffness: Numbers = field(metadata=row(not_negative, "N/m"))
-    lower: Numbers
-    upper: Numbers
+    lower: Numbers = field(metadata=row(numbers, "m"))
+    upper: Numbers = field(metadata=row(numbers, "m"))
 
     example = Example(
         {"stiffness": (80.0, 80.0), "lower": (0.0, 0.0), "upper": (0.25, 0.25)},
@@ -52,13 +50,9 @@ class CentringSpring(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("lower", "upper"):
-            ends = numbers(f"CentringSpring.{name}", getattr(self, name), len(self.stiffness))
-            object.__setattr__(self, name, ends)
+            numbers(f"CentringSpring.{name}", getattr(self, name), len(self.stiffness))
         for i, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
             travel(f"CentringSpring.{{}}[{i}]", lower, upper)
-
-    def units(self, arm: Arm) -> dict[str, str]:
-        return {**super().units(arm), "lower": "m", "upper": "m"}
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))

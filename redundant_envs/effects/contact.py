@@ -8,10 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 from redundant_envs.language.algebra import arguments_of, identity, maximum, physics, sqrt, where
+from redundant_envs.robots.parameters import LARGEST
 
-NUMBERS = ("stiffness", "damping", "friction", "slip_speed")
-OWN = {name: f".{name}" for name in NUMBERS}
-"""Numbers of the law, and how hooks bind them."""
+NUMBERS = ("stiffness", "damping", "friction", "slip_speed")  # numbers of the law
 
 
 @physics
@@ -37,7 +36,13 @@ def push(depth, normal_x, normal_y, vx, vy, stiffness, damping, friction, slip_s
 
 
 @physics
-def sliding_there(normal_x, normal_y, vx, vy, friction, side1, side2):
+def pressing(depth, normal_x, normal_y, vx, vy, stiffness, damping, friction, slip_speed, side1, side2):
+    pressed = depth_of_contact(depth, side1, side2)
+    return push(pressed, normal_x, normal_y, vx, vy, stiffness, damping, friction, slip_speed)
+
+
+@physics
+def sliding_there(_, normal_x, normal_y, vx, vy, friction, side1, side2):
     """Changes its sign where a point that presses, and rubs, begins to slide the other way. Friction changes
     steeply there, and error estimates see less than that."""
     sliding = where(side1 > 0.0, where(side2 > 0.0, vy * normal_x - vx * normal_y, 1.0), 1.0)
@@ -52,48 +57,31 @@ def elastic(depth, normal_x, normal_y, stiffness):
 
 
 @physics
-def elastic_energy(depth, stiffness):
+def elastic_energy(depth, normal_x, normal_y, stiffness):
     return 0.5 * stiffness * maximum(depth, 0.0) ** 2
 
 
+def at_point(depth_and_normal: Callable[..., Any], law: Callable[..., Any]) -> Callable[..., Any]:
+    """A law of the depth of a point and the normal there, as one of x, y and the numbers of a shape."""
+    of_shape, others = arguments_of(depth_and_normal)[2:], arguments_of(law)[3:]
+    motion = tuple(name for name in others if name in ("vx", "vy"))
+    shape = slice(len(motion), len(motion) + len(of_shape))
+
+    @physics(takes=("x", "y", *motion, *of_shape, *others[len(motion) :]))
+    def of_point(x, y, *values):
+        return law(*depth_and_normal(x, y, *values[shape]), *values[: shape.start], *values[shape.stop :])
+
+    return of_point
+
+
 def laws(depth_and_normal: Callable[..., Any]) -> dict[str, Any]:
-    """Functions of the force at a point of the arm that touches a shape, by the fields of a ``Force``; the
-    depth of the point and the normal there follow from x, y and the numbers of the shape."""
-    of_shape = arguments_of(depth_and_normal)[2:]
-    place, motion = ("x", "y", *of_shape), ("x", "y", "vx", "vy", *of_shape)
-
-    @physics(takes=(*motion, *NUMBERS, "side1", "side2"))
-    def force(x, y, vx, vy, *values):
-        shape, (*numbers, side1, side2) = values[: len(of_shape)], values[len(of_shape) :]
-        depth, nx, ny = depth_and_normal(x, y, *shape)
-        return push(depth_of_contact(depth, side1, side2), nx, ny, vx, vy, *numbers)
-
-    @physics(takes=(*motion, "damping"))
-    def touches(x, y, vx, vy, *values):
-        *shape, damping = values
-        return guards(*depth_and_normal(x, y, *shape), vx, vy, damping)
-
-    @physics(takes=(*motion, "friction", "side1", "side2"))
-    def turn(x, y, vx, vy, *values):
-        *shape, friction, side1, side2 = values
-        _, nx, ny = depth_and_normal(x, y, *shape)
-        return sliding_there(nx, ny, vx, vy, friction, side1, side2)
-
-    @physics(takes=(*place, "stiffness"))
-    def spring(x, y, *values):
-        *shape, stiffness = values
-        return elastic(*depth_and_normal(x, y, *shape), stiffness)
-
-    @physics(takes=(*place, "stiffness"))
-    def energy(x, y, *values):
-        *shape, stiffness = values
-        depth, _, _ = depth_and_normal(x, y, *shape)
-        return elastic_energy(depth, stiffness)
-
-    return {
-        "function": force, "guard": touches, "kink": turn, "potential": energy, "conservative": spring,
-        "stiffness": identity("stiffness"),
+    """Functions of the force at a point of the arm that touches a shape, by the fields of a ``Force``."""
+    of_point = {
+        "function": pressing, "guard": guards, "kink": sliding_there, "potential": elastic_energy,
+        "conservative": elastic,
     }  # fmt: skip
+    found = {field: at_point(depth_and_normal, law) for field, law in of_point.items()}
+    return {**found, "stiffness": identity("stiffness")}
 
 
 def whole_arm(field: str, value: Any) -> bool:
@@ -103,8 +91,8 @@ def whole_arm(field: str, value: Any) -> bool:
     return value
 
 
-def identifier(field: str, value: Any) -> str:
-    """A name as part of a longer one: empty, or letters, digits and underscores."""
-    if not isinstance(value, str) or not (value == "" or value.isidentifier()):
-        raise ValueError(f"{field} is {value!r:.80}; give letters, digits and underscores, such as 'left'")
+def place(field: str, value: tuple[float, float]) -> tuple[float, float]:
+    """A point or a direction whose products with others are finite."""
+    if max(map(abs, value)) > LARGEST:
+        raise ValueError(f"{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
     return value

@@ -1,5 +1,3 @@
-"""Dry friction in the joints, with true stiction."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook, at_each_joint
@@ -28,4 +26,4 @@ class CoulombFriction(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        return Friction(k, identity("level"), {"level": f".level[{k}]"})
+        return Friction(k, identity("level"))

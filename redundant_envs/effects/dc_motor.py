@@ -1,5 +1,3 @@
-"""Direct-current motors behind gears, which take a voltage."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint
@@ -34,9 +32,6 @@ def current_after(command, rate, current, resistance, inductance, constant, gear
 @physics
 def effort_of(current, constant, gear):
     return constant * gear * current
-
-
-NUMBERS = ("resistance", "inductance", "constant", "gear", "voltage")
 
 
 @dataclass(frozen=True)
@@ -75,11 +70,5 @@ class DCMotor(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        own = {name: f".{name}[{k}]" for name in NUMBERS} | {"current": f".current[{k}]"}
-        moving = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
-        current = State(
-            f"current[{k}]", "A", current_change, bind={**moving, **own}, rate=electrical_rate,
-            closed=current_after,
-        )  # fmt: skip
-        bind = {name: own[name] for name in ("current", "constant", "gear")}
-        return Actuation(k, effort_of, bind, Link.LAG, states=(current,), takes="V")
+        current = State(f"current[{k}]", "A", current_change, rate=electrical_rate, closed=current_after)
+        return Actuation(k, effort_of, link=Link.LAG, states=(current,), takes="V")

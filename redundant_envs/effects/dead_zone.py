@@ -1,5 +1,3 @@
-"""Motors that ignore small commands."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import COMMAND, Actuation, Arm, Effect, Hook, Link, at_each_joint
@@ -8,9 +6,9 @@ from redundant_envs.language.algebra import clamp, physics
 
 
 @physics
-def beyond(command, width):
+def beyond(command, widths):
     """The part of a command that is beyond the dead zone."""
-    return command - clamp(command, -width, width)
+    return command - clamp(command, -widths, widths)
 
 
 @dataclass(frozen=True)
@@ -30,5 +28,4 @@ class DeadZone(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"command": f"command{k + 1}", "width": f".widths[{k}]"}
-        return Actuation(k, beyond, bind, Link.DEAD_ZONE)
+        return Actuation(k, beyond, link=Link.DEAD_ZONE)

@@ -1,5 +1,3 @@
-"""A disc that the tip or the links of an arm touch."""
-
 import math
 from dataclasses import dataclass, field
 from functools import reduce
@@ -7,9 +5,8 @@ from typing import Any
 
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, checked, number, numbers, one, pair
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
-from redundant_envs.robots.parameters import LARGEST, not_negative, positive
 
 TINY = 1e-60
 """m^2: added to squares of distances, none of which it changes unless they are below 1e-22 m, so that the
@@ -84,7 +81,7 @@ def turn_of_link(xa, ya, xb, yb, vxa, vya, vxb, vyb, centre_x, centre_y, radius,
     vx, vy = between(s, vxa, vxb), between(s, vya, vyb)
     depth, nx, ny = depth_and_normal(between(s, xa, xb), between(s, ya, yb), centre_x, centre_y, radius)
     inside, stays = contact.guards(depth, nx, ny, vx, vy, damping)
-    return contact.sliding_there(nx, ny, vx, vy, friction, inside, stays)
+    return contact.sliding_there(depth, nx, ny, vx, vy, friction, inside, stays)
 
 
 @physics
@@ -139,14 +136,14 @@ class Disc(Effect):
         Part of the name of its numbers, "disc_left.radius"; several discs of a scene have different ones.
     """
 
-    centre: Numbers = field(metadata=pair(numbers, "m", "m"))
-    radius: float = field(metadata=one(number, "m"))
+    centre: Numbers = field(metadata=pair(contact.place, "m", "m"))
+    radius: float = field(metadata=one(positive, "m"))
     stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
     damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
     friction: float = field(default=0.0, metadata=one(not_negative, "1"))
     slip_speed: float = field(default=0.05, metadata=one(positive, "m/s"))
     along_links: bool = field(default=False, metadata=checked(contact.whole_arm))
-    name: str = field(default="", metadata=checked(contact.identifier))
+    name: str = field(default="", metadata=checked(text))
 
     static = ("along_links", "name")
     example = Example(
@@ -156,16 +153,8 @@ class Disc(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0.0 < self.radius <= LARGEST:
-            raise ValueError(f"Disc.radius is {self.radius} m; it must be positive, at most {LARGEST:g}")
-        if max(map(abs, self.centre)) > LARGEST:
-            raise ValueError(f"Disc.centre is {self.centre} m; it must lie in {-LARGEST:g} to {LARGEST:g}")
         if math.hypot(*self.centre) <= self.radius:
-            raise ValueError(
-                f"Disc.radius is {self.radius} m, and the base of the arm, (0, 0), is "
-                f"{math.hypot(*self.centre):.6g} m from the centre {self.centre}: the disc covers it; give a "
-                "smaller radius or another centre"
-            )
+            raise ValueError(f"Disc.radius is {self.radius} m: the disc covers the base; give a smaller one")
 
     @property
     def key(self) -> str:
@@ -176,20 +165,15 @@ class Disc(Effect):
         return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {"centre_x": ".centre[0]", "centre_y": ".centre[1]", "radius": ".radius", **contact.OWN}
-        if self.along_links:
-            return _along_links(arm, own)
-        tip = arm.num_masses
-        bind = {"x": f"x{tip}", "y": f"y{tip}", "vx": f"vx{tip}", "vy": f"vy{tip}", **own}
-        return (Force(Point(tip - 1), bind=bind, **AT_TIP),)
+        return _along_links(arm) if self.along_links else (Force(Point(arm.num_masses - 1), **AT_TIP),)
 
 
-def _along_links(arm: Arm, own: dict[str, str]) -> tuple[Hook, ...]:
+def _along_links(arm: Arm) -> tuple[Hook, ...]:
     """Forces at both ends of each link. The one at the tip has the guard, that of the whole arm: two links
     touch a disc at the same instant where their common joint does."""
     found = []
     for far in range(arm.num_masses):
-        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")} | own
+        bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")}
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
             found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))

@@ -4,12 +4,12 @@ A disturbance has up to four parts, each of which is absent unless its numbers a
 force, white noise, and an Ornstein-Uhlenbeck process.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.effects.hooks import Effect, State
+from redundant_envs.effects.hooks import Effect, Force, Point, State
 from redundant_envs.language.algebra import exp, physics, sincos, sqrt, where
-from redundant_envs.robots.parameters import LARGEST, SMALLEST, not_negative, strengths
+from redundant_envs.robots.parameters import LARGEST, SMALLEST
 
 ROUNDING = 1e-6
 """Share of a control interval by which the sum of all intervals so far may differ from the time: rounding
@@ -24,9 +24,9 @@ PARTS: Mapping[str, Mapping[str, float | None]] = {
 
 
 @physics
-def step(elapsed, start, control_dt, size):
+def step(elapsed, start, control_dt, step):
     """From the first control interval on that begins at the time ``start`` or later."""
-    return where(elapsed >= start - ROUNDING * control_dt, size, 0.0)
+    return where(elapsed >= start - ROUNDING * control_dt, step, 0.0)
 
 
 @physics
@@ -52,38 +52,15 @@ def white(density, control_dt, normal1):
 
 
 @physics
-def wandering(force, deviation, time_constant, control_dt, normal1):
+def wandering(wander, deviation, time_constant, control_dt, normal1):
     """The exact law of an Ornstein-Uhlenbeck process from one instant to another (Gillespie 1996)."""
     decay = exp(-control_dt / time_constant)
-    return force * decay + deviation * sqrt(1.0 - decay * decay) * normal1
+    return wander * decay + deviation * sqrt(1.0 - decay * decay) * normal1
 
 
 @physics
 def stationary(deviation, normal1):
     return deviation * normal1
-
-
-def clock() -> State:
-    """The time since the start, at the beginning of an interval."""
-    return State("elapsed", "s", update=later, bind={"elapsed": ".elapsed"})
-
-
-def phase_angle() -> State:
-    """The angle of a periodic force without its phase."""
-    return State("angle", "rad", derivative=angular_rate, bind={"frequency": ".frequency"})
-
-
-def white_noise(entry: str, unit: str) -> State:
-    """The force of white noise in an interval; ``entry`` is "[k]"."""
-    bind = {"density": f".density{entry}"}
-    return State(f"white{entry}", unit, update=white, initial=white, bind=bind)
-
-
-def wander(entry: str, unit: str) -> State:
-    """The force of an Ornstein-Uhlenbeck process in an interval; ``entry`` is "[k]"."""
-    name = f"wander{entry}"
-    bind = {"force": f".{name}", "deviation": f".deviation{entry}", "time_constant": ".time_constant"}
-    return State(name, unit, update=wandering, initial=stationary, bind=bind)
 
 
 class Disturbance(Effect):
@@ -98,21 +75,27 @@ class Disturbance(Effect):
             for field, default in partners.items():
                 given = getattr(self, field)
                 if given is not None and not present:
-                    raise ValueError(
-                        f"{kind}.{field} is {given} without {part}; give {part}, too, or leave it out"
-                    )
+                    raise ValueError(f"{kind}.{field} is {given} without {part}; give {part}, too")
                 if given is None and present:
                     if default is None:
                         raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")
                     object.__setattr__(self, field, default)
         super().__post_init__()
 
-
-def from_the_start(field: str, value: float) -> float:
-    """A time that is not negative, s."""
-    if value < 0.0:
-        raise ValueError(f"{field} is {value} s; it must not be negative")
-    return value
+    def forces(
+        self, place: int | Point, entries: Sequence[str], unit: str, laws: Iterable[Callable[..., Any]]
+    ) -> list[Force]:
+        """Forces of the parts that are given, at a joint or a point, with the laws of all parts; ``entries``,
+        "[k]", are those of the numbers. The first joint has the states that all share."""
+        shared = place == 0 or isinstance(place, Point)
+        states = (
+            (State("elapsed", "s", update=later),) if shared else (),  # at the beginning of an interval
+            (State("angle", "rad", derivative=angular_rate),) if shared else (),  # without the phase
+            tuple(State(f"white{k}", unit, update=white, initial=white) for k in entries),
+            tuple(State(f"wander{k}", unit, update=wandering, initial=stationary) for k in entries),
+        )
+        every = zip(PARTS, laws, states, strict=True)
+        return [Force(place, law, states=own) for part, law, own in every if getattr(self, part) is not None]
 
 
 def moderate(field: str, value: float) -> float:
@@ -120,16 +103,3 @@ def moderate(field: str, value: float) -> float:
     if not SMALLEST <= value <= LARGEST:
         raise ValueError(f"{field} is {value}; it must lie in {SMALLEST:g} to {LARGEST:g}")
     return value
-
-
-def sizes(field: str, values: Any) -> Any:
-    """Numbers of joints, at least one."""
-    found = strengths(field, values)
-    if found == ():
-        raise ValueError(f"{field} has 0 entries; give one for each joint, or one number for all")
-    return found
-
-
-def deviations(field: str, values: Any) -> Any:
-    """The same, none negative."""
-    return not_negative(field, sizes(field, values))

@@ -1,10 +1,8 @@
-"""Readings that do not arrive."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
-from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, share
+from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import identity, physics, where
 
 
@@ -28,23 +26,13 @@ class DroppedSamples(Effect):
         Of the loss of a reading of the joint in a control step, 0 to 1.
     """
 
-    probability: float | Numbers = field(metadata=each_joint(not_negative, "1"))
+    probability: float | Numbers = field(metadata=each_joint(share, "1"))
 
     example = Example({"probability": 0.1})
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        checked = self.probability
-        for k, p in enumerate(checked if isinstance(checked, tuple) else (checked,)):
-            if p > 1.0:
-                entry = f"[{k}]" if isinstance(checked, tuple) else ""
-                raise ValueError(f"DroppedSamples.probability{entry} is {p}; it must lie in 0 to 1")
-
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._lossy(s, arm) for s in every_sensor(arm))
-
-    def _lossy(self, s: Sensor, arm: Arm) -> Hook:
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
         name = f"last_{s.field}[{s.joint}]"
-        bind = {"reading": s.quantity, "last": f".{name}", "probability": f".probability[{s.joint}]"}
-        state = State(name, s.unit(arm), update=latest, initial=identity("reading"), bind=bind)
-        return Sensing(s.joint, identity("last"), {"last": f".{name}"}, s.reading, (state,))
+        last = {"last": f".{name}"}
+        state = State(name, s.unit(arm), update=latest, initial=identity("reading"), bind=last)
+        return Sensing(s.joint, identity("last"), last, s.reading, (state,))

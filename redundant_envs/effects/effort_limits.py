@@ -1,8 +1,6 @@
-"""Motors that saturate."""
-
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, at_each_joint, effort_unit
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics, where
 
@@ -12,20 +10,20 @@ same limit stays there, and rounding would cross it again and again."""
 
 
 @physics
-def saturate(command, limit):
-    return clamp(command, -limit, limit)
+def saturate(command, limits):
+    return clamp(command, -limits, limits)
 
 
 @physics
-def beyond(command, limit):
+def beyond(command, limits):
     """By how much a command is above the limits."""
-    most = limit * (1.0 + WITHIN)
+    most = limits * (1.0 + WITHIN)
     return command - most, command + most
 
 
 @physics
-def clipped(command, limit, side1, side2):
-    return where(side1 > 0.0, limit, where(side2 < 0.0, -limit, command))
+def clipped(command, limits, side1, side2):
+    return where(side1 > 0.0, limits, where(side2 < 0.0, -limits, command))
 
 
 @dataclass(frozen=True)
@@ -44,9 +42,7 @@ class EffortLimits(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"command": f"command{k + 1}", "limit": f".limits[{k}]"}
-        unit = effort_unit(arm, k)
-        return Actuation(k, saturate, bind, Link.LIMITS, guard=beyond, by_side=clipped, takes=unit)
+        return Actuation(k, saturate, guard=beyond, by_side=clipped, takes=effort_unit(arm, k))
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"limits[{k}]" for k in range(len(arm.joints)))

@@ -1,5 +1,3 @@
-"""Gears whose teeth have backlash: the motor turns freely in the gap, and pushes elastic teeth beyond it."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
@@ -66,14 +64,9 @@ class GearBacklash(Effect):
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
         unit = "m" if arm.prismatic[k] else "rad"
-        motor = {"angle": f".angle[{k}]", "speed": f".speed[{k}]"}
-        joint = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}"}
-        of_teeth = {**motor, **joint, **{name: f".{name}[{k}]" for name in ("gap", "stiffness", "damping")}}
-        bind = {"speed": motor["speed"], "position": joint["position"]}
-        angle = State(f"angle[{k}]", unit, identity("speed"), bind=bind, initial=identity("position"))
+        angle = State(f"angle[{k}]", unit, identity("speed"), initial=identity("position"))
         speed = State(
-            f"speed[{k}]", f"{unit}/s", motor_acceleration, initial=identity("rate"), rate=oscillation,
-            bind={**of_teeth, "command": f"command{k + 1}", "inertia": f".inertia[{k}]"},
-        )  # fmt: skip
-        states, unit = (angle, speed), effort_unit(arm, k)
-        return Actuation(k, teeth, of_teeth, Link.GEAR, states=states, guard=contacts, takes=unit)
+            f"speed[{k}]", f"{unit}/s", motor_acceleration, initial=identity("rate"), rate=oscillation
+        )
+        takes = effort_unit(arm, k)
+        return Actuation(k, teeth, link=Link.GEAR, states=(angle, speed), guard=contacts, takes=takes)

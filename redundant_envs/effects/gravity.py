@@ -1,5 +1,3 @@
-"""Gravity in a plane of any tilt."""
-
 from __future__ import annotations
 
 import dataclasses
@@ -38,10 +36,7 @@ class Gravity(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.down) > 1.0 + 1e-12:
-            raise ValueError(
-                f"Gravity.down is {self.down}, of length {math.hypot(*self.down):.6g}; at most 1 "
-                "is possible for the projection of a unit vector: scale g instead"
-            )
+            raise ValueError(f"Gravity.down is {self.down}; give a unit vector, or its projection")
 
     @classmethod
     def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> Gravity:
@@ -55,4 +50,4 @@ class Gravity(Effect):
         return cls(g, (down * math.sin(roll), -down * math.cos(roll)))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return (Field(field, {"g": ".g", "down_x": ".down[0]", "down_y": ".down[1]"}),)
+        return (Field(field),)

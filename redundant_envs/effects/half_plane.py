@@ -1,13 +1,11 @@
-"""A half-plane, such as a floor or a wall, that the tip or the links of an arm touch."""
-
 import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive
+from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import physics, sqrt
-from redundant_envs.robots.parameters import LARGEST, SMALLEST
+from redundant_envs.robots.parameters import SMALLEST
 
 
 @physics
@@ -19,13 +17,6 @@ def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
 
 
 LAWS = contact.laws(depth_and_normal)
-
-
-def place(field: str, value: tuple[float, float]) -> tuple[float, float]:
-    """A point or a direction whose products with others are finite."""
-    if max(map(abs, value)) > LARGEST:
-        raise ValueError(f"{field} is {value}; it must lie in {-LARGEST:g} to {LARGEST:g}")
-    return value
 
 
 @dataclass(frozen=True)
@@ -55,14 +46,14 @@ class HalfPlane(Effect):
         Part of the name of its numbers, "half_plane_wall.friction"; several of a scene have different ones.
     """
 
-    point: Numbers = field(metadata=pair(place, "m", "m"))
-    normal: Numbers = field(default=(0.0, 1.0), metadata=pair(place, "1", "1"))
+    point: Numbers = field(metadata=pair(contact.place, "m", "m"))
+    normal: Numbers = field(default=(0.0, 1.0), metadata=pair(contact.place, "1", "1"))
     stiffness: float = field(default=2e4, metadata=one(positive, "N/m"))
     damping: float = field(default=0.2, metadata=one(not_negative, "s/m"))
     friction: float = field(default=0.0, metadata=one(not_negative, "1"))
     slip_speed: float = field(default=0.05, metadata=one(positive, "m/s"))
     along_links: bool = field(default=False, metadata=checked(contact.whole_arm))
-    name: str = field(default="", metadata=checked(contact.identifier))
+    name: str = field(default="", metadata=checked(text))
 
     static = ("along_links", "name")
     example = Example(
@@ -73,14 +64,9 @@ class HalfPlane(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.normal) < SMALLEST:
-            raise ValueError(
-                f"HalfPlane.normal is {self.normal}, which is no direction; give one such as (0, 1)"
-            )
+            raise ValueError(f"HalfPlane.normal is {self.normal}, no direction; give one such as (0, 1)")
         if self.point[0] * self.normal[0] + self.point[1] * self.normal[1] > 0.0:
-            raise ValueError(
-                f"HalfPlane.point is {self.point} m with the normal {self.normal}: the half-plane covers the "
-                "base of the arm, (0, 0); give another point, or the opposite normal"
-            )
+            raise ValueError(f"HalfPlane.point is {self.point}: it covers the base; give the opposite normal")
 
     @property
     def key(self) -> str:
@@ -91,10 +77,5 @@ class HalfPlane(Effect):
         return (shapes.HalfPlane((x, y), (nx, ny)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {
-            f"{name}_{axis}": f".{name}[{k}]" for name in ("point", "normal") for k, axis in enumerate("xy")
-        }
-        own |= contact.OWN
         points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)
-        binds = ({q: f"{q}{k + 1}" for q in ("x", "y", "vx", "vy")} | own for k in points)
-        return tuple(Force(Point(k), bind=bind, **LAWS) for k, bind in zip(points, binds, strict=True))
+        return tuple(Force(Point(k), **LAWS) for k in points)

@@ -12,7 +12,7 @@ import functools
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -20,24 +20,13 @@ from redundant_envs.effects.numbers import COORDINATE, DECLARED, Declared, decla
 from redundant_envs.effects.shapes import Pose, Shape
 from redundant_envs.robots.arm import Arm as Arm
 
-ELAPSED = "elapsed"
-"""Argument of a state's closed form: the time since its value was that which the form takes, s."""
-WHEN = ("interval", "instant")
-"""Allowed values of :attr:`State.when` and :attr:`Impulse.when`."""
-PASSED = "passed"
-"""Argument of an effect's functions: 1 from its instant on, and 0 before."""
-CONTROL_DT = "control_dt"
-"""Argument of all functions of effects: the control interval of the scene, s."""
-SIDE = "side"
-"""Argument of functions that selects which of the laws of a force, or of a link of a motor, holds."""
-SPEED = "speed"
-"""Argument of the limit of a friction: the size of the rate of its joint."""
+# Arguments of functions that are no quantities of the arm.
+ELAPSED, PASSED, CONTROL_DT, SIDE, SPEED = "elapsed", "passed", "control_dt", "side", "speed"
+WHEN = "interval", "instant"
 MAX_INSTANTS = 4
 """Most instants in a scene: each adds a piece to every interval."""
-MAX_GUARDS = 4
-"""Most values of the guard of one hook: its functions have as many sides."""
-MAX_KINKS = 2
-"""Most values of its ``kink``."""
+MAX_GUARDS, MAX_KINKS = 4, 2
+"""Most values of the guard of one hook, of which its functions have as many sides, and of its ``kink``."""
 
 
 def sides(count: int) -> list[str]:
@@ -49,29 +38,23 @@ def sides(count: int) -> list[str]:
 class State:
     """A number of an effect that changes with the motion; it is saved, restored and reset like coordinates.
 
-    Its ``name`` is "name" or "name[k]", which the effect's functions bind as ".name"; it has a ``unit``.
-    Either ``derivative`` is its rate of change, and it is integrated beside the arm's states, or ``update``
-    is its value after a control interval, from the quantities at the interval's end, and it is constant
-    within the interval. ``rate`` is the largest change of the derivative per change of the state [1/s], from
-    the parameters alone: error control takes steps that are short enough for it.
+    Its ``name`` is "name" or "name[k]"; it has a ``unit``. Either ``derivative`` is its rate of change, or
+    ``update`` is its value after a control interval, from the quantities at the interval's end, and it is
+    constant within the interval. ``rate`` is the largest change of the derivative per change of the state
+    [1/s], from the parameters alone: error control takes steps that are short enough for it. ``initial`` is
+    its value at the start of a motion: a number, or a function of parameters and of the motion there.
 
-    ``initial`` is its value at the start of an episode or a motion: a number, or a function of parameters and
-    of the motion at the start, at which the arm has the positions and rates that were set.
-
-    The functions ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and
-    ``normal1``, ``normal2``, ... of the standard normal distribution. All draws are independent: each lane,
-    interval and state has others. They follow from the key of the lane's episode, the number of the interval,
-    the effect's key and the state's name, so that no other effect changes them.
+    ``update`` and ``initial`` may take draws: ``uniform1``, ``uniform2``, ... in (0, 1), and ``normal1``,
+    ``normal2``, ... of the standard normal distribution. They follow from the key of the lane's episode, the
+    number of the interval, the effect's key and the state's name alone, and are different for others.
 
     ``closed`` is the value of a state with a derivative after a time ``elapsed`` [s], from its value before
-    and quantities that are taken as constant. Fixed steps evaluate it where they would integrate the
-    derivative, so they may be longer than the state's time constant; error control and dop853 integrate the
-    derivative. Quantities that change in a step are taken at its stages; with a ``rate``, which then is that
-    of its decay, they are taken so much earlier that the state lags behind them by the right time.
+    and quantities that are taken as constant. Fixed steps evaluate it in place of the derivative, so they may
+    be longer than the state's time constant. Quantities that change in a step are taken at its stages; with a
+    ``rate``, which then is that of its decay, so much earlier that the state has the right delay.
 
     With ``when="instant"`` the update takes place at the :class:`Instant` of the effect, from the quantities
-    there, with ``passed`` 0, instead of at the end of the interval; in an interval without the instant the
-    state stays.
+    there, with ``passed`` 0; in an interval without the instant the state stays.
     """
 
     name: str
@@ -89,10 +72,9 @@ class State:
 class Instant:
     """A time within each control interval at which something of the effect changes; at most one per effect.
 
-    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone, so
-    that it may differ from lane to lane. The interval is crossed in two pieces that meet there, so no step
-    contains the change, and the pieces share the tolerance. Functions of the effect then may take ``passed``:
-    0 before the instant, 1 from then on; states of the effect may be updated there.
+    ``after`` gives it in seconds from the start of the interval, from parameters and ``control_dt`` alone.
+    The interval is crossed in two pieces that meet there, and share the tolerance. Functions of the effect
+    then may take ``passed``: 0 before the instant, 1 from then on; states of the effect may be updated there.
 
     A time that is negative, not below the length of the interval, or no number does not happen in it. A time
     of 0 is the start of the interval, and adds no step.
@@ -139,40 +121,33 @@ class _Acting:
 class Force(_Acting):
     """A force on one joint, N m on a revolute joint and N on a prismatic one, or at a :class:`Point`.
 
-    At a point the function returns (fx, fy) [N]; it may depend on the point's position, such as x4, y4, and
-    velocity, vx4, vy4 (these count from 1). ``states`` belong to the force, such as those of a friction with
-    memory.
+    At a point the function returns (fx, fy) [N]. ``states`` belong to the force, such as those of a friction
+    with memory.
 
-    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] with respect to the
-    position of the joint or the point: it counts as potential energy, and the power of the rest counts as
-    work. By default, with a potential, it is the whole force, which then may depend on the position alone.
+    ``conservative`` is the part of it that is minus the derivative of ``potential`` [J] by the position of
+    the joint or the point: it counts as potential energy, and the power of the rest as work. By default, with
+    a potential, it is the whole force, which then may depend on the position alone.
 
-    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest that the
-    force can have, computed from the parameters alone: error control takes steps short enough for a spring
-    before an estimate could have seen it. They are derivatives of the force, by its position at rest and
-    by its rate. A force with a ``damping`` must brake: a force that drives declares none, or is an
-    :class:`Actuation`. If the damping is not the same everywhere, that of a force on a joint may depend on
-    ``phi<k>`` and ``phid<k>`` of that joint, too. ``python -m redundant_envs verify`` differentiates
-    potentials and forces, and compares.
+    ``stiffness`` [N/m or N m/rad] and ``damping`` [N s/m or N m s/rad] are the largest derivatives of the
+    force, by the position at rest and by the rate, from the parameters alone: error control takes steps short
+    enough for them before an estimate could have seen them. A force with a ``damping`` must brake. The
+    damping of a force on a joint may depend on ``phi<k>`` and ``phid<k>`` of that joint, too.
 
     ``switch`` names two of the effect's numbers, (".lower", ".upper"): positions of the joint at which the
-    law of the force changes, as that of a spring at the end of a joint's travel. Its functions then may take
-    ``side``: 1 above the upper, -1 below the lower, 0 between. Under error control no step
-    contains two laws: the change is located in time, as an impact is. So each law must be smooth beyond its
-    own positions, too, and both must give the same force where they meet.
+    law of the force changes. Its functions then may take ``side``: 1 above the upper, -1 below the lower, 0
+    between. Under error control no step contains two laws: the change is located in time, as an impact is. So
+    each law must be smooth beyond its own positions, too, and both must give the same force where they meet.
 
-    ``guard`` is the same for a law that changes where any function changes its sign, of positions, rates,
-    states and commands: its functions then may take ``side``, 1 where the guard is positive or 0, and -1
-    where it is negative. A guard may return up to four values; then there are ``side1``, ``side2``, ... Each
-    law must be smooth beyond its own range, and the guard, too. With fixed steps the sign at each stage
-    selects the law.
+    ``guard`` is the same for a law that changes where a function of positions, rates, states and commands
+    changes its sign: ``side`` is 1 where it is positive or 0, and -1 where it is negative. A guard may return
+    up to four values; then there are ``side1``, ``side2``, ... Each law, and the guard, must be smooth beyond
+    its own range. With fixed steps the sign at each stage selects the law.
 
     Other kinks are found by running the function on numbers that know whether they move (comparisons,
     ``abs``, ``minimum``, ``maximum``, ``where``, ``floor``): an interval that may have one has to give the
     same result with half as many steps. ``kink`` is a function that changes its sign at a kink that the
-    function does not show, or that replaces one that it shows: it replaces all kinks of the values that
-    ``where`` chooses from in it. It may return two values, such as those at both ends of a narrow range in
-    which a smooth law bends.
+    function does not show, or that replaces those of the values that ``where`` chooses from in it. It may
+    return two values, such as those at both ends of a narrow range in which a smooth law bends.
     """
 
     joint: int | Point
@@ -214,18 +189,16 @@ class Link(enum.IntEnum):
 class Actuation:
     """Maps the effort that reaches a link in the chain of a joint's motor to the effort that leaves it.
 
-    In ``function``, and in the functions of ``states``, ``command<k>`` (k counts from 1) is the input of the
-    link. Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
+    In its functions, and in those of ``states``, ``command<k>`` (k counts from 1) is the input of the link.
+    Links act in the order of :class:`Link`, those of one kind in the order of the scene's effects.
 
     A link hands on the unit of its command, which is an effort (N m or N), unless it ``takes`` another one,
-    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit: a controller that takes
-    "rad/s" and gives "V" stands before a motor that takes "V". The command of a motor has the unit that the
-    first of these links takes. A chain whose units do not meet is refused.
+    such as "V". Then what leaves it is an effort, or ``gives`` yet another unit. The command of a motor has
+    the unit that the first of these links takes. A chain whose units do not meet is refused.
 
-    Kinks, ``kink`` and ``guard`` are as in :class:`Force`, if a rate or a state comes before them in the
-    chain. With ``by_side`` the guard counts only under error control, and only where the command of the link
-    changes within an interval: then ``by_side``, which may take ``side``, stands for ``function``, which
-    takes none, so that other scenes do not pay for the guard.
+    Kinks, ``kink`` and ``guard`` are as in :class:`Force`. With ``by_side`` the guard counts only under error
+    control, and only where the command of the link changes within an interval: then ``by_side``, which may
+    take ``side``, stands for ``function``, which takes none, so that other scenes do not pay for the guard.
     """
 
     joint: int
@@ -246,9 +219,8 @@ class Friction:
     limit, and that opposes its rate with the limit while it moves.
 
     ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
-    rate of the joint; at the speed 0 it is the limit of static friction. A joint that sticks has the rate 0
-    exactly, and keeps its position. When joints stick and slip is located in time, with every integrator.
-    The limits of several frictions in one joint add up.
+    rate of the joint; at 0 it is that of static friction. A joint that sticks has the rate 0 exactly. When
+    joints stick and slip is located in time, with every integrator. Limits in one joint add up.
     """
 
     joint: int
@@ -272,10 +244,9 @@ class Gap:
     """A stop where a function of the motion is 0: the arm moves where it is positive.
 
     ``function`` gives the gap [m] from quantities of the pose, such as tip_x, and numbers of the effect; dual
-    numbers differentiate it twice, so it must be smooth beyond 0, too. Impacts are located in time. Their
-    impulse acts along the gradient of the gap, without friction, and ``restitution`` names a number of the
-    effect. The stop holds nothing: an arm that is pressed onto it bounces, and an interval with more than 256
-    impacts is given up with a fault.
+    numbers differentiate it twice, so it must be smooth beyond 0, too. The impulse of impacts acts along the
+    gradient of the gap, without friction, and ``restitution`` names a number of the effect. The stop holds
+    nothing: a pressed arm bounces, and an interval with more than 256 impacts is given up with a fault.
     """
 
     function: Callable[..., Any]
@@ -332,7 +303,7 @@ class Inertia:
 
 
 class Reading(enum.Enum):
-    """The quantity that a sensor of a joint measures."""
+    """The quantity of a joint that a sensor measures."""
 
     POSITION = "phi{}"
     RATE = "phid{}"
@@ -374,18 +345,43 @@ def functions_of(part: Any) -> dict[str, Callable[..., Any]]:
     return {name: value for name, value in values.items() if callable(value)}
 
 
+OF_JOINT = {"position": "phi{}", "rate": "phid{}", "command": "command{}"}
+OF_POINT = "x", "y", "vx", "vy"
+AXES = {"_x": "[0]", "_y": "[1]"}
+
+
+def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
+    """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says; ``own``
+    has the numbers and states of the effect."""
+    place: Any = getattr(hook, "joint", None)
+    if argument in part.bind or argument in own:
+        return part.bind.get(argument, f".{argument}")
+    of_state = "".join(part.name.partition("[")[1:]) if isinstance(part, State) else ""
+    axis = f"{argument[:-2]}{AXES.get(argument[-2:])}"
+    for name in (f"{argument}{of_state}", f"{argument}[{place}]", axis):
+        if name in own:
+            return f".{name}"
+    if isinstance(hook, Sensing) and argument == "reading":
+        return hook.reading.value.format(place + 1)
+    if isinstance(place, Point):
+        return f"{argument}{place.number + 1}" if argument in OF_POINT else argument
+    return OF_JOINT[argument].format(place + 1) if place is not None and argument in OF_JOINT else argument
+
+
 @dataclass(frozen=True)
 class Effect:
-    """Base of all effects.
+    """Base of all effects; docs/extending.md has a complete one.
 
     A subclass validates its numbers in ``__post_init__``, unless they are declared with their checks (see
     :mod:`redundant_envs.effects.numbers`), and defines ``hooks``. Its class name is its name in scene files;
     ``key`` is its name in parameters ("limit_spring.r1").
 
     In the ``bind`` of a hook an argument of its functions is mapped to the name of a quantity, or to one of
-    the effect's own numbers or states as ".field" or ".field[k]"; an argument that is not mapped takes the
-    quantity of its own name. ``control_dt`` is the control interval of the scene [s], also while a simulator
-    advances by less.
+    the effect's own numbers or states as ".field" or ".field[k]". An argument that is not mapped takes the
+    own number or state of its name, with the index of the state or of the hook's joint, and for ``name_x``
+    and ``name_y`` those of ``name``; ``position``, ``rate`` or ``command`` of the joint; ``x``, ``y``, ``vx``
+    or ``vy`` of the point; the ``reading`` that reaches the sensor; or the quantity of its name.
+    ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of
     the effect's hooks may name them.
@@ -396,39 +392,12 @@ class Effect:
         Fields that choose the structure; all others are per-environment numbers.
     of_joints : tuple of str, default ()
         Fields with a number for each joint; a single number serves all of them.
-
-    Examples
-    --------
-    A drag that grows with the square of the rate, on every joint::
-
-        from dataclasses import dataclass
-
-        import redundant_envs as rde
-        from redundant_envs.algebra import physics
-
-        @physics
-        def drag(rate, coefficient):
-            return -coefficient * rate * abs(rate)
-
-        @dataclass(frozen=True)
-        class SquareDrag(rde.effects.Effect):
-            coefficient: float  # N m s^2/rad^2 or N s^2/m^2
-
-            def hooks(self, arm):
-                own = {"coefficient": ".coefficient"}
-                joints = range(len(arm.joints))
-                return tuple(rde.effects.Force(k, drag, {"rate": f"phid{k + 1}", **own}) for k in joints)
-
-        rde.register_effect(SquareDrag)
-        scene = rde.Scene(rde.Chain("RR", (1.0, 0.5), (0.4, 0.3)), (SquareDrag(0.1),))
-        print(scene.parameters()["square_drag.coefficient"])
     """
 
     static: ClassVar[tuple[str, ...]] = ()
     of_joints: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        """Refuse numbers with names that every effect has, and note which there are for each joint."""
         super().__init_subclass__()
         for name, annotation in inspect.get_annotations(cls).items():
             if hasattr(Effect, name) and "ClassVar" not in str(annotation):
@@ -452,7 +421,6 @@ class Effect:
         return ((f, value) for f, value in values if value is not None or f.default is not None)
 
     def __declared(self) -> dict[str, Declared]:
-        """What is declared of its fields, but for those that are absent."""
         declared = {f.name: declared_in(type(self), f.name) for f, _ in self.__present()}
         return {name: found for name, found in declared.items() if found is not None}
 

@@ -1,23 +1,12 @@
-"""Hard ends of the travel of joints of any kind: impacts with restitution, located in time."""
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
-from redundant_envs.effects.numbers import Ends, Example, number, one, travel
+from redundant_envs.effects.numbers import Ends, Example, number, one, share, travel
 from redundant_envs.support.values import shown
 
-FREE = {"lower": -math.inf, "upper": math.inf}
-"""Ends of the travel of a joint without stops."""
-
-
-def share(field: str, value: float) -> float:
-    """A number from 0 to 1."""
-    if not 0.0 <= value <= 1.0:
-        raise ValueError(f"{field} is {value}; it must lie in 0 to 1")
-    return value
+FREE = {"lower": -math.inf, "upper": math.inf}  # ends of the travel of a joint without stops
 
 
 @dataclass(frozen=True)
@@ -42,8 +31,6 @@ class JointStop(Effect):
     upper: Ends
     restitution: float = field(default=1.0, metadata=one(share))
 
-    each: ClassVar[str] = "joint"
-
     example = Example({"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0})
 
     def __post_init__(self) -> None:
@@ -52,16 +39,13 @@ class JointStop(Effect):
             object.__setattr__(self, name, self._ends(name))
         if len(self.lower) != len(self.upper):
             raise ValueError(
-                f"{kind}.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many: "
-                f"one for each {self.each}"
+                f"{kind}.lower has {len(self.lower)} entries and upper {len(self.upper)}; give as many"
             )
         for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if low is not None and high is not None:
                 travel(f"{kind}.{{}}[{i}]", low, high)
         if not self._limited():
-            raise ValueError(
-                "JointStop.lower and upper have no end of any joint; give one, or leave the effect out"
-            )
+            raise ValueError("JointStop.lower and upper have no end of any joint; give one")
         super().__post_init__()
 
     def parameters(self) -> dict[str, float]:
@@ -90,6 +74,6 @@ class JointStop(Effect):
         ends, field = getattr(self, name), f"{type(self).__name__}.{name}"
         given = ends.tolist() if hasattr(ends, "tolist") else ends
         if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
-            raise ValueError(f"{field} is {shown(ends)}; give an end for each {self.each}, in their order")
+            raise ValueError(f"{field} is {shown(ends)}; give a sequence of ends, or None for those without")
         kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
         return tuple(None if end is None else number(f"{field}[{i}]", end) for i, end in enumerate(kept))

@@ -1,10 +1,8 @@
-"""Torques that disturb the joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Arm, Force, Hook
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, one
+from redundant_envs.effects.hooks import Arm, Hook, effort_unit
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, one, strengths
 from redundant_envs.language.algebra import identity
 
 
@@ -35,15 +33,15 @@ class JointTorque(d.Disturbance):
         Time in which its correlation falls to 1/e, s, positive.
     """
 
-    step: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "N m", "N"))
-    start: float | None = field(default=None, metadata=one(d.from_the_start, "s"))
-    amplitude: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "N m", "N"))
+    step: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "N m", "N"))
+    start: float | None = field(default=None, metadata=one(not_negative, "s"))
+    amplitude: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "N m", "N"))
     frequency: float | None = field(default=None, metadata=one(d.moderate, "Hz"))
-    phase: float | Numbers | None = field(default=None, metadata=each_joint(d.sizes, "rad"))
+    phase: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad"))
     density: float | Numbers | None = field(
-        default=None, metadata=each_joint(d.deviations, "N m sqrt(s)", "N sqrt(s)")
+        default=None, metadata=each_joint(not_negative, "N m sqrt(s)", "N sqrt(s)")
     )
-    deviation: float | Numbers | None = field(default=None, metadata=each_joint(d.deviations, "N m", "N"))
+    deviation: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "N m", "N"))
     time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
 
     example = Example(
@@ -52,19 +50,6 @@ class JointTorque(d.Disturbance):
     )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        found: list[Force] = []
-        for k, slides in enumerate(arm.prismatic):
-            unit, entry, first = "N" if slides else "N m", f"[{k}]", k == 0  # the first has what all share
-            if self.step is not None:
-                own = {"elapsed": ".elapsed", "start": ".start", "size": f".step{entry}"}
-                found.append(Force(k, d.step, own, states=(d.clock(),) if first else ()))
-            if self.amplitude is not None:
-                own = {"angle": ".angle", "phase": f".phase{entry}", "amplitude": f".amplitude{entry}"}
-                found.append(Force(k, d.periodic, own, states=(d.phase_angle(),) if first else ()))
-            if self.density is not None:
-                own = {"torque": f".white{entry}"}
-                found.append(Force(k, identity("torque"), own, states=(d.white_noise(entry, unit),)))
-            if self.deviation is not None:
-                own = {"torque": f".wander{entry}"}
-                found.append(Force(k, identity("torque"), own, states=(d.wander(entry, unit),)))
-        return tuple(found)
+        laws = (d.step, d.periodic, identity("white"), identity("wander"))
+        at_each = (self.forces(k, (f"[{k}]",), effort_unit(arm, k), laws) for k in range(len(arm.joints)))
+        return tuple(force for found in at_each for force in found)

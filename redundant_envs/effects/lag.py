@@ -1,5 +1,3 @@
-"""Motors whose efforts lag behind their commands by a first order."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
@@ -39,9 +37,6 @@ class Lag(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        own = {"effort": f".effort[{k}]", "time_constant": f".time_constant[{k}]"}
-        bind = {"command": f"command{k + 1}", **own}
-        state = State(
-            f"effort[{k}]", effort_unit(arm, k), approach, bind=bind, rate=fastest_change, closed=approached
-        )
-        return Actuation(k, identity("effort"), own, Link.LAG, states=(state,))
+        unit = effort_unit(arm, k)
+        state = State(f"effort[{k}]", unit, approach, rate=fastest_change, closed=approached)
+        return Actuation(k, identity("effort"), link=Link.LAG, states=(state,))

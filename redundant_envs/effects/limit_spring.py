@@ -1,5 +1,3 @@
-"""A one-sided spring and damper at the ends of a joint's travel."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
@@ -42,9 +40,6 @@ def hold(rate, stiffness, damping, side):
 def damper(position, lower, upper, damping):
     """Damping at a position, if the joint moves deeper."""
     return damping * abs(position - clamp(position, lower, upper))
-
-
-NUMBERS = ("lower", "upper", "stiffness", "damping")
 
 
 @dataclass(frozen=True)
@@ -90,11 +85,9 @@ class LimitSpring(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)
-        own = {name: f".{name}" for name in NUMBERS}
-        bind = {"position": f"phi{k + 1}", "rate": f"phid{k + 1}", **own}
         return (
             Force(
-                k, force, bind, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
+                k, force, potential=spring_energy, conservative=spring, stiffness=identity("stiffness"),
                 damping=damper, switch=(".lower", ".upper"), kink=hold,
             ),
         )  # fmt: skip

@@ -1,5 +1,3 @@
-"""Links that are bodies, not points: their moments of inertia."""
-
 import dataclasses
 from dataclasses import dataclass
 
@@ -34,8 +32,7 @@ class LinkInertia(Effect):
             return dataclasses.replace(self, inertias=(self.inertias,) * links)
         if len(self.inertias) != links:
             raise ValueError(
-                f"LinkInertia.inertias has {len(self.inertias)} entries; {arm.kind} has {links} revolute "
-                f"joints: give {links} numbers, or one for all"
+                f"LinkInertia.inertias has {len(self.inertias)} entries; give one, or {links} for {arm.kind}"
             )
         return super().fitted(arm)
 

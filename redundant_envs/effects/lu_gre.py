@@ -1,5 +1,3 @@
-"""The friction model of Lund and Grenoble: bristles that bend and slip."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State, at_each_joint
@@ -37,10 +35,6 @@ def bent(rate, bristle, stiffness, coulomb, stiction, stribeck_speed, elapsed):
 def force(rate, bristle, stiffness, damping, viscous, coulomb, stiction, stribeck_speed):
     change = bending(rate, bristle, stiffness, coulomb, stiction, stribeck_speed)
     return -(stiffness * bristle + damping * change + viscous * rate)
-
-
-NUMBERS = ("stiffness", "damping", "viscous", "coulomb", "stiction", "stribeck_speed")
-OF_BRISTLES = ("stiffness", "coulomb", "stiction", "stribeck_speed")
 
 
 @dataclass(frozen=True)
@@ -83,27 +77,14 @@ class LuGre(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for k, (low, high) in enumerate(_pairs(self.coulomb, self.stiction)):
+        levels = self.coulomb, self.stiction
+        most = max(len(x) if isinstance(x, tuple) else 1 for x in levels)
+        rows = (x if isinstance(x, tuple) else (x,) * most for x in levels)
+        for k, (low, high) in enumerate(zip(*rows, strict=False)):  # a scene refuses other counts
             if high < low:
-                raise ValueError(
-                    f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; a joint slips no "
-                    "sooner than it slides: give at least the Coulomb level"
-                )
+                raise ValueError(f"LuGre.stiction is {high} at joint {k + 1}, coulomb {low}; give as much")
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        moving = {"rate": f"phid{k + 1}", "bristle": f".bristle[{k}]"}
-        bristle = State(
-            f"bristle[{k}]", "m" if arm.prismatic[k] else "rad", bending,
-            bind={**moving, **{name: f".{name}[{k}]" for name in OF_BRISTLES}}, closed=bent,
-        )  # fmt: skip
-        own = {name: f".{name}[{k}]" for name in NUMBERS}
-        return Force(k, force, {**moving, **own}, states=(bristle,), stiffness=identity("stiffness"))
-
-
-def _pairs(low: float | Numbers, high: float | Numbers) -> list[tuple[float, float]]:
-    """Numbers of the joints, side by side; those of different numbers of joints are refused by a scene."""
-    rows = [x if isinstance(x, tuple) else (x,) for x in (low, high)]
-    most = max(map(len, rows))
-    lows, highs = (row * most if len(row) == 1 else row for row in rows)
-    return list(zip(lows, highs, strict=False))
+        bristle = State(f"bristle[{k}]", "m" if arm.prismatic[k] else "rad", bending, closed=bent)
+        return Force(k, force, states=(bristle,), stiffness=identity("stiffness"))

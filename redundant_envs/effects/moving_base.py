@@ -1,5 +1,3 @@
-"""A base that moves: the arm feels its acceleration as a field."""
-
 import math
 from dataclasses import dataclass, field
 
@@ -10,11 +8,11 @@ from redundant_envs.language.algebra import identity, physics, sincos
 
 
 @physics
-def acceleration(angle, frequency, x, y):
+def acceleration(angle, frequency, amplitude_x, amplitude_y):
     """The second derivative of the amplitude times the sine of the angle."""
     sine, _ = sincos(angle)
     square = -(frequency * frequency)
-    return x * square * sine, y * square * sine
+    return amplitude_x * square * sine, amplitude_y * square * sine
 
 
 @dataclass(frozen=True)
@@ -51,8 +49,6 @@ class MovingBase(Effect):
         return (shapes.Ground((self.amplitude[0] * sine, self.amplitude[1] * sine)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        own = {"frequency": ".frequency"}
         # The rate is for steps that are no longer than a third of a cycle, whatever an estimate sees.
-        angle = State("angle", "rad", identity("frequency"), bind=own, rate=identity("frequency"))
-        bind = {"angle": ".angle", "x": ".amplitude[0]", "y": ".amplitude[1]", **own}
-        return (Field(acceleration, bind, (angle,)),)
+        angle = State("angle", "rad", identity("frequency"), rate=identity("frequency"))
+        return (Field(acceleration, states=(angle,)),)

@@ -1,9 +1,7 @@
-"""Numbers of an effect, declared once: their check, their unit, and how many there are.
+"""Numbers of an effect, declared once, ``field(metadata=one(not_negative, "kg"))``: their check, their unit,
+and how many there are. Effects import checks and types of numbers from here as well."""
 
-The functions return the metadata of a field, ``field(metadata=one(not_negative, "kg"))``: so type checkers
-know which fields have a default, too. Effects import checks and types of numbers from here as well.
-"""
-
+import functools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -30,24 +28,14 @@ DECLARED = "redundant_envs.declared"
 
 @dataclass(frozen=True)
 class Declared:
-    """What a field of an effect holds.
+    """What a field of an effect holds."""
 
-    Attributes
-    ----------
-    form : Check
-        What brings a value into its form, such as a single number, before its check.
-    check : Check
-        Of the value, or of all values of several.
-    units : tuple of str
-        Its unit, if that is known; or two, those at a revolute and at a prismatic joint, or of both axes.
-    of_joints : bool
-        Whether there is one for each joint; a single number serves all of them.
-    """
-
-    form: Check
-    check: Check
-    units: tuple[str, ...]
-    of_joints: bool = False
+    form: Check  # brings a value into its form, such as a single number, before its check
+    check: Check  # of the value, or of all values of several
+    units: tuple[
+        str, ...
+    ]  # one, if it is known; or two, at a revolute and a prismatic joint, or of both axes
+    of_joints: bool = False  # whether there is one for each joint; a single number serves all of them
 
     def checked(self, field: str, value: Any) -> Any:
         """The value as it is kept; ValueError that names the field."""
@@ -58,15 +46,9 @@ class Declared:
 class Example:
     """Numbers of an effect with which the package shows, tests and measures it, by their fields.
 
-    Attributes
-    ----------
-    numbers : mapping
-        They fit an arm of four joints.
-    zero : mapping, optional
-        What to change in them for a magnitude of zero, with which a motion keeps its bits. An effect that has
-        none changes the rounding wherever it is.
-    variants : mapping
-        What to change in them for another structure, by what that is called.
+    ``numbers`` fit an arm of four joints. ``zero`` is what to change in them for a magnitude of zero, with
+    which a motion keeps its bits; an effect without one changes the rounding wherever it is. ``variants`` are
+    what to change in them for another structure, by what that is called.
     """
 
     numbers: Mapping[str, Any]
@@ -75,7 +57,6 @@ class Example:
 
 
 def example_of(kind: type) -> Example:
-    """The example of an effect of the package; without numbers if it needs none."""
     found = vars(kind).get("example")
     return found if isinstance(found, Example) else Example({})
 
@@ -122,34 +103,27 @@ def _as_given(_: str, value: Any) -> Any:
 Metadata = Mapping[str, Declared]
 
 
-def one(check: Check, *units: str) -> Metadata:
-    """A single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
-    return {DECLARED: Declared(number, check, units)}
+def _declared(form: Check, of_joints: bool, check: Check, *units: str) -> Metadata:
+    return {DECLARED: Declared(form, check, units, of_joints)}
 
 
-def pair(check: Check, *units: str) -> Metadata:
-    """A number for each axis, x and y."""
-    return {DECLARED: Declared(two, check, units)}
+one = functools.partial(_declared, number, False)
+"""Metadata of a single number. With two units it belongs to the joint that :data:`COORDINATE` names."""
+pair = functools.partial(_declared, two, False)  # of a number for each axis, x and y
+each_axis = functools.partial(_declared, of_axes, False)  # of a number for each axis, or one for both
+each_joint = functools.partial(_declared, _as_given, True)
+"""Of a number for each joint, or one that serves all of them."""
+row = functools.partial(_declared, numbers, False)  # of numbers of which the effect says how many there are
+checked = functools.partial(_declared, _as_given, False)
+"""Of what its check alone describes, such as a name."""
 
 
-def each_axis(check: Check, *units: str) -> Metadata:
-    """A number for each axis, or one for both."""
-    return {DECLARED: Declared(of_axes, check, units)}
-
-
-def each_joint(check: Check, *units: str) -> Metadata:
-    """A number for each joint, or one that serves all of them."""
-    return {DECLARED: Declared(_as_given, check, units, of_joints=True)}
-
-
-def row(check: Check, *units: str) -> Metadata:
-    """Numbers of which the effect says how many there are."""
-    return {DECLARED: Declared(numbers, check, units)}
-
-
-def checked(check: Check, *units: str) -> Metadata:
-    """What its check alone describes, such as a name."""
-    return {DECLARED: Declared(_as_given, check, units)}
+def share(field: str, values: Any) -> Any:
+    """A number from 0 to 1, or a sequence of one for each joint."""
+    for x in numbers(field, values if hasattr(values, "__len__") else (values,)):
+        if not 0.0 <= x <= 1.0:
+            raise ValueError(f"{field} is {values}; it must lie in 0 to 1")
+    return not_negative(field, values)
 
 
 def text(field: str, value: Any) -> str:

@@ -1,5 +1,3 @@
-"""A load in the gripper."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass

@@ -1,11 +1,9 @@
-"""An object that the tip picks up."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.disturbances import later, step
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Point, PointMass, State
-from redundant_envs.effects.numbers import Example, not_negative, one, strength
+from redundant_envs.effects.numbers import Example, not_negative, one, positive
 from redundant_envs.language.algebra import physics
 
 
@@ -33,14 +31,9 @@ class PickUp(Effect):
     """
 
     mass: float = field(metadata=one(not_negative, "kg"))
-    at: float = field(metadata=one(strength, "s"))
+    at: float = field(metadata=one(positive, "s"))
 
     example = Example({"mass": 0.3, "at": 0.1})
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.at <= 0.0:
-            raise ValueError(f"PickUp.at is {self.at} s; it must be positive: give a Payload from the start")
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         """The object before it is grasped, which the tip will find wherever it then is."""
@@ -48,8 +41,6 @@ class PickUp(Effect):
         return (shapes.Load(pose.points[-1], self.mass, held=False),) if waits else ()
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        states = (
-            State("carried", "kg", update=taken, bind={"time": ".time", "mass": ".mass", "at": ".at"}),
-            State("time", "s", update=later, bind={"elapsed": ".time"}),
-        )
+        time = State("time", "s", update=later, bind={"elapsed": ".time"})
+        states = State("carried", "kg", update=taken), time
         return (PointMass(Point(arm.num_masses - 1), ".carried", states),)

@@ -1,5 +1,3 @@
-"""Commands that reach their motors with play."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import (
@@ -18,9 +16,9 @@ from redundant_envs.language.algebra import clamp, physics
 
 
 @physics
-def pushed(command, kept, gap):
+def pushed(command, kept, gaps):
     """What is kept until one of the two ends of the gap pushes it."""
-    return clamp(kept, command - 0.5 * gap, command + 0.5 * gap)
+    return clamp(kept, command - 0.5 * gaps, command + 0.5 * gaps)
 
 
 @dataclass(frozen=True)
@@ -42,6 +40,5 @@ class Play(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"command": f"command{k + 1}", "kept": f".kept[{k}]", "gap": f".gaps[{k}]"}
-        kept = State(f"kept[{k}]", effort_unit(arm, k), update=pushed, bind=bind)
-        return Actuation(k, pushed, bind, Link.DEAD_ZONE, states=(kept,))
+        kept = State(f"kept[{k}]", effort_unit(arm, k), update=pushed)
+        return Actuation(k, pushed, link=Link.DEAD_ZONE, states=(kept,))

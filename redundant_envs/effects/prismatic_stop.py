@@ -1,7 +1,4 @@
-"""Hard ends of the travel of sliders alone: impacts with restitution, located in time."""
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 from redundant_envs.effects.hooks import Arm, Hook, Impact
 from redundant_envs.effects.joint_stop import JointStop
@@ -25,8 +22,6 @@ class PrismaticStop(JointStop):
     restitution : float
         Speed after an impact over speed before, 0 to 1.
     """
-
-    each: ClassVar[str] = "slider"
 
     # No zero: without ends a motion agrees to rounding only, by the equations of sliders that may rest.
     example = Example({"lower": (0.0, 0.0), "upper": (0.25, 0.25), "restitution": 0.0})

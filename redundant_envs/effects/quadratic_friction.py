@@ -1,5 +1,3 @@
-"""Friction that grows with the square of the rate."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
@@ -8,14 +6,14 @@ from redundant_envs.language.algebra import physics
 
 
 @physics
-def force(rate, coefficient):
+def force(rate, coefficients):
     """Opposes the rate of the joint, not that of the absolute angle."""
-    return -coefficient * rate * abs(rate)
+    return -coefficients * rate * abs(rate)
 
 
 @physics
-def slope(rate, coefficient):
-    return 2.0 * coefficient * abs(rate)
+def slope(rate, coefficients):
+    return 2.0 * coefficients * abs(rate)
 
 
 @dataclass(frozen=True)
@@ -34,5 +32,4 @@ class QuadraticFriction(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
-        return Force(k, force, bind, damping=slope)
+        return Force(k, force, damping=slope)

@@ -1,11 +1,9 @@
-"""Sensors that count in steps."""
-
 from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
-from redundant_envs.effects.readings import OfReadings
+from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, physics
 from redundant_envs.robots.parameters import SMALLEST
 
@@ -21,9 +19,7 @@ def resolutions(field: str, values: Any) -> float | tuple[float, ...]:
     found = positive(field, values)
     entries = found if isinstance(found, tuple) else (found,)
     if min(entries, default=1.0) < SMALLEST:
-        raise ValueError(
-            f"{field} is {min(entries)}; it must be at least {SMALLEST:g}: leave it out for exact readings"
-        )
+        raise ValueError(f"{field} is {min(entries)}; give at least {SMALLEST:g}, or leave it out")
     return found
 
 
@@ -45,8 +41,6 @@ class Quantisation(OfReadings):
 
     example = Example({"position": 0.001, "rate": 0.01})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Sensing(s.joint, counted, {"reading": s.quantity, "resolution": s.number}, s.reading)
-            for s in self.sensors(arm)
-        )
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
+        return Sensing(s.joint, counted, {"resolution": s.number}, s.reading)

@@ -1,9 +1,9 @@
 """What effects on the readings of sensors have in common: a number for each position and each rate."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from redundant_envs.effects.hooks import Arm, Effect, Reading
+from redundant_envs.effects.hooks import Arm, Effect, Hook, Reading
 
 READINGS = {"position": Reading.POSITION, "rate": Reading.RATE}
 """Fields with the numbers of each joint's readings, and what these measure."""
@@ -13,13 +13,11 @@ class Sensor(NamedTuple):
     """A sensor of a joint."""
 
     field: str  # "position" or "rate"
-    reading: Reading
     joint: int
 
     @property
-    def quantity(self) -> str:
-        """What reaches it."""
-        return self.reading.value.format(self.joint + 1)
+    def reading(self) -> Reading:
+        return READINGS[self.field]
 
     @property
     def number(self) -> str:
@@ -27,15 +25,18 @@ class Sensor(NamedTuple):
         return f".{self.field}[{self.joint}]"
 
     def unit(self, arm: Arm) -> str:
-        """Unit of its readings."""
         length = "m" if arm.prismatic[self.joint] else "rad"
         return length if self.reading is Reading.POSITION else f"{length}/s"
 
 
-def every_sensor(arm: Arm) -> Iterator[Sensor]:
-    """The sensors of all positions and rates."""
-    for field, reading in READINGS.items():
-        yield from (Sensor(field, reading, joint) for joint in range(len(arm.joints)))
+def at_each_sensor(hook_at: Callable[[Any, Sensor, Arm], Hook]) -> Callable[[Any, Arm], tuple[Hook, ...]]:
+    """The method ``hooks`` of an effect on sensors alike: those for which it has numbers, or else all."""
+
+    def hooks(self: Any, arm: Arm) -> tuple[Hook, ...]:
+        every = (Sensor(field, joint) for field in READINGS for joint in range(len(arm.joints)))
+        return tuple(hook_at(self, s, arm) for s in every if getattr(self, s.field, s) is not None)
+
+    return hooks
 
 
 class OfReadings(Effect):
@@ -43,12 +44,5 @@ class OfReadings(Effect):
 
     def __post_init__(self) -> None:
         if all(getattr(self, field) is None for field in READINGS):
-            kind = type(self).__name__
-            raise ValueError(
-                f"{kind} has neither position nor rate, and would change nothing; give one of them"
-            )
+            raise ValueError(f"{type(self).__name__} has neither position nor rate; give one of them")
         super().__post_init__()
-
-    def sensors(self, arm: Arm) -> Iterator[Sensor]:
-        """The sensors whose readings it changes: those for which it has numbers."""
-        return (s for s in every_sensor(arm) if getattr(self, s.field) is not None)

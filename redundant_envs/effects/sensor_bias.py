@@ -1,10 +1,8 @@
-"""Sensors that are off."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, strengths
-from redundant_envs.effects.readings import OfReadings
+from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import physics
 
 
@@ -30,8 +28,6 @@ class SensorBias(OfReadings):
 
     example = Example({"position": 0.01, "rate": 0.02})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(
-            Sensing(s.joint, shifted, {"reading": s.quantity, "bias": s.number}, s.reading)
-            for s in self.sensors(arm)
-        )
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
+        return Sensing(s.joint, shifted, {"bias": s.number}, s.reading)

@@ -1,6 +1,3 @@
-"""Sensors that show what was a while ago."""
-
-import dataclasses
 import functools
 import itertools
 import math
@@ -8,15 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, number, one
-from redundant_envs.effects.readings import Sensor, every_sensor
+from redundant_envs.effects.delays import Delay
+from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
+from redundant_envs.effects.numbers import Example
+from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.support.values import with_fields
-
-MAX_KEPT = 1024
-"""Readings that a sensor keeps at most: each is a number of every lane, and moves on in every step."""
 
 
 @physics
@@ -47,7 +41,7 @@ def delayed(count: int) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True)
-class SensorDelay(Effect):
+class SensorDelay(Delay):
     """Readings of all sensors that are late by the same time; motion, reward, ``info`` and goals keep the
     true values.
 
@@ -60,60 +54,21 @@ class SensorDelay(Effect):
         The delay, s, from 0 to ``longest``.
     longest : float
         The longest delay that may be set, s: as many readings are kept as it needs, at most 1024.
-
-    Attributes
-    ----------
-    control_dt : float or None
-        Control interval of the scene that has the effect, s.
     """
 
-    seconds: float = dataclasses.field(metadata=one(number, "s"))
-    longest: float = dataclasses.field(metadata=one(number))
-    control_dt: float | None = dataclasses.field(default=None, init=False)
-
-    static = ("longest", "control_dt")
+    values = "readings"
     example = Example({"seconds": 0.03, "longest": 0.1})
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.longest < 0.0:
-            raise ValueError(f"SensorDelay.longest is {self.longest} s; it must not be negative")
-        if not 0.0 <= self.seconds <= self.longest:
-            raise ValueError(
-                f"SensorDelay.seconds is {self.seconds} s; it must lie in 0 to longest, which is "
-                f"{self.longest} s: give a longer 'longest' or a shorter delay"
-            )
+    def kept_at(self, control_dt: float) -> int:
+        return math.ceil(steps_back(self.longest, control_dt)) + 1
 
-    def at_interval(self, control_dt: float) -> Effect:
-        steps = self.longest / control_dt  # may be infinite, which is no number of steps
-        steps = float(steps_back(self.longest, control_dt)) if math.isfinite(steps) else steps
-        if not steps <= MAX_KEPT - 1:
-            most = (MAX_KEPT - 1) * control_dt
-            raise ValueError(
-                f"SensorDelay.longest is {self.longest} s, {steps:.6g} control steps of {control_dt} s, and "
-                f"a sensor keeps at most {MAX_KEPT} readings; give at most {most:g} s, or a scene with a "
-                "longer control_dt"
-            )
-        return with_fields(self, control_dt=control_dt)
-
-    @property
-    def kept(self) -> int:
-        """Number of readings that each sensor keeps."""
-        if self.control_dt is None:
-            raise ValueError(
-                "SensorDelay keeps as many readings as its scene's control_dt asks for; make a Scene"
-            )
-        return math.ceil(steps_back(self.longest, self.control_dt)) + 1
-
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._late(s, arm) for s in every_sensor(arm))
-
-    def _late(self, s: Sensor, arm: Arm) -> Hook:
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
         names = [f"{s.field}_of_{arm.joints[s.joint]}[{k}]" for k in range(self.kept)]
-        unit, now = s.unit(arm), {"reading": s.quantity}
-        states = [State(names[0], unit, update=identity("reading"), initial=identity("reading"), bind=now)]
+        unit, now = s.unit(arm), identity("reading")
+        states = [State(names[0], unit, update=now, initial=now)]
         for newer, name in itertools.pairwise(names):
-            bind = {**now, "newer": f".{newer}"}
-            states.append(State(name, unit, update=identity("newer"), initial=identity("reading"), bind=bind))
-        own = {"seconds": ".seconds", **{f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}}
-        return Sensing(s.joint, delayed(self.kept), own, s.reading, tuple(states))
+            bind = {"newer": f".{newer}"}
+            states.append(State(name, unit, update=identity("newer"), initial=now, bind=bind))
+        kept = {f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}
+        return Sensing(s.joint, delayed(self.kept), kept, s.reading, tuple(states))

@@ -1,10 +1,8 @@
-"""Noise of the sensors."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
-from redundant_envs.effects.readings import OfReadings, Sensor
+from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import physics
 
 
@@ -39,10 +37,8 @@ class SensorNoise(OfReadings):
 
     example = Example({"position": 0.001, "rate": 0.01})
 
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return tuple(self._noisy(s, arm) for s in self.sensors(arm))
-
-    def _noisy(self, s: Sensor, arm: Arm) -> Hook:
+    @at_each_sensor
+    def hooks(self, s: Sensor, arm: Arm) -> Hook:
         error = f"error_of_{s.field}[{s.joint}]"
         state = State(error, s.unit(arm), update=noise, initial=noise, bind={"deviation": s.number})
-        return Sensing(s.joint, disturbed, {"reading": s.quantity, "noise": f".{error}"}, s.reading, (state,))
+        return Sensing(s.joint, disturbed, {"noise": f".{error}"}, s.reading, (state,))

@@ -110,10 +110,7 @@ def shapes_of(
         given = with_fields(effect, **changed).shapes(Pose(arm, q, own))
         for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
             if not isinstance(shape, Shape):
-                raise ValueError(
-                    f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "
-                    "redundant_envs.effects.shapes.Circle((x, y), radius)"
-                )
+                raise ValueError(f"{type(effect).__name__}.shapes gives {shown(shape)}; give Circle(...) ...")
             found.append(shape)
     return found
 

@@ -1,5 +1,3 @@
-"""Dry friction made smooth: cheap at fixed steps, but it creeps."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
@@ -8,14 +6,14 @@ from redundant_envs.language.algebra import physics, sqrt
 
 
 @physics
-def force(rate, level, speed):
-    return -level * rate / sqrt(rate * rate + speed * speed)
+def force(rate, levels, speed):
+    return -levels * rate / sqrt(rate * rate + speed * speed)
 
 
 @physics
-def steepest(level, speed):
+def steepest(levels, speed):
     """Slope of the friction at rest."""
-    return level / speed
+    return levels / speed
 
 
 @physics
@@ -46,5 +44,4 @@ class SmoothCoulombFriction(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"rate": f"phid{k + 1}", "level": f".levels[{k}]", "speed": f".speed[{k}]"}
-        return Force(k, force, bind, damping=steepest, kink=bends)
+        return Force(k, force, damping=steepest, kink=bends)

@@ -1,6 +1,5 @@
-"""An elastic tendon that runs over several joints."""
-
 import functools
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -8,9 +7,19 @@ from typing import Any
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, Numbers, checked, numbers, one, positive, text
+from redundant_envs.effects.numbers import (
+    Example,
+    Numbers,
+    checked,
+    numbers,
+    one,
+    positive,
+    row,
+    strength,
+    strengths,
+    text,
+)
 from redundant_envs.language.algebra import maximum, numbered, physics, total
-from redundant_envs.robots.parameters import strength, strengths
 from redundant_envs.support.values import shown
 
 Law = Callable[..., Any]
@@ -53,10 +62,6 @@ def laws(count: int) -> tuple[Law, list[tuple[Law, Law]]]:
     return energy, [(force(k), steepness(k)) for k in range(count)]
 
 
-def _between(a: shapes.Place, b: shapes.Place) -> shapes.Place:
-    return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])
-
-
 def several_joints(field: str, value: Any) -> tuple[str, ...]:
     """Names of two or more joints, each once."""
     joints = tuple(value) if isinstance(value, list) else value
@@ -91,7 +96,7 @@ class Tendon(Effect):
     """
 
     joints: Sequence[str] = field(metadata=checked(several_joints))
-    moment_arms: Numbers
+    moment_arms: Numbers = field(metadata=row(strengths))
     stiffness: float = field(metadata=one(positive, "N/m"))
     pretension: float = field(default=0.0, metadata=one(strength, "N"))
     name: str = field(default="", metadata=checked(text))
@@ -103,8 +108,7 @@ class Tendon(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        arms = numbers("Tendon.moment_arms", self.moment_arms, len(self.joints))
-        object.__setattr__(self, "moment_arms", strengths("Tendon.moment_arms", arms))
+        numbers("Tendon.moment_arms", self.moment_arms, len(self.joints))
 
     @property
     def key(self) -> str:
@@ -130,14 +134,15 @@ class Tendon(Effect):
             return ()
         ends, places = pose.ends, self._places(pose.arm)
         arms = dict(zip(places, self.moment_arms, strict=True))
+        middles = [(0.5 * (xa + xb), 0.5 * (ya + yb)) for (xa, ya), (xb, yb) in itertools.pairwise(ends)]
         first, last = min(places), max(places)
-        line = [_between(ends[max(first - 1, 0)], ends[first])]
+        line = [middles[first - 1] if first else ends[0]]
         for joint in range(first, last + 1):
             (x, y), (xa, ya), (xb, yb) = ends[joint], ends[max(joint - 1, 0)], ends[joint + 1]
             turns = not pose.arm.prismatic[joint]
             away = arms.get(joint, 0.0) / (math.hypot(xb - xa, yb - ya) or 1.0) if turns else 0.0
             line.append((x + away * (yb - ya), y - away * (xb - xa)))
-        line.append(_between(ends[last], ends[last + 1]))
+        line.append(middles[last])
         longer = sum(a * pose.positions[joint] for joint, a in arms.items())
         return (shapes.Line(tuple(line), taut=self.pretension + self.stiffness * longer > 0.0),)
 
@@ -146,7 +151,6 @@ class Tendon(Effect):
         places = self._places(arm)
         bind = {f"position{k + 1}": f"phi{joint + 1}" for k, joint in enumerate(places)}
         bind |= {f"arm{k + 1}": f".moment_arms[{k}]" for k in range(len(places))}
-        bind |= {"stiffness": ".stiffness", "pretension": ".pretension"}
         found: list[Force] = []
         for joint, (force, steepness) in zip(places, at_joints, strict=True):
             potential = None if found else energy  # the first has that of all

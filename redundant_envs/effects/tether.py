@@ -1,5 +1,3 @@
-"""A damped spring between a point of the arm and a post."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
@@ -65,14 +63,10 @@ class Tether(Effect):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = self.point
         if k > arm.num_masses:
-            raise ValueError(
-                f"Tether.point is {shown(k)}; {arm.kind} has the point masses 1 to {arm.num_masses}, the tip"
-            )
-        own = {"post_x": ".post[0]", "post_y": ".post[1]", "stiffness": ".stiffness", "damping": ".damping"}
-        at_point = {"x": f"x{k}", "y": f"y{k}", "vx": f"vx{k}", "vy": f"vy{k}"}
+            raise ValueError(f"Tether.point is {shown(k)}; {arm.kind} has the points 1 to {arm.num_masses}")
         return (
             Force(
-                Point(k - 1), pull_and_damping, {**own, **at_point}, potential=energy, conservative=pull,
+                Point(k - 1), pull_and_damping, potential=energy, conservative=pull,
                 stiffness=identity("stiffness"), damping=identity("damping"),
             ),
         )  # fmt: skip

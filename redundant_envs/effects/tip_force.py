@@ -1,18 +1,14 @@
-"""A force that disturbs the tip."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
-from redundant_envs.effects.hooks import Arm, Force, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, each_axis, one, pair, strengths
+from redundant_envs.effects.hooks import Arm, Hook, Point
+from redundant_envs.effects.numbers import Example, Numbers, each_axis, not_negative, one, pair, strengths
 from redundant_envs.language.algebra import physics
-
-AXES = "[0]", "[1]"
 
 
 @physics
-def steps(elapsed, start, control_dt, size_x, size_y):
-    return d.step(elapsed, start, control_dt, size_x), d.step(elapsed, start, control_dt, size_y)
+def steps(elapsed, start, control_dt, step_x, step_y):
+    return d.step(elapsed, start, control_dt, step_x), d.step(elapsed, start, control_dt, step_y)
 
 
 @physics
@@ -21,8 +17,13 @@ def oscillating(angle, phase_x, phase_y, amplitude_x, amplitude_y):
 
 
 @physics
-def drawn(force_x, force_y):
-    return force_x, force_y
+def noise(white_x, white_y):
+    return white_x, white_y
+
+
+@physics
+def wandered(wander_x, wander_y):
+    return wander_x, wander_y
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,12 @@ class TipForce(d.Disturbance):
     """
 
     step: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
-    start: float | None = field(default=None, metadata=one(d.from_the_start, "s"))
+    start: float | None = field(default=None, metadata=one(not_negative, "s"))
     amplitude: Numbers | None = field(default=None, metadata=pair(strengths, "N"))
     frequency: float | None = field(default=None, metadata=one(d.moderate, "Hz"))
     phase: float | Numbers | None = field(default=None, metadata=each_axis(strengths, "rad"))
-    density: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N sqrt(s)"))
-    deviation: float | Numbers | None = field(default=None, metadata=each_axis(d.deviations, "N"))
+    density: float | Numbers | None = field(default=None, metadata=each_axis(not_negative, "N sqrt(s)"))
+    deviation: float | Numbers | None = field(default=None, metadata=each_axis(not_negative, "N"))
     time_constant: float | None = field(default=None, metadata=one(d.moderate, "s"))
 
     example = Example(
@@ -66,22 +67,5 @@ class TipForce(d.Disturbance):
     )  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        tip, found = Point(arm.num_masses - 1), []
-        if self.step is not None:
-            own = {"elapsed": ".elapsed", "start": ".start", **_of_axes("size", "step")}
-            found.append(Force(tip, steps, own, states=(d.clock(),)))
-        if self.amplitude is not None:
-            own = {"angle": ".angle", **_of_axes("phase", "phase"), **_of_axes("amplitude", "amplitude")}
-            found.append(Force(tip, oscillating, own, states=(d.phase_angle(),)))
-        if self.density is not None:
-            noise = tuple(d.white_noise(axis, "N") for axis in AXES)
-            found.append(Force(tip, drawn, _of_axes("force", "white"), states=noise))
-        if self.deviation is not None:
-            noise = tuple(d.wander(axis, "N") for axis in AXES)
-            found.append(Force(tip, drawn, _of_axes("force", "wander"), states=noise))
-        return tuple(found)
-
-
-def _of_axes(argument: str, own: str) -> dict[str, str]:
-    """Arguments of both axes, and what they stand for."""
-    return {f"{argument}_{axis}": f".{own}{entry}" for axis, entry in zip("xy", AXES, strict=True)}
+        tip, laws = Point(arm.num_masses - 1), (steps, oscillating, noise, wandered)
+        return tuple(self.forces(tip, ("[0]", "[1]"), "N", laws))

@@ -1,5 +1,3 @@
-"""Motors whose largest effort falls with their speed."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.effort_limits import WITHIN
@@ -58,7 +56,4 @@ class TorqueSpeed(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"command": f"command{k + 1}", "rate": f"phid{k + 1}"}
-        bind |= {"stall": f".stall[{k}]", "free": f".free[{k}]"}
-        unit = effort_unit(arm, k)
-        return Actuation(k, available, bind, Link.TORQUE_SPEED, takes=unit, guard=corners)
+        return Actuation(k, available, link=Link.TORQUE_SPEED, takes=effort_unit(arm, k), guard=corners)

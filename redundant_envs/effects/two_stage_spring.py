@@ -1,5 +1,3 @@
-"""A spring that becomes harder beyond a knee on either side: a force that changes its law."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
@@ -21,9 +19,6 @@ def energy(position, lower, upper, side, soft, harder):
 @physics
 def steepness(soft, harder):
     return soft + harder
-
-
-NUMBERS = ("lower", "upper", "soft", "harder")
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,5 @@ class TwoStageSpring(Effect):
         return f"two_stage_spring.{self.coordinate}"
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        k = arm.joint_index(self.coordinate)
-        bind = {"position": f"phi{k + 1}", **{name: f".{name}" for name in NUMBERS}}
-        switch = (".lower", ".upper")
-        return (Force(k, force, bind, potential=energy, stiffness=steepness, switch=switch),)
+        k, switch = arm.joint_index(self.coordinate), (".lower", ".upper")
+        return (Force(k, force, potential=energy, stiffness=steepness, switch=switch),)

@@ -1,5 +1,3 @@
-"""Viscous friction in the joints."""
-
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
@@ -8,9 +6,9 @@ from redundant_envs.language.algebra import identity, physics
 
 
 @physics
-def force(rate, coefficient):
+def force(rate, coefficients):
     """Opposes the rate of the joint, not that of the absolute angle."""
-    return -coefficient * rate
+    return -coefficients * rate
 
 
 @dataclass(frozen=True)
@@ -29,5 +27,4 @@ class ViscousFriction(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        bind = {"rate": f"phid{k + 1}", "coefficient": f".coefficients[{k}]"}
-        return Force(k, force, bind, damping=identity("coefficient"))
+        return Force(k, force, damping=identity("coefficients"))

@@ -16,35 +16,29 @@ from redundant_envs.robots.parameters import LARGEST, LARGEST_RATIO, SMALLEST
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.support.values import replaced, shown
 
-Table = dict[str, NDArray[np.float64]]
-"""Parameter name -> values of some lanes."""
+Table = dict[str, NDArray[np.float64]]  # parameter name -> values of some lanes
 ROUNDING = 1e-12
 """Relative change of a number by its class that is taken for rounding, as where shares are scaled again."""
-OF_ARM = ("masses", "lengths")
-"""Names of the numbers of an arm."""
-ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")
-"""These, and names of one of them."""
+OF_ARM = ("masses", "lengths")  # names of the numbers of an arm
+ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")  # these, and names of one of them
 
 
 def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:
     """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "masses[1]" or "m2" -> m2,
     "gravity.down" -> down[0], down[1]."""
-    parameters = scene.parameters()
-    if isinstance(name, str) and name in of_task:
-        return [name]
-    for whole in OF_ARM:
-        of_arm = [p for p in parameters if p[0] == whole[0] and p[1:].isdigit()]
-        if name == whole:
-            return of_arm
-        for k, entry in enumerate(of_arm):
-            if name in (entry, f"{whole}[{k}]"):
-                return [entry]
-    if isinstance(name, str) and "." in name:
-        found = [p for p in parameters if p == name or p.startswith(f"{name}[")]
-        if found:
-            return found
-    valid = [*OF_ARM, *sorted({p.split("[")[0] for p in parameters if "." in p}), *of_task]
-    raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join(valid)}")
+    found: dict[str, list[str]] = {kind: [] for kind in OF_ARM}
+    for parameter in scene.parameters():
+        found[parameter] = [parameter]
+        whole = next((kind for kind in OF_ARM if re.fullmatch(rf"{kind[0]}\d+", parameter)), "")
+        if whole:
+            found[f"{whole}[{int(parameter[1:]) - 1}]"] = [parameter]
+        if whole or "[" in parameter:
+            found.setdefault(whole or parameter.partition("[")[0], []).append(parameter)
+    found |= {own: [own] for own in of_task}
+    if isinstance(name, str) and name in found:
+        return found[name]
+    valid = sorted({entry.partition("[")[0] for entry in found if "." in entry})
+    raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join((*OF_ARM, *valid, *of_task))}")
 
 
 def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> None:
@@ -67,12 +61,11 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
     if not columns.size:  # of no lanes
         return
-    if not (columns > 0.0).all():
-        raise ValueError(f"{name} has the entry {columns.min()}; it must be positive")
     least, most = columns.min(), columns.max()
+    if not least > 0.0:
+        raise ValueError(f"{name} has the entry {least}; it must be positive")
     if least < SMALLEST or most > LARGEST:
-        allowed = f"{SMALLEST} to {LARGEST}: choose units in which they do"
-        raise ValueError(f"{name} has entries from {least} to {most}; they must lie in {allowed}")
+        raise ValueError(f"{name} has entries from {least} to {most}; give {SMALLEST} to {LARGEST}")
     ratio = float((columns.max(axis=1) / columns.min(axis=1)).max())
     if ratio > LARGEST_RATIO:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
@@ -116,8 +109,7 @@ def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
     for name, value in numbers.items():
         if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
             raise ValueError(
-                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
-                "numbers that it keeps, all of them that depend on each other"
+                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give it"
             )
 
 

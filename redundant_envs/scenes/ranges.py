@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from redundant_envs.language.algebra import cases, clamp, exp, log, numbered, physics, sqrt, where
-from redundant_envs.robots.parameters import numbers, strength
+from redundant_envs.robots.parameters import numbers, strengths
 from redundant_envs.support.values import check_keys, shown
 
 MAX_CHOICES = 64
@@ -17,7 +17,7 @@ MIDDLE = 0.381966
 """The draw at which a number inside a range is tried: no simple fraction, so that a number that has to be
 whole is found to be none."""
 
-# They are clamped to their ends because a rounding must not pass these: the ends are what was checked.
+# Clamped, because a rounding must not pass the ends, which are what was checked.
 
 
 @physics
@@ -187,8 +187,7 @@ def distribution(where: str, data: Any) -> Distribution:
     check_keys(where, data, [*KINDS, "within"])
     given = [kind for kind in KINDS if kind in data]
     if len(given) != 1:
-        what = f"has {' and '.join(given)}" if given else "has no distribution"
-        raise ValueError(f"{where} {what}; give one of {', '.join(KINDS)}")
+        raise ValueError(f"{where} has {' and '.join(given) or 'none'}; give one of {', '.join(KINDS)}")
     kind = given[0]
     field = f"{where}.{kind}"
     if kind == "choice":
@@ -200,49 +199,40 @@ def distribution(where: str, data: Any) -> Distribution:
         if low <= 0.0:
             raise ValueError(f"{field} begins at {low}; both ends must be positive, as logarithms need")
         return LogUniform(low, high)
-    mean, deviation = _strengths(field, data[kind], "a mean and a standard deviation")
+    mean, deviation = _two(field, data[kind])
     if deviation <= 0.0:
         raise ValueError(f"{field} has the standard deviation {deviation}; it must be positive")
     if "within" not in data:
-        fix = "'within': [low, high], outside of which nothing is drawn"
-        raise ValueError(f"{where} has a normal without ends; give {fix}")
+        raise ValueError(f"{where} has a normal without ends; give 'within': [low, high]")
     low, high = _ends(f"{where}.within", data["within"])
     made = Normal(low, high, mean, deviation)
     share = made.shares()[-1]
     if share < SMALLEST_SHARE:
-        what = f"{where}.within is {low} to {high}, where a normal of mean {mean} and standard deviation"
-        fix = f"give ends with at least {SMALLEST_SHARE:g}"
-        raise ValueError(f"{what} {deviation} has {share:.1g} of its draws; {fix}")
+        what = f"{where}.within is {low} to {high}, with {share:.1g} of the draws"
+        raise ValueError(f"{what} of the normal; give ends with at least {SMALLEST_SHARE:g}")
     return made
 
 
-def _strengths(field: str, data: Any, what: str) -> tuple[float, float]:
-    values = numbers(field, data)
-    if len(values) != 2:
-        raise ValueError(f"{field} is {shown(data)}; give two numbers, {what}")
-    first, second = (strength(f"{field}[{k}]", value) for k, value in enumerate(values))
-    return first, second
+def _two(field: str, data: Any) -> tuple[float, float]:
+    found: Any = strengths(field, numbers(field, data, 2))
+    return found
 
 
 def _ends(field: str, data: Any) -> tuple[float, float]:
-    low, high = _strengths(field, data, "the least and the largest")
+    low, high = _two(field, data)
     if low >= high:
-        what = "is empty" if low == high else "is reversed"
-        fix = "leave it out for a fixed number" if low == high else "give the smaller number first"
-        raise ValueError(f"{field} is {low} to {high}, which {what}; {fix}")
+        raise ValueError(f"{field} is {low} to {high}; give a smaller and a larger number")
     return low, high
 
 
 def _choices(field: str, data: Any) -> tuple[float, ...]:
-    values = tuple(strength(f"{field}[{k}]", v) for k, v in enumerate(numbers(field, data)))
+    values: Any = strengths(field, numbers(field, data))
     if not 1 <= len(values) <= MAX_CHOICES:
         raise ValueError(f"{field} has {len(values)} values; give 1 to {MAX_CHOICES}")
     twice = [v for v in values if values.count(v) > 1]
     if twice:
-        raise ValueError(
-            f"{field} has {twice[0]} more than once; all values are equally probable: name each once"
-        )
-    return values
+        raise ValueError(f"{field} has {twice[0]} more than once; name each once")
+    return tuple(values)
 
 
 @dataclass(frozen=True)
@@ -289,8 +279,7 @@ def _range(name: Any, data: Any) -> Range:
     if "scale" not in rest:
         return Range(name, distribution(where, rest), shared=shared)
     if len(rest) > 1:
-        others = " and ".join(key for key in rest if key != "scale")
-        raise ValueError(f"{where} has scale and {others}; put {others} into scale, or leave scale out")
+        raise ValueError(f"{where} has {' and '.join(rest)}; put the others into scale, or leave it out")
     return Range(name, distribution(f"{where}.scale", rest["scale"]), scale=True, shared=shared)
 
 

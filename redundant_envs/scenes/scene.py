@@ -6,7 +6,6 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from redundant_envs.scenes.ranges import ranges
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.support.values import (
+    check_between,
     check_bounds,
     check_keys,
     check_registered,
@@ -34,6 +34,7 @@ from redundant_envs.support.values import (
     shown,
     typed,
     warn,
+    whole_number,
 )
 
 MAX_SUBSTEPS = 1_000_000
@@ -103,8 +104,7 @@ class Scene:
             if len({a.parameter(a.hook.restitution) for a in alike}) > 1:
                 joints = "sliders" if slides else "revolute joints"
                 raise ValueError(
-                    f"effects has stops with several restitutions; one number serves all stops of {joints}: "
-                    "combine them"
+                    f"effects has stops with several restitutions; give one number for all stops of {joints}"
                 )
         if len({a.hook.joint for a in impacts}) < len(impacts):
             raise ValueError("effects has two stops for one joint; combine them into one")
@@ -112,31 +112,19 @@ class Scene:
         for name in (*self._parameters, *self.states()):
             other = taken.setdefault(identifier(name), name)
             if other != name:
-                raise ValueError(
-                    f"effects have the parameters {other!r} and {name!r}, whose names are too much alike "
-                    f"({identifier(name)}); rename a field, or give one effect another 'key'"
-                )
+                raise ValueError(f"effects have {other!r} and {name!r}, too much alike; rename one")
         if isinstance(self.robot, WithAddedInertia):
-            raise ValueError(
-                f"robot is a {self.robot.kind} with the inertias of another scene's effects; give that "
-                "scene's own robot, and the effects"
-            )
+            raise ValueError(f"robot is a {self.robot.kind} with added inertias; give the scene's own robot")
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        if len(instants := self.attached.instants) > MAX_INSTANTS:
-            owners = ", ".join(a.key for a in instants)
-            raise ValueError(
-                f"effects has {len(instants)} instants, of {owners}; a scene may have {MAX_INSTANTS}: each "
-                "divides every interval once more; leave some out"
-            )
+        owners = [a.key for a in self.attached.instants]
+        if len(owners) > MAX_INSTANTS:
+            raise ValueError(f"effects has instants of {', '.join(owners)}; give at most {MAX_INSTANTS}")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")
-        whole = isinstance(self.substeps, Integral) and not isinstance(self.substeps, bool)
-        if not whole or not 1 <= self.substeps <= MAX_SUBSTEPS:
-            fix = f"give a whole number from 1 to {MAX_SUBSTEPS}, or a tolerance instead"
-            raise ValueError(f"substeps is {shown(self.substeps)}; {fix}")
-        object.__setattr__(self, "substeps", int(self.substeps))
+        object.__setattr__(self, "substeps", whole_number("substeps", self.substeps))
+        check_between("substeps", self.substeps, 1, MAX_SUBSTEPS)
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
         if self.tolerance is not None:
@@ -149,9 +137,6 @@ class Scene:
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
-        if isinstance(self.effects, Effect):
-            one = shown(self.effects)
-            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
             what = shown(self.effects)
             raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
@@ -159,26 +144,20 @@ class Scene:
         for i, given in enumerate(self.effects):
             if not isinstance(given, Effect):
                 known = ", ".join(sorted(EFFECTS))
-                raise ValueError(
-                    f"effects[{i}] is {shown(given)}; give an effect, such as Gravity(): {known}"
-                )
+                raise ValueError(f"effects[{i}] is {shown(given)}; give an effect: {known}")
             effect = given.fitted(self.robot).at_interval(self.control_dt)
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
             if other is not effect:
-                fix = "combine the two into one"
-                if type(effect) is not type(other):
-                    fix = "two classes share this name of their parameters: give one a 'key' of its own"
-                elif "name" in effect.static:
-                    fix = "give one of them another 'name'"
+                fix = "combine the two, or give one of them another 'name' or 'key'"
                 raise ValueError(f"effects[{i}] is a second {effect.key!r}; {fix}")
         return tuple(fitted.values())
 
     def _checked_interval(self) -> float:
         dt = number("control_dt", self.control_dt)
         if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            allowed = f"lie in {SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s" if dt > 0.0 else "be positive"
-            raise ValueError(f"control_dt is {dt} s; it must {allowed}")
+            allowed = f"{SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
+            raise ValueError(f"control_dt is {dt} s; it must lie in {allowed}")
         if dt > LONG_INTERVAL and id(dt) not in _told:
             dt += 0.0  # a number of its own, which no other scene has
             _told[id(dt)] = dt
@@ -192,19 +171,10 @@ class Scene:
         tolerance = number("tolerance", self.tolerance)
         if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise ValueError(
-                f"tolerance is {tolerance} m; it must lie in {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
-                " (smaller ones are below rounding, larger ones mean nothing)"
+                f"tolerance is {tolerance} m; give {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g} m"
             )
-        if self.integrator != "rk8":
-            raise ValueError(
-                f"tolerance is {tolerance} m with integrator {self.integrator!r}; only 'rk8' has the "
-                "error estimate it needs"
-            )
-        if self.substeps != 1:
-            raise ValueError(
-                f"tolerance is {tolerance} m with {self.substeps} substeps; error control chooses the "
-                "steps itself: leave substeps at 1"
-            )
+        if self.integrator != "rk8" or self.substeps != 1:
+            raise ValueError(f"tolerance is {tolerance} m; give it with integrator 'rk8' and 1 substep alone")
         return tolerance
 
     def parameters(self) -> dict[str, float]:
@@ -273,25 +243,20 @@ class Scene:
         """A row for each number of each effect, with one value for each joint where they differ."""
         units, rows = self.units(), []
         for effect in self.effects:
-            named: dict[str, tuple[list[str], list[str]]] = {}
-            for entry, x in effect.parameters().items():
-                name = entry.partition("[")[0]
-                values, of_values = named.setdefault(name, ([], []))
-                values.append(f"{x:.6g}")
-                of_values.append(units.get(f"{effect.key}.{entry}", units.get(f"{effect.key}.{name}", "")))
-            for name, (values, of_values) in named.items():
+            numbers, named = effect.parameters(), dict[str, list[str]]()
+            for entry in numbers:
+                named.setdefault(entry.partition("[")[0], []).append(entry)
+            for name, entries in named.items():
+                values = [f"{numbers[entry]:.6g}" for entry in entries]
                 value = ", ".join(values) if len({*values}) > 1 or len(values) == 1 else f"{values[0]} each"
-                rows.append((effect.key, name, value, ", ".join(dict.fromkeys(of_values))))
+                of = (units.get(f"{effect.key}.{x}", units.get(f"{effect.key}.{name}", "")) for x in entries)
+                rows.append((effect.key, name, value, ", ".join(dict.fromkeys(of))))
             if not named:
                 rows.append((effect.key, "", "", ""))
         return rows
 
     def travel(self) -> dict[int, tuple[str, str]]:
         """Limited joints: joint index -> parameter names of its lower and upper limit."""
-        return dict(self._travel)
-
-    @functools.cached_property
-    def _travel(self) -> dict[int, tuple[str, str]]:
         limits: dict[int, tuple[str, str]] = {}
         hard = self.attached.keys_of(Impact)  # A hard stop is the limit, whatever else acts near it.
         for effect in sorted(self.effects, key=lambda e: e.key in hard):
@@ -307,7 +272,7 @@ class Scene:
 
     def command_units(self) -> tuple[str, ...]:
         """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
-        return self.attached.command_units(self.robot)
+        return tuple(self.attached.units_along(k, self.robot)[0][1] for k in range(len(self.robot.joints)))
 
     def units(self) -> dict[str, str]:
         """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
@@ -315,7 +280,8 @@ class Scene:
         for effect in self.effects:
             for name, unit in effect.units(self.robot).items():
                 if unit == COMMAND:
-                    unit = self.attached.unit_at(effect, int(name.partition("[")[2][:-1]), self.robot)
+                    along = self.attached.units_along(int(name.partition("[")[2][:-1]), self.robot)
+                    unit = next(unit for owner, unit in along if owner is effect)
                 found[f"{effect.key}.{name}"] = unit
         return found
 
@@ -359,9 +325,7 @@ class Scene:
 def check_scene(scene: Any) -> None:
     """ValueError unless it is a scene; names and files are loaded by :func:`load_scene`."""
     if not isinstance(scene, Scene):
-        raise ValueError(
-            f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes of a name or a file"
-        )
+        raise ValueError(f"scene is {shown(scene)}; give a Scene, such as rde.load_scene makes")
 
 
 def scene_names() -> list[str]:
@@ -391,9 +355,7 @@ def scene_path(scene: str | Path) -> Path:
 def scene_data(scene: str | Path) -> Any:
     """What the file of a scene holds."""
     if not isinstance(scene, str | Path):
-        raise ValueError(
-            f"scene is {type(scene).__name__}; give a name, a path or a mapping (Scene.to_dict() makes one)"
-        )
+        raise ValueError(f"scene is {type(scene).__name__}; give a name, a path or a mapping")
     path = scene_path(scene)
     if not exists(path):
         raise ValueError(
@@ -416,15 +378,10 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
         own = [k for k in STEPPING if k in data]
     if own:
-        raise ValueError(
-            f"accuracy is {shown(accuracy)} and the scene gives {', '.join(own)}; accuracy sets "
-            "integrator, substeps and tolerance: give one or the other"
-        )
+        raise ValueError(f"accuracy is {shown(accuracy)}, as well as {', '.join(own)}; give one or the other")
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
-            raise ValueError(
-                f"accuracy is {shown(accuracy)}; choose {', '.join(ACCURACIES)} or a tip error in metres"
-            )
+            raise ValueError(f"accuracy is {shown(accuracy)}; give {', '.join(ACCURACIES)} or metres")
         accuracy = ACCURACIES[accuracy]
     tolerance = number("accuracy", accuracy)
     return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=tolerance)

@@ -24,8 +24,5 @@ def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
         raise ValueError(f"task is {shown(given)}; give a mapping of {', '.join(valid)}")
     check_keys("task", given, ["type", *valid])
     if given.get("type", name) != name:
-        raise ValueError(
-            f"task.type is {shown(given['type'])} and the environment's task is {name}; make the id of that "
-            f"task (registered: {', '.join(REGISTRY)})"
-        )
+        raise ValueError(f"task.type is {shown(given['type'])} and this is {name}; make the id of that task")
     return kind(**{key: value for key, value in given.items() if key != "type"})

@@ -81,49 +81,8 @@ class Task:
         Numbers -> the least and the largest value allowed. A number that is not named may have any positive
         value; 0 is allowed only where negative values are.
 
-    A subclass writes the methods ``reward_functions`` and ``observation``, and may replace any other.
-
-    Examples
-    --------
-    A task without a goal, from its equations to a step of an environment::
-
-        from dataclasses import dataclass
-
-        import gymnasium as gym
-        import redundant_envs as rde
-        from redundant_envs.algebra import maximum, physics
-
-        @physics(gives="height_term")
-        def height_term(tip_y, reach):
-            '''0.5 (1 + tip y / reach)'''
-            return 0.5 + 0.5 * tip_y / reach
-
-        @physics(gives="highest_new")
-        def record(highest, tip_y):
-            return maximum(highest, tip_y)
-
-        @dataclass(frozen=True)
-        class RaiseTask(rde.Task):
-            name = "Raise"
-            summary = "raises its tip as high as it can"
-            memory = ("highest",)
-            updates = {"highest": "highest_new"}
-            metrics = ("highest",)
-
-            def reward_functions(self, scene):
-                return (height_term,)
-
-            def functions(self, scene):
-                return (*super().functions(scene), record)
-
-            def observation(self, scene):
-                return scene.robot.posture
-
-        rde.register_task(RaiseTask)
-        env = gym.make("redundant_envs/RPRPRaise-v0")
-        env.reset(seed=0)
-        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
-        print(reward, info["highest"])
+    A subclass writes the methods ``reward_functions`` and ``observation``, and may replace any other;
+    docs/tutorials/moving_target.md builds a complete one.
     """
 
     start_angle: float = 2.0
@@ -205,8 +164,7 @@ class Task:
         for k in scene.robot.sliders():
             if k not in travel:
                 raise ValueError(
-                    f"the {self.name.lower()} task needs limited travel of {scene.robot.joints[k]!r}; "
-                    "add a PrismaticStop with both ends or a LimitSpring for it to the scene's effects"
+                    f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop with both ends"
                 )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names
@@ -228,8 +186,6 @@ def full_reach(arm: Arm) -> Function:
 
     return full_reach
 
-
-# ---- limits of a scene's joints: the range of starts, and how far a joint is beyond them ----
 
 Limit = tuple[int, str, str]  # a joint, and the names of the parameters that limit it below and above
 
@@ -272,7 +228,6 @@ def narrowed(low, high, lower, upper):
 
 def range_of_starts(task: Any, scene: Scene, joint: int, value: Callable[[str], Any]) -> tuple[Any, Any]:
     """Range of the starts of a joint inside its limits; ``value`` gives a parameter by its name."""
-
     texts = task.start_range(scene, joint)
     low, high = (-value(text[1:]) if text.startswith("-") else value(text) for text in texts)
     for limited, lower, upper in (*spring_limits(scene), *hard_stops(scene)):  # the last word is a stop's

@@ -1,12 +1,12 @@
 """Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
-from redundant_envs.effects.baked_numbers import Described, Owner, Place
+from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
@@ -50,28 +50,26 @@ def check_task(task: Task, scene: Scene) -> None:
         reserved |= dict.fromkeys(map(identifier, own), f"of the effect {type(effect).__name__}")
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
-    given = givers_of(functions)
-    check_names(f"{kind}.functions", given, taken)
+    of_angles = [name for pair in task.angles.values() for name in pair]
     begun = {name for f in task.begin_functions for name in gives_of(f)}
-    taken |= {name: f"of {kind}.functions" for name in given if name not in begun}
     shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
-    check_names(f"{kind}.parameters", task.parameters(), taken | shared)
-    taken |= dict.fromkeys(task.parameters(), f"of {kind}.parameters")
-    check_names(f"{kind}.memory", task.memory, taken)
-    taken |= dict.fromkeys((*task.memory, *begun), f"of {kind}.memory or begin_functions")
-    check_names(f"{kind}.angles", (name for pair in task.angles.values() for name in pair), taken)
-    fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
-    for field, entries, allowed in (
-        ("moves", task.moves, task.memory),
-        ("updates", task.updates, task.memory),
-        ("flags", task.flags, task.metrics),
-        ("labels", task.labels, task.metrics),
-        ("held_outputs", task.held_outputs, task.metrics),
-        ("static", task.static, [f for f in fields if f not in of_all]),
-        ("ranges", task.ranges, fields),
-        ("units", task.units, fields),
+    for field, names, more in (
+        ("functions", givers_of(functions), {}),
+        ("parameters", task.parameters(), shared),
+        ("memory", task.memory, {}),  # which begin_functions may give
+        ("angles", of_angles, dict.fromkeys(begun, f"of {kind}.begin_functions")),
     ):
-        for name in entries:
+        check_names(f"{kind}.{field}", names, taken | more)
+        taken |= {name: f"of {kind}.{field}" for name in names if name not in begun or field == "memory"}
+    fields, of_all = ([f.name for f in dataclasses.fields(x)] for x in (task, Task))
+    choices: dict[str, Sequence[str]] = {
+        **dict.fromkeys(("moves", "updates"), task.memory),
+        **dict.fromkeys(("flags", "labels", "held_outputs"), task.metrics),
+        **dict.fromkeys(("ranges", "units"), fields),
+        "static": [f for f in fields if f not in of_all],
+    }
+    for field, allowed in choices.items():
+        for name in getattr(task, field):
             if name not in allowed:
                 raise ValueError(f"{kind}.{field} has {name!r}; choose {', '.join(allowed) or 'none'}")
     shown = [task.labels.get(name, name) for name in task.metrics]
@@ -97,12 +95,12 @@ def _check_captured(task: Task, scene: Scene) -> None:
             vars(other).pop(cached, None)
         return task_described(task, other)
 
-    def of_task(place: Place) -> str:
-        other = f"or name {place.field!r} in 'static' if it is part of the structure and is never set"
-        return f"take it as the argument {place.field} of the function, {other}"
+    def of_task(name: str) -> str:
+        other = f"or name {name!r} in 'static' if it is part of the structure and is never set"
+        return f"take it as the argument {name} of the function, {other}"
 
-    def of_effect(key: str) -> Callable[[Place], str]:
-        return lambda place: f"take it as the argument {identifier(f'{key}.{place.name}')} of the function"
+    def of_effect(key: str) -> Callable[[str], str]:
+        return lambda name: f"take it as the argument {identifier(f'{key}.{name}')} of the function"
 
     owners = [
         Owner(type(task).__name__, task, of_task),
@@ -115,7 +113,7 @@ def _check_captured(task: Task, scene: Scene) -> None:
 def task_described(task: Task, scene: Scene) -> Described:
     """Everything that an environment takes from a task, but for its numbers."""
     functions = (*task.functions(scene), *task.begin_functions)
-    found: Described = {"the number of functions": (str(len(functions)), "")}
+    found: Described = {"the number of functions": str(len(functions))}
     for f in functions:
         found[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
     names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
@@ -125,20 +123,16 @@ def task_described(task: Task, scene: Scene) -> Described:
         "aliases": task.aliases(scene),
         "start_range": [task.start_range(scene, joint) for joint in range(len(scene.robot.joints))],
     }  # fmt: skip
-    return found | {name: (repr(value), "") for name, value in told.items()}
+    return found | {name: repr(value) for name, value in told.items()}
 
 
 def _check_rewards(task: Task, scene: Scene) -> None:
     kind, functions = type(task).__name__, task.reward_functions(scene)
     if all("paid" in arguments_of(f) for f in functions):
-        raise ValueError(
-            f"{kind}.reward_functions gives no term of its own; give one that does not take 'paid'"
-        )
+        raise ValueError(f"{kind}.reward_functions gives no term of its own; give one without 'paid'")
     for f in functions:
         if "ended" in arguments_of(f) and "paid" not in arguments_of(f):
-            raise ValueError(
-                f"{kind}.reward_functions has {f.__qualname__}, which takes 'ended'; take 'paid' too"
-            )
+            raise ValueError(f"{kind}: {f.__qualname__} takes 'ended'; take 'paid' too")
     if not task.goal_conditioned:
         return
     missing = [name for name in ("goal_x", "goal_y") if name not in task.memory]
@@ -146,7 +140,4 @@ def _check_rewards(task: Task, scene: Scene) -> None:
         what = f"memory has no {missing[0]}" if missing else "goal_functions is empty"
         raise ValueError(f"{kind} is goal-conditioned and its {what}; give goal_x, goal_y and goal_functions")
     if [arguments_of(f) for f in functions] != [("goal_reward",)]:
-        raise ValueError(
-            f"{kind} is goal-conditioned: its one reward term must be goal_reward itself, as hindsight "
-            "replay computes it; give a function of goal_reward alone"
-        )
+        raise ValueError(f"{kind} is goal-conditioned: give one reward term, a function of goal_reward alone")

@@ -237,8 +237,7 @@ class ReachTask(Task):
             raise ValueError(f"ReachTask.hold_steps is {self.hold_steps}; give a whole number")
         if not self.inner < self.outer <= 1.0:
             raise ValueError(
-                f"ReachTask.inner is {self.inner}, outer is {self.outer}; "
-                "inner must be below outer, and outer at most 1"
+                f"ReachTask.inner is {self.inner}, outer is {self.outer}; inner must be below outer"
             )
 
     def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:

@@ -205,7 +205,7 @@ TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5)
         (BARE, "EffortLimits.limits .*None.* positive"),
         (changed("four_r_reach", e.EffortLimits((1, 0, 1, 1))), "EffortLimits.limits .*0.0.* positive"),
         (changed("four_r_reach", e.LimitSpring("joint2", -2, 2)), r"effects\[3\].*LimitSpring.* leave"),
-        (changed("rprp_reach", e.PrismaticStop((0, 0), (None, 1))), "PrismaticStop.*'r1'.* both ends"),
+        (changed("rprp_reach", e.PrismaticStop((0, 0), (None, 1))), "PrismaticStop.*'r1'.* give ends"),
         (changed("rprp_reach", e.PrismaticStop((0, -0.3), (1, 1))), "'r2'.* -0.3.* -0.25"),
         (dataclasses.replace(RPRP, actuation="generalized"), "actuation.* joint"),
         (lambda: holding_poses(RPRP, [0.5, 0.0]), r"goals .*\(2,\).* \(n, 2\)"),

@@ -1,12 +1,8 @@
 """Pages: their Python blocks run alone, links lead somewhere, pictures and tables are made again."""
 
 import importlib.util
-import inspect
 import re
 import runpy
-import subprocess
-import sys
-import textwrap
 import tomllib
 import unittest.mock
 
@@ -60,17 +56,6 @@ def test_the_scene_files_of_the_page_are_scenes(tmp_path):
     for *_, block in blocks(ROOT / "docs" / "scenes.md", "yaml"):
         (tmp_path / "my_scene.yaml").write_text(block, encoding="utf-8")
         gym.make("redundant_envs/FourRReach-v0", scene=str(tmp_path / "my_scene.yaml"))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", [rde.Task, rde.effects.Effect])
-def test_the_example_of_a_class_runs(kind, tmp_path):
-    """In a process of its own: what it registers is taken in others by those who import it."""
-    example = re.search(r"^Examples\n-+\n.*?::\n(.*?)(?=^\w+\n---|\Z)", inspect.getdoc(kind), re.M | re.S)
-    (tmp_path / "example.py").write_text(textwrap.dedent(example[1]))
-    command = [sys.executable, tmp_path / "example.py"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    assert re.search(r"\d\.\d", done.stdout)
 
 
 @pytest.mark.quick("README.md")

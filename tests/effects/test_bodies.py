@@ -59,10 +59,10 @@ BASE = e.MovingBase((0.02, -0.01), 11.0)
 
 
 @physics
-def inertial_force(m, angle, x, y, frequency):
+def inertial_force(m, angle, amplitude_x, amplitude_y, frequency):
     """Minus m times the acceleration of the base."""
     sine, _ = sincos(angle)
-    return m * frequency**2 * x * sine, m * frequency**2 * y * sine
+    return m * frequency**2 * amplitude_x * sine, m * frequency**2 * amplitude_y * sine
 
 
 class ShakenByForces(e.MovingBase):
@@ -71,9 +71,7 @@ class ShakenByForces(e.MovingBase):
     def hooks(self, arm):
         (field,) = super().hooks(arm)
         return tuple(
-            e.Force(
-                e.Point(k), inertial_force, {**field.bind, "m": f"m{k + 1}"}, states=() if k else field.states
-            )
+            e.Force(e.Point(k), inertial_force, {"m": f"m{k + 1}"}, states=() if k else field.states)
             for k in range(arm.num_masses)
         )
 

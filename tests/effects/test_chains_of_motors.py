@@ -65,7 +65,7 @@ def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
 @pytest.mark.parametrize(
     ("effects", "said"),
     [
-        ((SERVO,), "'servo' gives 'V', and the motor's effort is in 'N m'"),
+        ((SERVO,), "'servo' gives 'V', not 'N m'; add a motor"),
         ((MOTOR, Converter(named="other")), "'motor' gives 'N m', and 'other' behind it takes 'V'"),
         ((LIMITS, Converter(Link.LIMITS)), "'effort_limits' gives 'N m', and 'converter' behind"),
         ((SERVO, DELAY, LIMITS), "'servo' gives 'V', and 'effort_limits' behind it takes 'N m'"),

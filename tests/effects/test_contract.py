@@ -248,7 +248,9 @@ def test_several_effects_of_a_kind_have_names_and_numbers_of_their_own(name):
     parameters = rde.Scene(ENTRIES[name].arm.robot, (effect, left)).parameters()
     for own in effect.parameters():
         assert parameters[f"{effect.key}.{own}"] == parameters[f"{left.key}.{own}"]
-    with pytest.raises(ValueError, match=f"second '{effect.key}'; give one of them another 'name'"):
+    with pytest.raises(
+        ValueError, match=f"second '{effect.key}'; combine the two, or give one of them another 'name'"
+    ):
         rde.Scene(ENTRIES[name].arm.robot, (effect, copy.copy(effect)))
 
 

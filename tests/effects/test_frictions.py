@@ -9,6 +9,7 @@ from catalogue import advanced
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import lu_gre
+from redundant_envs.language.algebra import arguments_of
 
 ROOT = Path(__file__).parents[2]
 INERTIA = 2.0
@@ -90,7 +91,7 @@ FLYWHEEL = rde.Chain("R", (1e12,), (1.0,))
 
 def friction(effect, batch):
     """Friction of the joint in the present state, N m."""
-    numbers = (getattr(effect, name) for name in lu_gre.NUMBERS)
+    numbers = (getattr(effect, name) for name in arguments_of(lu_gre.force)[2:])
     return -lu_gre.force(batch.qd[0, 0], batch.z[0, 0], *numbers)
 
 

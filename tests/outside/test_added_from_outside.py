@@ -71,7 +71,7 @@ def test_registering_again_does_nothing_and_other_methods_of_the_name_are_refuse
     assert (lists, hash(lists)) == (heun.HEUN, hash(heun.HEUN))
     for change, said in (
         ({"name": "rk4"}, "'rk4' is taken"), ({"name": "wrong", "b": (0.5, 0.6)}, "weights of the tableau"),
-        ({"b": "no"}, "has 'no' as b"), ({"a": [[], [None]]}, r"has \[None\] as a\[1\]"),
+        ({"b": "no"}, "Tableau.b is 'no'"), ({"a": [[], [None]]}, r"Tableau.a\[1\]\[0\] is None"),
     ):  # fmt: skip
         with pytest.raises(ValueError, match=said):
             rde.register_integrator(dataclasses.replace(heun.HEUN, **change))

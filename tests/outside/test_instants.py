@@ -142,7 +142,7 @@ def test_instants_happen_in_the_order_of_time(times):
 
 def test_a_fifth_instant_is_refused():
     assert rde.Scene(FOUR_R, delays((0.001, 0.002, 0.003, 0.004)))
-    with pytest.raises(ValueError, match=r"5 instants, of late0, .*; a scene may have 4: .*leave some out"):
+    with pytest.raises(ValueError, match=r"instants of late0, .*; give at most 4"):
         rde.Scene(FOUR_R, delays((0.0, 0.001, 0.002, 0.003, 0.004)))
 
 

@@ -123,5 +123,5 @@ def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
     for copied in COPIES.values():
         assert copied(arm) == arm
         np.testing.assert_array_equal(copied(arm).mass_matrix([0.3] * 4), arm.mass_matrix([0.3] * 4))
-    with pytest.raises(ValueError, match="robot is a FourR with the inertias of another scene's effects"):
+    with pytest.raises(ValueError, match="robot is a FourR with added inertias"):
         rde.Scene(arm, (e.Gravity(),))

@@ -179,7 +179,7 @@ def reading(when="instant", **kind):
 
 
 TURNED, LIGHTER = e.Inertia((0,), ".number"), e.PointMass(Point(1), ".number")
-BELOW = "the first must be below the second"
+BELOW = "give the lower first"
 
 
 @pytest.mark.parametrize(
@@ -189,31 +189,37 @@ BELOW = "the first must be below the second"
         (effect_of(numbers={"a": float("nan")}), "a is nan"),
         (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
         (effect_of(numbers=AB, decorated=False, hooks=bound), r"Mine has a, b .* @dataclass\(frozen=True\)"),
-        (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"no hook uses k\[4\]; give 4"),
+        (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"has 5 entries; unused: k\[4\]"),
         (effect_of(numbers={"n": field(init=False, default=2.0)}), r"Mine\).n is not an argument of its"),
-        (walled("b", "a"), f"'r1' is .b to .a, which are 1.0 and -1.0; {BELOW}"),
+        (walled("b", "a"), f"'r1' is .b to .a, 1.0 to -1.0; {BELOW}"),
         # fields and forces
-        (effect_of(e.Field(upwards)), r"depends on phid1; a uniform field .* and states of its effect"),
-        (effect_of(Force(0, nothing, {"phid_1": "phid2"})), "bind has 'phid_1', which no function here"),
+        (
+            effect_of(e.Field(upwards)),
+            "depends on phid1; it may depend on parameters and states of its effect alone",
+        ),
+        (effect_of(Force(0, nothing, {"phid_1": "phid2"})), "bind has 'phid_1'; its functions take phi1"),
         (effect_of(Force(0, nothing, states=State("z", ""))), r"states is State\(.*; give a tuple, such as"),
         (effect_of(Force(Point(4), of_x4)), r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
-        (effect_of(Force(Point(3), of_x4)), "returns 1 values; a Force at a point needs 2"),
+        (effect_of(Force(Point(3), of_x4)), "returns 1 values; it must return 2 at a point"),
         (effect_of(Force(1, of_side, switch=(".a", ".b"))), r"switch: '\.a' is not a number of this effect"),
         (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
         (HummingStop(1, 0.3, 0.1, 2e3, 30.0), BELOW),
         # laws that change
         (effect_of(Force(0, nothing, guard=five)), "returns 5 values"),
-        (effect_of(Force(0, nothing, kink=five)), "it may return 2 at most"),
-        (effect_of(Actuation(0, of_command, by_side=of_side)), "by_side is given without"),
-        (effect_of(Force(1, of_side, switch=(".a", ".b"), guard=of_angle), numbers=AB), "switch and guard"),
+        (effect_of(Force(0, nothing, kink=five)), "it must return at most 2"),
+        (effect_of(Actuation(0, of_command, by_side=of_side)), "it has by_side without guard"),
+        (
+            effect_of(Force(1, of_side, switch=(".a", ".b"), guard=of_angle), numbers=AB),
+            "to a force on a joint, no guard",
+        ),
         # instants
         (timed(Instant(of_place, {"place": ".number"})), "has 2 instants; give one"),
-        (effect_of(Force(0, once_passed)), "takes 'passed', and the effect has no instant; add"),
-        (effect_of(reading()), "'read' has when='instant'; give 'interval' or"),
+        (effect_of(Force(0, once_passed)), "takes 'passed'; add Instant"),
+        (effect_of(reading()), "'read' has when='instant'; give 'interval'"),
         (timed(reading(derivative=of_rate)), "when='instant' and no update; give one"),
-        (timed(after=of_angle), "phi1; an instant may depend on parameters"),
+        (timed(after=of_angle), "phi1; it may depend on parameters alone"),
         # closed forms
-        (effect_of(reading("interval", update=of_angle, closed=approached)), "closed form and no derivative"),
+        (effect_of(reading("interval", update=of_angle, closed=approached)), "has closed without derivative"),
         (effect_of(reading("interval", derivative=of_rate, closed=of_rate)), "does not take 'elapsed'"),
         (effect_of(reading("interval", derivative=of_rate, closed=approached)), "does not take '.read'"),
         # masses and inertias
@@ -225,11 +231,14 @@ BELOW = "the first must be below the second"
         ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
         ((Bumper(0, 3.0), Bumper(2, 3.0, restitution=0.5)), "stops of revolute joints"),
         (Bumper(restitution=1.5), r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
-        (Bumper(lower=0.3), f"travel is .lower to .upper, which are 0.3 and 0.2; {BELOW}"),
-        (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "a gap may depend on the pose"),
+        (Bumper(lower=0.3), f"travel is .lower to .upper, 0.3 to 0.2; {BELOW}"),
+        (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "it may depend on parameters and the pose"),
         # sensors
-        (effect_of(e.Sensing(0, of_command)), r"depends on command1; a sensor may use the motion"),
-        (effect_of(e.Sensing(0, nothing, {}, "position")), r"reading is 'position'; choose Reading.POSITION"),
+        (
+            effect_of(e.Sensing(0, of_command)),
+            r"depends on command1; it may depend on parameters, the motion",
+        ),
+        (effect_of(e.Sensing(0, nothing, {}, "position")), r"reading is 'position'; give Reading.POSITION"),
     ],
 )
 def test_an_effect_that_contradicts_itself(effects, said):
@@ -242,7 +251,7 @@ SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
 @pytest.mark.parametrize(
     ("effect", "change", "said"),
     [
-        (walled("a", "b"), {"mine.a": 3.0}, f"travel of 'r1' .* 3.0 and 1.0; {BELOW}"),
+        (walled("a", "b"), {"mine.a": 3.0}, f"travel of 'r1' .* 3.0 to 1.0; {BELOW}"),
         (SPRING, {"humming_stop.lower": [0.0, 0.2]}, BELOW),
         (Bumper(), {"bumper1.restitution": -0.1}, "bumper1.restitution is -0.1; it must lie in 0 to 1"),
         (added(TURNED), {"mine.number": 1e6}, r"is 1e\+06; give 0 to 45000 kg m\^2.* hide the arm"),
@@ -301,7 +310,7 @@ def task_of(width=1.0, base=rde.ReachTask, **body):
         (task_of(labels={"distance": "numerics"}), "labels has 'numerics'"),
         (task_of(observation=lambda self, scene: {}), "observation is empty"),
         (task_of(reward_functions=lambda self, scene: ()), "gives no term of its own"),
-        (task_of(goal_conditioned=True), "one reward term must be goal_reward"),
+        (task_of(goal_conditioned=True), "give one reward term, a function of goal_reward"),
         (task_of(units={"perod": "s"}), r"Held\.units has 'perod'; choose start_angle, speed_bound"),
         (task_of(static=("speed_bound",)), r"Held.static has 'speed_bound'; choose"),
     ],
