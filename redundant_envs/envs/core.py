@@ -13,12 +13,9 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.compiler.tracing.flow import LANES
-from redundant_envs.envs import options
-from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
+from redundant_envs.envs import arguments, options
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.envs.variation import bounds, observed, simulated
-from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.language.draws import KEY_WORDS
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.model import parameters
@@ -36,8 +33,6 @@ from redundant_envs.tasks.checks import check_task
 
 OF_KEYS = ("keys", "mask", "waiting")
 STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
-MANY = 40  # lanes whose first keys are drawn together in less time than their generators are made
-AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
 
@@ -46,78 +41,24 @@ class EpisodeKeys:
     """The generators of lanes; keys of episodes, of 128 bits, are successive words of a lane's generator."""
 
     def __init__(self, count: int) -> None:
-        self._generators: list[np.random.Generator | None] = [None] * count
+        self.generators: list[np.random.Generator | None] = [None] * count
         self.seeds = [-1] * count
         """The seed of each lane's generator; -1 if it is unknown."""
-        self._unmade: set[int] = set()
-        """Lanes whose keys were drawn without a generator, which is made when it is needed."""
-        self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
-        self._left = np.zeros(count, dtype=np.int64)
 
-    @property
-    def generators(self) -> list[np.random.Generator | None]:
-        """The generators, advanced by the keys taken so far; an entry of the list may be replaced."""
-        for lane in [*self._unmade]:
-            self._make(lane)
-        for lane in np.flatnonzero(self._left).tolist():
-            generator: Any = self._generators[lane]
-            generator.bit_generator.advance(-2 * int(self._left[lane]))
-        self._left[:] = 0
-        return self._generators
-
-    def seed(self, lane: int, seed: int | None) -> None:
+    def seed(self, lane: int, seed: int | None) -> np.random.Generator:
         """Give a lane a new generator."""
-        self._unmade.discard(lane)
-        self._generators[lane], self.seeds[lane] = seeding.np_random(seed)
-        self._left[lane] = 0
+        generator, self.seeds[lane] = seeding.np_random(seed)
+        self.generators[lane] = generator
+        return generator
 
-    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
-        """Give lanes new generators, as :meth:`seed` does; many are made only when they are needed."""
-        if len(lanes) < MANY or max(seeds) > LARGEST_SEED:
-            for lane, seed in zip(lanes, seeds, strict=True):
-                self.seed(lane, seed)
-            return
-        words = first_words(seeds, 2 * AHEAD).astype("<u8")
-        self._drawn[lanes] = words.view("<u4").reshape(len(lanes), *self._drawn.shape[1:])
-        self._left[lanes] = AHEAD
-        self._unmade.update(lanes)
-        for lane, seed in zip(lanes, seeds, strict=True):
-            self.seeds[lane] = seed
-
-    def _make(self, lane: int) -> None:
-        """Make the generator of a lane whose keys were drawn without it."""
-        self._unmade.remove(lane)
-        generator: Any = seeding.np_random(self.seeds[lane])[0]
-        generator.bit_generator.advance(2 * AHEAD)
-        self._generators[lane] = generator
-
-    def own(self) -> list[np.random.Generator]:
-        """The generator of each lane, also before its first episode."""
-        for lane, generator in enumerate(self.generators):
-            if generator is None:
-                self.seed(lane, None)
-        return [generator for generator in self._generators if generator is not None]
+    def own(self, lane: int) -> np.random.Generator:
+        """The generator of a lane, also before its first episode."""
+        return self.generators[lane] or self.seed(lane, None)
 
     def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
-        """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
-        out = lanes[self._left[lanes] == 0].tolist()
-        new = [lane for lane in out if self._generators[lane] is None and lane not in self._unmade]
-        if new:
-            self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
-        for lane in (lane for lane in out if self._left[lane] == 0):
-            if lane in self._unmade:
-                self._make(lane)
-            generator: Any = self._generators[lane]
-            drawn, bits = self._drawn[lane], generator.bit_generator
-            if type(bits) is np.random.PCG64:
-                drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
-                self._left[lane] = len(drawn)
-            else:
-                drawn[-1] = generator.integers(0, 2**32, size=KEY_WORDS, dtype=np.uint32)
-                self._left[lane] = 1
-        keys = self._drawn[lanes, -self._left[lanes]]
-        self._left[lanes] -= 1
-        return keys
+        """The next keys of some lanes, (n, 4)."""
+        words = [self.own(lane).bit_generator.random_raw(KEY_WORDS // 2) for lane in lanes.tolist()]
+        return np.array(words, dtype="<u8").view("<u4")
 
 
 def start_ranges(scene: Scene, task: Task) -> list[tuple[float, float]]:
@@ -130,7 +71,7 @@ def first_memory(
     episode: Episode, layout: Layout, ranges: list[tuple[float, float]], count: int, max_episode_steps: Any
 ) -> Memory:
     """The memory of lanes before their first episode: every joint is in the middle of its starts."""
-    numbers = {**episode.task.parameters(), "limit": episode_limit(max_episode_steps)}
+    numbers = {**episode.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
     numbers |= episode.randomized.numbers()
     memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.drawn))
     named = {f"phi{k + 1}": 0.5 * (low + high) for k, (low, high) in enumerate(ranges)}
@@ -164,9 +105,9 @@ class Core(Copied):
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
-        self.simulated = simulated(self.scene, task, randomize)
-        self.observed = observed(self.scene, task, observe_parameters)
-        self.bounds = bounds(self.scene, task, self.observed)
+        self.simulated = arguments.simulated(self.scene, task, randomize)
+        self.observed = arguments.observed(self.scene, task, observe_parameters)
+        self.bounds = arguments.bounds(self.scene, task, self.observed)
         """Bounds of the numbers that observations show."""
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
@@ -184,7 +125,7 @@ class Core(Copied):
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(self.episode.observed)
-        self.reach = reach_of(self.scene, self.scene.parameters())
+        self.reach = arguments.reach_of(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
@@ -211,7 +152,6 @@ class Core(Copied):
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
-        """Generators of the lanes: the next keys are the next words of each."""
         return self.episode_keys.generators
 
     @property
@@ -219,10 +159,10 @@ class Core(Copied):
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
 
-    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
-        """Give lanes new generators."""
-        self.waiting[lanes] = False
-        self.episode_keys.seed_all(lanes, seeds)
+    def seed(self, lane: int, seed: int | None) -> None:
+        """Give a lane a new generator."""
+        self.waiting[lane] = False
+        self.episode_keys.seed(lane, seed)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
@@ -382,12 +322,6 @@ class Core(Copied):
         return self.memory.read(self.goal_fields)
 
     @alone
-    def numbers(self) -> list[bytes]:
-        """All that a step or a reset changes, as bytes."""
-        own = [getattr(self, name) for name in OF_KEYS]
-        return [array.tobytes() for array in (*self.memory.arrays.values(), *own)]
-
-    @alone
     def get_state(self) -> dict[str, Any]:
         """Everything that determines the continuation: numbers, keys and generators."""
         return {
@@ -432,7 +366,7 @@ class Core(Copied):
         dynamics = self.simulator.dynamics
         motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
         finite = (*motion, *self.task.memory, "steps")
-        kept = (*numbers_of_reward(self.task), *self.episode.randomized.numbers())
+        kept = (*arguments.numbers_of_reward(self.task), *self.episode.randomized.numbers())
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for name in OF_KEYS:
             parameters.check_array("state", name, state[name], getattr(self, name))

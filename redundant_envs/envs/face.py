@@ -17,7 +17,7 @@ from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import STATE_KEYS, Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.model.memory import InUse, alone, first
+from redundant_envs.model.memory import alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.scenes.scene import Scene
@@ -26,23 +26,6 @@ from redundant_envs.simulator.lane.episode import TIP
 from redundant_envs.support.tables import table
 from redundant_envs.support.values import plain_data, shown, whole_number
 from redundant_envs.tasks.base import is_confined
-
-
-class Moment:
-    """The numbers of an environment when it is pickled or copied: InUse where another thread has changed them
-    until the rest of it is written. In the copy it is None."""
-
-    def __init__(self, core: Core) -> None:
-        self._core, self._numbers = core, core.numbers()
-
-    def __reduce__(self) -> tuple[type[None], tuple[()]]:
-        if self._core.numbers() != self._numbers:
-            raise InUse
-        return type(None), ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> None:
-        self.__reduce__()
-
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
@@ -187,8 +170,9 @@ class EnvBase:
 
     @first
     def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name not in ("_moment", "_lane")}
-        return {**kept, "_renderer": None, "_moment": Moment(self.core)}  # which is written last
+        state = {**self.__dict__, "_renderer": None}
+        state.pop("_lane", None)  # of a single environment, which makes it anew
+        return state
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -408,8 +392,9 @@ class VectorEnvBase(EnvBase):
     ) -> tuple[Any, Outputs]:
         """Begin episodes in the environments of a mask; observations and outputs."""
         checked = self.core.checked(options, np.flatnonzero(mask))
-        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
-        self.core.seed_all([*seeded], [*seeded.values()])
+        for lane in np.flatnonzero(mask).tolist():
+            if seeds[lane] is not None:
+                self.core.seed(lane, seeds[lane])
         self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ready = True

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import os
-import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -439,8 +437,9 @@ CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 """Variables with which a user chooses a driver, such as "dummy", that may have no display."""
 
 
-def load_pygame() -> Any:
-    """The package pygame, or an error that names the extra to install."""
+def display() -> Any:
+    """pygame with its display begun; an error names the extra to install, or is NoDisplay where there is none:
+    SDL would draw into nothing."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():
@@ -450,35 +449,14 @@ def load_pygame() -> Any:
         raise DependencyNotInstalled(
             f"render_mode='human' needs pygame, which is not installed; {INSTALL.format('human')}"
         ) from error
-    return pygame
-
-
-def display() -> Any:
-    """pygame with its display begun; NoDisplay where there is none: SDL would draw into nothing."""
-    pygame = load_pygame()
-    with _silent():
-        try:
-            pygame.display.init()
-        except pygame.error as error:
-            raise NoDisplay(NO_DISPLAY) from error
+    try:
+        pygame.display.init()
+    except pygame.error as error:
+        raise NoDisplay(NO_DISPLAY) from error
     if pygame.display.get_driver() == "offscreen" and not any(map(os.environ.get, CHOICES)):
         pygame.display.quit()
         raise NoDisplay(NO_DISPLAY)
     return pygame
-
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Without what libraries of the system print of the displays that they tried."""
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 class NoDisplay(Error, OSError):

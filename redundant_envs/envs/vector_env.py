@@ -124,13 +124,15 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(self.core.episode_keys.own())
+        return tuple(map(self.core.episode_keys.own, range(self.num_envs)))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        self.core.episode_keys.own()
-        return tuple(self.core.episode_keys.seeds)
+        keys = self.core.episode_keys
+        for lane in range(self.num_envs):
+            keys.own(lane)
+        return tuple(keys.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""

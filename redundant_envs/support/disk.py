@@ -8,7 +8,7 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +18,7 @@ LEAST = 1 << 14  # bytes; a disk with less left is full for what a library faile
 
 
 class DiskFull(OSError):
-    """A disk is full, or takes no file so large; the message names the file and the disk."""
-
-
-def _is_of(error: BaseException | None, numbers: Container[int | None]) -> bool:
-    """Whether an error, or one that led to it, has one of these numbers of the system."""
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in numbers:
-            return True
-        error = error.__cause__ or error.__context__
-    return False
+    """A disk is full; the message names the file and the disk."""
 
 
 def disk_of(path: Path) -> tuple[Path, int]:
@@ -40,20 +31,14 @@ def disk_of(path: Path) -> tuple[Path, int]:
 
 @contextlib.contextmanager
 def told(path: Path) -> Iterator[None]:
-    """Errors within since a disk is full, or takes no file so large, become a DiskFull for ``path``."""
+    """Errors within since a disk is full become a DiskFull for ``path``."""
     try:
         yield
     except DiskFull:
         raise
-    except Exception as error:
-        if _is_of(error, {errno.EFBIG}):
-            raise DiskFull(
-                f"{path} cannot be written: it would be larger than files may be here; raise the limit "
-                "(ulimit -f), or write to another disk"
-            ) from error
+    except (OSError, RuntimeError) as error:  # RuntimeError as of torch and ffmpeg, which do not say why
         mount, free = disk_of(path)
-        unsaid = isinstance(error, OSError | RuntimeError) and free < LEAST  # as of torch and ffmpeg
-        if not (_is_of(error, FULL) or unsaid):
+        if free >= LEAST and getattr(error, "errno", None) not in FULL:
             raise
         raise DiskFull(
             f"{path} cannot be written: the disk {mount} is full ({free / 1e6:.1f} MB left); delete "

@@ -1,4 +1,4 @@
-"""YAML text as plain data, within bounds, and the lines of what is in it."""
+"""YAML text as plain data, within bounds."""
 
 from __future__ import annotations
 
@@ -81,13 +81,12 @@ for _kind, _pattern, _first in (
     _Reader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(rf"(?:{_pattern})$"), _first)
 
 
-def parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
-    """The content of YAML text, and its node, which knows the lines; ``where`` names it in messages."""
+def parsed(text: str, where: str) -> Any:
+    """The content of YAML text; ``where`` names it in messages, which know the line of a mistake."""
     loader = None
     try:
         loader = _Reader(text)
-        node = loader.get_single_node()
-        return (None if node is None else loader.construct_document(node)), node  # type: ignore[no-untyped-call]
+        return loader.get_single_data()  # type: ignore[no-untyped-call]
     except _Mistake as mistake:
         line, problem = mistake.args
     except yaml.reader.ReaderError as error:
@@ -102,40 +101,3 @@ def parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
         line = loader.line + 1 if loader else 1
         problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
-
-
-def line_of(message: str, root: Any) -> int | None:
-    """The line of the value that a message names first, as in "effects[1].g is ..."; None if unknown."""
-    key = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
-    head = re.match(r"\w[\w\[\].]*", message)
-    path = re.findall(r"\w+", head.group()) if head else [""]
-    waiting = [root]
-    while waiting:  # outer mappings first
-        node = waiting.pop(0)
-        entries = _entries(node)
-        waiting += [value for _, value in entries.values()]
-        is_type = "type" in entries and entries["type"][1].value == path[0]
-        if not is_type and path[0] not in entries:
-            line = _unknown(node, key)
-        else:  # the last part of the path that there is, or an unknown key there
-            line = _line(node)
-            for part in path[is_type:]:
-                line, node = _entries(node).get(part, (line, node))
-            line = _unknown(node, key) or line
-        if line:
-            return line
-    return None
-
-
-def _entries(node: Any) -> dict[str, tuple[int, Any]]:
-    """The values of a mapping or a list by key or index, each with its line."""
-    if isinstance(node, yaml.MappingNode):
-        return {str(key.value): (_line(key), value) for key, value in node.value}
-    if isinstance(node, yaml.SequenceNode):
-        return {str(k): (_line(value), value) for k, value in enumerate(node.value)}
-    return {}
-
-
-def _unknown(node: Any, key: re.Match[str] | None) -> int | None:
-    """The line of the key of a mapping that a message calls unknown."""
-    return next((line for k, (line, _) in _entries(node).items() if key and key[1] in (k, shown(k))), None)
