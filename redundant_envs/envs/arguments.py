@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -86,9 +87,9 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
 def episode_limit(max_episode_steps: Any) -> float:
     """Control steps until truncation; None and -1 mean never."""
     given = max_episode_steps
-    if given is None or (isinstance(given, int | np.integer) and given == -1):
-        return float("inf")
-    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if given is None or (isinstance(given, Integral) and given == -1):
+        return math.inf
+    number = isinstance(given, Real) and not isinstance(given, bool)
     if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
         raise ValueError(
             f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"

@@ -37,44 +37,19 @@ Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
 
 
-class EpisodeKeys:
-    """The generators of lanes; keys of episodes, of 128 bits, are successive words of a lane's generator."""
-
-    def __init__(self, count: int) -> None:
-        self.generators: list[np.random.Generator | None] = [None] * count
-        self.seeds = [-1] * count
-        """The seed of each lane's generator; -1 if it is unknown."""
-
-    def seed(self, lane: int, seed: int | None) -> np.random.Generator:
-        """Give a lane a new generator."""
-        generator, self.seeds[lane] = seeding.np_random(seed)
-        self.generators[lane] = generator
-        return generator
-
-    def own(self, lane: int) -> np.random.Generator:
-        """The generator of a lane, also before its first episode."""
-        return self.generators[lane] or self.seed(lane, None)
-
-    def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
-        """The next keys of some lanes, (n, 4)."""
-        words = [self.own(lane).bit_generator.random_raw(KEY_WORDS // 2) for lane in lanes.tolist()]
-        return np.array(words, dtype="<u8").view("<u4")
-
-
 def start_ranges(scene: Scene, task: Task) -> list[tuple[float, float]]:
     """Range of the starts of each joint in a scene, inside its limits."""
     values = {**scene.parameters(), **task.parameters()}
     return [range_of_starts(task, scene, k, values.__getitem__) for k in range(len(scene.robot.joints))]
 
 
-def first_memory(
-    episode: Episode, layout: Layout, ranges: list[tuple[float, float]], count: int, max_episode_steps: Any
-) -> Memory:
+def first_memory(episode: Episode, layout: Layout, count: int, max_episode_steps: Any) -> Memory:
     """The memory of lanes before their first episode: every joint is in the middle of its starts."""
     numbers = {**episode.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
     numbers |= episode.randomized.numbers()
     memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.drawn))
-    named = {f"phi{k + 1}": 0.5 * (low + high) for k, (low, high) in enumerate(ranges)}
+    ranges = enumerate(start_ranges(episode.dynamics.scene, episode.task), 1)
+    named = {f"phi{k}": 0.5 * (low + high) for k, (low, high) in ranges}
     at_rest = Quantities(named, (episode.arm.coordinates_of_joints,), {})
     for name in episode.arm.coordinates:
         memory.column(name)[:] = at_rest[name]
@@ -112,8 +87,7 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
-        ranges = start_ranges(self.scene, task)
-        self.memory = first_memory(self.episode, self.simulator.layout, ranges, num_envs, max_episode_steps)
+        self.memory = first_memory(self.episode, self.simulator.layout, num_envs, max_episode_steps)
         self._memory = self.memory
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
@@ -121,7 +95,10 @@ class Core(Copied):
         """Options of episodes that have not begun yet."""
         self.actions, self.goal_fields = self.episode.actions, self.episode.goal
         self.columns = Columns(self.episode, info_keys)
-        self.episode_keys = EpisodeKeys(num_envs)
+        self.generators: list[np.random.Generator | None] = [None] * num_envs
+        """Keys of episodes, of 128 bits, are successive words of a lane's generator."""
+        self.seeds = [-1] * num_envs
+        """The seeds of these; -1 if one is unknown."""
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.obs_size = len(self.episode.observed)
@@ -151,24 +128,28 @@ class Core(Copied):
         return environment_simulator(state["simulated"], state["task"], tuple(fields))
 
     @property
-    def generators(self) -> list[np.random.Generator | None]:
-        return self.episode_keys.generators
-
-    @property
     def begun_all(self) -> bool:
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
 
-    def seed(self, lane: int, seed: int | None) -> None:
+    def seed(self, lane: int, seed: int | None) -> np.random.Generator:
         """Give a lane a new generator."""
         self.waiting[lane] = False
-        self.episode_keys.seed(lane, seed)
+        generator, self.seeds[lane] = seeding.np_random(seed)
+        self.generators[lane] = generator
+        return generator
+
+    def own_generator(self, lane: int) -> np.random.Generator:
+        """The generator of a lane, also before its first episode."""
+        return self.generators[lane] or self.seed(lane, None)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
-            self.keys[lanes] = self.episode_keys.take(lanes)
+            bits = [self.own_generator(lane).bit_generator for lane in lanes.tolist()]
+            words = np.array([one.random_raw(KEY_WORDS // 2) for one in bits], dtype="<u8")
+            self.keys[lanes] = words.view("<u4")
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
@@ -266,20 +247,14 @@ class Core(Copied):
         return options.checked_reset(self.episode, self.memory, given, lanes, self.waiting_options)
 
     @alone
-    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
+    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64], keep: bool = False) -> None:
         """Keep options for the next episodes of lanes; without any, forget those that wait."""
-        if given:
-            found = self.checked(given, lanes)
-            self.waiting_options = options.over(self.waiting_options, found)
-        else:
-            self.waiting_options = options.within(self.waiting_options, lanes, others=True)
-
-    @alone
-    def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
-        """Keep one number for the next episodes of lanes."""
         waiting = self.waiting_options
-        found = options.checked_number(self.episode, self.memory, name, value, lanes, waiting)
-        self.waiting_options = options.over(waiting, found)
+        if given:
+            found = options.checked_reset(self.episode, self.memory, given, lanes, waiting, keep)
+            self.waiting_options = options.over(waiting, found)
+        else:
+            self.waiting_options = options.within(waiting, lanes, others=True)
 
     def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
@@ -340,7 +315,7 @@ class Core(Copied):
         for name in OF_KEYS:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
-        self.episode_keys.seeds[:] = [-1] * self.num_envs
+        self.seeds[:] = [-1] * self.num_envs
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:

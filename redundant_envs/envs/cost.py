@@ -28,8 +28,7 @@ BARE = (EffortLimits, Gravity, ViscousFriction)
 TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}  # the second is that of "standard"
 COLUMNS = ("at", "of", "ns", "ns_without", "times_bare", "evaluations", "operations", "bytes", "faults")
 LANES = 4096
-FEWEST_LANES = 64
-"""Lanes of a slow scene: a call then still costs far more than its 12 us of Python."""
+POSES = 64  # in which an arm is held, to find out what that takes
 WARM, TIMED = 3, 8
 """Control intervals of a motion: those in which caches fill and rates grow from rest, and timed ones."""
 TIMES_WEIGHT = 2.0  # commands of motors without limits, as multiples of the efforts that hold the arm
@@ -77,27 +76,18 @@ class Timed:
     batch: BatchSimulator
     start: Mapping[str, Any]  # snapshot
     efforts: Array  # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
-    cores: Sequence[Core] = ()  # of the environment, and of that without sensors
+    cores: Sequence[Core]  # of the environment, and of that without sensors; none where there are none
     evaluations: float = 0.0  # mean of a lane and timed interval
     faults: float = 0.0  # share of the lanes' timed intervals with a fault
 
     @classmethod
-    def of(cls, scene: Scene, limits: Array, lanes: int, most: float) -> Timed:
-        """A motion of a scene, with fewer lanes if it would take more than some seconds."""
-        found = cls._with(scene, limits, FEWEST_LANES)
-        each = min(seconds(found.batch.advance, efforts) for efforts in found.efforts[:2])
-        many = int(most * FEWEST_LANES / (each * (WARM + TIMED)))
-        if many > FEWEST_LANES:
-            found = cls._with(scene, limits, min(lanes, many))
-        found.cores = observers(scene, found.batch.num_envs)
-        return found
-
-    @classmethod
-    def _with(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
+    def of(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
+        """A motion of a scene."""
         joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
         batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
         shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
-        return cls(batch, batch.save(), np.ascontiguousarray(limits * shares.swapaxes(0, 1)))
+        efforts = np.ascontiguousarray(limits * shares.swapaxes(0, 1))
+        return cls(batch, batch.save(), efforts, observers(scene, lanes))
 
     def sample(self) -> list[float]:
         """Times of all intervals and observations, s."""
@@ -159,7 +149,7 @@ def limits_of(pair: Pair) -> tuple[Array, Array]:
 def weight(scene: Scene) -> Array:
     """Largest efforts that hold the arm in some poses on the Earth, N m and N (joints,)."""
     arm = scene.robot
-    poses = starts(scene, np.random.default_rng(0).random((FEWEST_LANES, len(arm.joints))))
+    poses = starts(scene, np.random.default_rng(0).random((POSES, len(arm.joints))))
     return np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
 
 
@@ -170,8 +160,7 @@ def costs(
 
     The time is that of a control interval of a lane, and of the readings of sensors in an observation: the
     best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
-    of both times of a pair. After ``most`` seconds a scene has no more turns, and one whose motion takes
-    longer has fewer lanes.
+    of both times of a pair. After ``most`` seconds a scene has no more turns.
     """
     sides = {name: [*zip(pair, map(tuple, limits_of(pair)), strict=True)] for name, pair in pairs.items()}
     asked: list[tuple[Scene, tuple[float, ...]]] = []  # what is timed, once: a scene and its commands
@@ -179,18 +168,15 @@ def costs(
         if side not in asked:
             asked.append(side)
     rows = []
-    with counted("cost", len(TOLERANCES) * (len(asked) + turns), each=4) as done:
+    with counted("cost", len(TOLERANCES) * (len(asked) + 1)) as done:
         for accuracy, tolerance in TOLERANCES.items():
             scenes = []
             for given, limits in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                scenes.append(Timed.of(scene, np.array(limits), lanes, most))
+                scenes.append(Timed.of(scene, np.array(limits), lanes))
                 done(f"a scene at {accuracy}")
-
-            def over(turn: int, at: str = accuracy) -> None:
-                done(f"turn {turn} of {turns} at {at}")
-
-            times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most, done=over)
+            times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most)
+            done(f"{turns} turns at {accuracy}")
             ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
             for name, both in sides.items():
                 own, without = (asked.index(side) for side in both)

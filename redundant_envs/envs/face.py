@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
-from redundant_envs.envs.core import STATE_KEYS, Core
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
 from redundant_envs.model.memory import alone, first
@@ -114,11 +114,16 @@ def parameters_of(core: Core) -> Parameters:
     named.update({name: [name] for name in task.parameters()})
     found = {}
     for name, entries in named.items():
-        value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, entries)])
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
-        value = Copy.of(value[:, 0].copy() if entries == [name] else value)
+        value = values_of(core, entries, entries == [name])
         found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
     return Parameters(found)
+
+
+def values_of(core: Core, names: Sequence[str], single: bool) -> Copy:
+    """Scalar parameters of all lanes, (lanes, names), or (lanes,) of a single one."""
+    value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, names)])
+    return Copy.of(value[:, 0].copy() if single else value)
 
 
 class EnvBase:
@@ -138,7 +143,7 @@ class EnvBase:
         """Take arguments, or refuse them before a core is made."""
         self._check_choice("on_bad_action", on_bad_action)
         self._check_choice("render_mode", render_mode)
-        for name, given in (("render_width", render_width), ("render_height", render_height)):
+        for name, given in {"render_width": render_width, "render_height": render_height}.items():
             if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
                 raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
@@ -147,16 +152,15 @@ class EnvBase:
     def _check_choice(self, name: str, value: Any) -> None:
         """ValueError unless a value is one of those that an attribute can have."""
         modes = (None, *type(self).metadata["render_modes"])
-        if name == "on_bad_action" and value not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {shown(value)}; choose {', '.join(ON_BAD_ACTION)}")
-        if name == "render_mode" and value not in modes:
-            raise ValueError(f"render_mode is {shown(value)}; choose {' or '.join(map(repr, modes))}")
+        valid = {"on_bad_action": ON_BAD_ACTION, "render_mode": modes}.get(name)
+        if valid and value not in valid:
+            raise ValueError(f"{name} is {shown(value)}; choose {' or '.join(map(repr, valid))}")
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
         self.core, self._memory = core, core.memory
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
-        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
         self._renderer: Any = None
         # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
         of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
@@ -182,9 +186,8 @@ class EnvBase:
         way to ask, and slow down every attribute.)"""
         if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
             return getattr(self, name)
-        entries, memory = names_of(self.scene, name, self.core.task.parameters()), self.core.memory
-        value = memory.read([*map(memory.dynamics.parameters.field_of, entries)])
-        return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
+        entries = names_of(self.scene, name, self.core.task.parameters())
+        return values_of(self.core, entries, len(entries) == 1)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in LANE_VALUES:
@@ -197,7 +200,11 @@ class EnvBase:
         if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
             object.__setattr__(self, name, value)
         else:
-            self.core.let_number_wait(name, value, np.arange(self.core.num_envs))
+            self._set_number(name, value, np.arange(self.core.num_envs))
+
+    def _set_number(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
+        """Let lanes have a number from their next episode on, and keep all others."""
+        self.core.let_wait({"parameters": {name: value}}, lanes, keep=True)
 
     def _is_number(self, name: str) -> bool:
         """Whether a name is that of numbers of the arm, of an effect or of the task."""
@@ -293,12 +300,8 @@ class VectorEnvBase(EnvBase):
 
     @first
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
-        """Options of the next episode of each environment, as ``reset`` takes them.
-
-        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
-        have options of its own, which replace those of the same name. A start or a goal is that of one
-        episode; parameters stay until options give "parameters" again. Options that wait are none of
-        :meth:`get_state`. ValueError if an episode could not begin with them; nothing changes then.
+        """Options of the next episode of each environment, which a reset or an autoreset begins; as those of
+        :meth:`EnvBase.set_options`.
 
         Parameters
         ----------
@@ -333,7 +336,7 @@ class VectorEnvBase(EnvBase):
     def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
         """Set a number of some environments, or an attribute that is there and that all of them share."""
         if self._is_number(name) and name not in self.__dict__:
-            self.core.let_number_wait(name, value, lanes)
+            self._set_number(name, value, lanes)
             return
         fix = "use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
         if name not in SHARED:
@@ -352,12 +355,12 @@ class VectorEnvBase(EnvBase):
         Parameters
         ----------
         state : mapping
-            What :meth:`get_state` returned, here or from a single environment. The episode of a single one
-            continues in each environment that ``index`` names; the episodes after it are the vector's own.
+            What :meth:`get_state` returned here; with ``index`` that of a single environment.
         index : array_like, optional
-            Numbers of environments, or a mask (num_envs,), for the state of a single one; None is all.
+            Numbers of environments, or a mask (num_envs,), in which the episode of a single one continues;
+            the episodes after it are the vector's own.
         """
-        if index is None and not self._is_of_one(state):
+        if index is None:
             self._set_states(state)
         else:
             lanes = lanes_of(index, self.core.num_envs)
@@ -365,11 +368,6 @@ class VectorEnvBase(EnvBase):
             self._continued(lanes)
             self._begin_trails()
         self._ready = self.core.begun_all
-
-    def _is_of_one(self, state: Any) -> bool:
-        """Whether a state is that of a single environment, and not of this vector."""
-        of_core = isinstance(state, Mapping) and {*state} == {*STATE_KEYS} and self.core.num_envs > 1
-        return of_core and isinstance(state["generators"], list) and len(state["generators"]) == 1
 
     def _set_states(self, state: Mapping[str, Any]) -> None:
         """Return to a snapshot of all environments."""
@@ -432,12 +430,6 @@ def check_plain(scene: Any) -> None:
     """Refuse a scene in a form that the spec of an environment cannot hold."""
     if isinstance(scene, Scene):
         raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-
-
-def frames_per_second(control_dt: float) -> float:
-    """Pictures in a second of real time, one for each control step; a whole number where it is one."""
-    exact = 1.0 / control_dt
-    return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
 
 
 def observation_of(batch: Any, lane: int) -> Any:

@@ -438,8 +438,8 @@ CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 
 
 def display() -> Any:
-    """pygame with its display begun; an error names the extra to install, or is NoDisplay where there is none:
-    SDL would draw into nothing."""
+    """pygame with its display begun; an error names the extra to install. NoDisplay where there is none: SDL
+    would draw into nothing."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():

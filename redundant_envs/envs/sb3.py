@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, frames_per_second, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.model.memory import first
@@ -50,7 +50,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
-        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
 
     @first
     def reset(self) -> Any:

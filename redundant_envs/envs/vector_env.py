@@ -124,15 +124,14 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(map(self.core.episode_keys.own, range(self.num_envs)))
+        return tuple(map(self.core.own_generator, range(self.num_envs)))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        keys = self.core.episode_keys
         for lane in range(self.num_envs):
-            keys.own(lane)
-        return tuple(keys.seeds)
+            self.core.own_generator(lane)
+        return tuple(self.core.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
@@ -158,9 +157,6 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         """Snapshot of all environments, generators included."""
         own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
         return {**self.core.get_state(), **own}
-
-    def _is_of_one(self, state: Any) -> bool:
-        return isinstance(state, Mapping) and {*state} == {*STATE_KEYS}
 
     def _continued(self, lanes: NDArray[np.int64]) -> None:
         self._ended[lanes] = False

@@ -17,11 +17,11 @@ from redundant_envs.support.values import printable
 CLIPS = (".gif", ".mp4")  # endings of clips
 
 
-def new_figure(width: float, height: float) -> Any:
+def new_figure(width: float, height: float, dpi: int = 100) -> Any:
     """An empty figure of a size in inches, drawn without any window system."""
     with needs("plot"):
         from matplotlib.figure import Figure
-    return Figure(figsize=(width, height), dpi=100, layout="constrained")
+    return Figure(figsize=(width, height), dpi=dpi, layout="constrained")
 
 
 def literal(text: str) -> str:

@@ -51,7 +51,7 @@ def test_both_scenes_of_a_row_get_the_same_commands_whatever_other_rows_do_to_th
             return self.limits
 
         @classmethod
-        def of(cls, scene, limits, lanes, most):
+        def of(cls, scene, limits, lanes):
             return cls(limits.sum())
 
     monkeypatch.setattr(cost, "Timed", Timed)

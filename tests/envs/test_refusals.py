@@ -188,7 +188,7 @@ def test_options_and_seeds_of_some_kinds_of_environments(kind, given, words):
     refused(running(kind), lambda env: begin(env, **given), words)
 
 
-def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():
+def test_a_number_that_python_writes_in_no_message_is_refused():
     huge = 10**5000
     for call in (
         lambda: rde.make_sb3(FOUR_R, -huge),
@@ -196,7 +196,7 @@ def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():
         lambda: gym.make(FOUR_R, render_width=huge),
         lambda: gym.make(FOUR_R).reset(seed=-huge),
     ):
-        with pytest.raises(ValueError, match=r"\w+ is an integer of 16610 bits.*; give "):
+        with pytest.raises(ValueError, match=r"\w+ is <int.*; give "):
             call()
 
 
@@ -265,8 +265,6 @@ def test_states_of_another_kind_or_number_of_environments():
     envs += [running(mode, count=3) for mode in MODES] + [running("next_step", count=9)]
     said = {}
     for a, b in itertools.permutations(range(len(envs)), 2):
-        if b == 0 and a != 2:  # vectors take the state of a single environment
-            continue
         said[a, b] = refused(envs[a], lambda env, b=b: env.set_state(envs[b].get_state()), "state")
     assert re.search("1 environments.* 9", said[6, 1])
     assert "autoreset_mode 'same_step' and this one 'next_step'" in said[3, 4]
