@@ -145,14 +145,11 @@ def simulate(options: argparse.Namespace) -> None:
             raise ValueError(f"--clip draws one scene, but {len(asked)} are given; give exactly one --scene")
         check_clip(options.clip)
     scenes = [(Path(name).stem, load_scene(name)) for name in asked]
-    names = [name for name, _ in scenes]
-    if len(set(names)) < len(names):
-        raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
     starts = [energy.default_start(*named) if options.q is None else options.q for named in scenes]
     for (_, scene), q in zip(scenes, starts, strict=True):
         energy.check_start(scene, options.seconds, q, options.qd)
     endings = (".csv", *(f"_{kind}.png" for kind in FIGURES))
-    files = [options.out / f"{name}{ending}" for name in names for ending in endings]
+    files = [options.out / f"{name}{ending}" for name, _ in scenes for ending in endings]
     check_kept([*files, *filter(None, [options.clip])], options.force)
     for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
         say(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)

@@ -66,7 +66,7 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
     ("words", "message"),
     [
         ("simulate --clip a.gif", "exactly one --scene"),
-        ("simulate --scene four_r_free four_r_free", "same name twice"),
+        ("simulate --scene four_r_free four_r_free", "four_r_free.csv would be written twice"),
         ("simulate --scene four_r_free --seconds -1", "seconds is -1.0"),
         ("scene nowhere", SCENES),
         ("scene chain.yaml --drawing chain.pdf", "chain.pdf; give a file that ends in .svg"),

@@ -31,8 +31,8 @@ from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
 
-OF_KEYS = ("keys", "mask", "waiting")
-STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
+OF_LANES = ("keys", "mask", "waiting", "ended")
+STATE_KEYS = ("states", "parameters", *OF_LANES, "generators", "simulator")
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
 
@@ -74,7 +74,9 @@ class Core(Copied):
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
+        autoreset: Autoreset = Autoreset.DISABLED,
     ) -> None:
+        self.autoreset = autoreset
         self.scene = scene_at(scene, accuracy)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
@@ -101,6 +103,7 @@ class Core(Copied):
         """The seeds of these; -1 if one is unknown."""
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
+        self.ended = np.zeros(num_envs, dtype=np.bool_)  # episodes after which nobody has begun another
         self.obs_size = len(self.episode.observed)
         self.reach = arguments.reach_of(self.scene, self.scene.parameters())
         self._connect()
@@ -234,7 +237,7 @@ class Core(Copied):
         if starts and self.simulator.dynamics.effect_states.computed:
             run(KernelCall.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
-        self.waiting[lanes] = False
+        self.waiting[lanes] = self.ended[lanes] = False
 
     @alone
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
@@ -301,7 +304,7 @@ class Core(Copied):
         """Everything that determines the continuation: numbers, keys and generators."""
         return {
             **self.memory.save(),
-            **{name: getattr(self, name).copy() for name in OF_KEYS},
+            **{name: getattr(self, name).copy() for name in OF_LANES},
             "generators": copy.deepcopy(self.generators),
             "simulator": self._facts,
         }
@@ -312,7 +315,7 @@ class Core(Copied):
         it is of another scene, task, episode limit or number of environments."""
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
-        for name in OF_KEYS:
+        for name in OF_LANES:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
         self.seeds[:] = [-1] * self.num_envs
@@ -322,13 +325,13 @@ class Core(Copied):
         """Continue the episode of one environment in some lanes, which keep their generators and limits."""
         single = self._single
         single.set_state(state)
-        if single.memory.read(("terminated",)).any():
+        if single.ended.any():
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
         self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
         fields = self.memory.layout.fields
         names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
         self.memory.write(names, single.memory.read(names), lanes)
-        self.mask[lanes] = 0
+        self.mask[lanes] = self.ended[lanes] = 0
 
     @cached_property
     def _single(self) -> Core:
@@ -343,7 +346,7 @@ class Core(Copied):
         finite = (*motion, *self.task.memory, "steps")
         kept = (*arguments.numbers_of_reward(self.task), *self.episode.randomized.numbers())
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
-        for name in OF_KEYS:
+        for name in OF_LANES:
             parameters.check_array("state", name, state[name], getattr(self, name))
         generators = state["generators"]
         if not isinstance(generators, list) or len(generators) != self.num_envs:
@@ -358,5 +361,5 @@ class Core(Copied):
         return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
-            goal_conditioned=self.task.goal_conditioned,
+            goal_conditioned=self.task.goal_conditioned, autoreset_mode=self.autoreset.name.lower(),
         )  # fmt: skip

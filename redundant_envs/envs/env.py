@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, EnvBase, check_plain
+from redundant_envs.envs.face import PICTURE_SIZE, EnvBase
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.model.memory import IN_USE, alone, first
@@ -52,7 +52,6 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             from redundant_envs.envs.rendering import display
 
             display()  # a missing package or display is reported at once, not at the first step
-        check_plain(scene)
         core = Core(
             scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
             randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
@@ -109,6 +108,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             refuse_bad_action(np.asarray(action, np.float32))
         if terminated:
             self._operation = None
+            self.core.ended[0] = True
         if self.render_mode is not None:
             self._show()
         return obs, reward, terminated, False, info
@@ -118,7 +118,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Return to a snapshot; the continuation is the same to the last bit."""
         super().set_state(state)
         self._begin()
-        if not self.core.begun_all or self.core.memory.read(("terminated",)).any():
+        if not self.core.begun_all or self.core.ended.any():
             self._operation = None
         generator = self.core.generators[0]
         if generator is not None:
@@ -145,7 +145,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
         self._see(self._lane.outputs.lanes(slice(1)))
         if self.render_mode == "human":
-            self._pictures().show(0)
+            self._pictures().show(self._pictures().draw(0))
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
@@ -154,11 +154,11 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        self._check_begun()
+        (picture,) = self._drawn()
         if self.render_mode == "human":
-            self._pictures().show(0)
+            self._pictures().show(picture)
             return None
-        return self._pictures().draw(0)  # type: ignore[no-any-return]
+        return picture
 
     def close(self) -> None:
         """Close the window if there is one."""

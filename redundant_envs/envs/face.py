@@ -93,15 +93,16 @@ class Parameters(Mapping[str, Parameter]):
         return Parameters({name: Parameter(p.value[lane], p.unit) for name, p in self.items()})
 
     def __repr__(self) -> str:
-        lanes = [len(p.value) for p in self.values() if np.ndim(p.value)]
-        vector = len(lanes) == len(self)  # a single environment has numbers without an axis
+        vector = all(
+            np.ndim(p.value) for p in self.values()
+        )  # a single environment has numbers without an axis
         rows = []
         for name, p in self.items():
             entries = np.atleast_2d(p.value.T if vector else np.atleast_1d(p.value)[:, None])
             ends = [(f"{e.min():.5g}", f"{e.max():.5g}") for e in entries]  # where environments differ
             value = ", ".join(low if low == high else f"{low} to {high}" for low, high in ends)
             rows.append((name, value, p.unit if isinstance(p.unit, str) else ", ".join(p.unit)))
-        return table(("name", f"value in {lanes[0]} environments" if vector else "value", "unit"), rows, "<")
+        return table(("name", "value in each environment" if vector else "value", "unit"), rows, "<")
 
 
 def parameters_of(core: Core) -> Parameters:
@@ -281,10 +282,11 @@ class EnvBase:
         columns = self.core.columns
         self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
 
-    def _check_begun(self) -> None:
-        """ResetNeeded before the first reset of all lanes: there is nothing to draw."""
+    def _drawn(self) -> list[NDArray[np.uint8]]:
+        """A picture of each environment; ResetNeeded before their first reset."""
         if not self.core.begun_all:
             raise ResetNeeded("render was called before reset; call reset() first")
+        return [self._pictures().draw(lane) for lane in range(self.core.num_envs)]
 
     def _begin_trails(self) -> None:
         """Let trails begin where the tips are, as after a state was set."""
@@ -338,13 +340,12 @@ class VectorEnvBase(EnvBase):
         if self._is_number(name) and name not in self.__dict__:
             self._set_number(name, value, lanes)
             return
-        fix = "use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
-        if name not in SHARED:
-            valid = ", ".join((*self.parameters, *SHARED))
-            raise ValueError(f"set_attr({name!r}) would have no effect; {fix}, or name one of these: {valid}")
-        if len(lanes) != self.core.num_envs:
-            what = f"set_attr({name!r}) is for some environments only, and all share the attribute"
-            raise ValueError(f"{what}; set it for all, or {fix}")
+        if name not in SHARED or len(lanes) != self.core.num_envs:
+            valid = f"{', '.join(self.parameters)}; or for all environments {', '.join(SHARED)}"
+            raise ValueError(
+                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
+                f"'parameters', or name one of these: {valid}"
+            )
         self._check_choice(name, value)
         setattr(self, name, value)
 
@@ -361,20 +362,11 @@ class VectorEnvBase(EnvBase):
             the episodes after it are the vector's own.
         """
         if index is None:
-            self._set_states(state)
+            super().set_state(state)
         else:
-            lanes = lanes_of(index, self.core.num_envs)
-            self.core.take_state(state, lanes)
-            self._continued(lanes)
+            self.core.take_state(state, lanes_of(index, self.core.num_envs))
             self._begin_trails()
         self._ready = self.core.begun_all
-
-    def _set_states(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot of all environments."""
-        super().set_state(state)
-
-    def _continued(self, lanes: NDArray[np.int64]) -> None:
-        """Note that these environments are within an episode."""
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""
@@ -401,15 +393,15 @@ class VectorEnvBase(EnvBase):
         return self.core.observation(obs, out), out
 
     def _stepped(
-        self, actions: NDArray[np.float32], autoreset: Autoreset
+        self, actions: NDArray[np.float32]
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], Outputs, Any, Outputs]:
         """A control step: observations, rewards, which lanes ended an episode, outputs, and observations and
         outputs before an autoreset. The reward of an end belongs to the observation before it."""
         core, columns = self.core, self.core.columns
-        obs, out, last_obs, last_out = core.step(actions, autoreset)
+        obs, out, last_obs, last_out = core.step(actions, core.autoreset)
         ended = columns.of(out, "terminated") | columns.of(out, "truncated")
         last = observation = core.observation(obs, out)
-        if autoreset == Autoreset.SAME_STEP and ended.any():
+        if core.autoreset == Autoreset.SAME_STEP and ended.any():
             last = core.observation(last_obs, last_out)
         reward = columns.of(out, "reward")
         if self.goal_conditioned:
@@ -424,12 +416,6 @@ class VectorEnvBase(EnvBase):
         if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
-
-
-def check_plain(scene: Any) -> None:
-    """Refuse a scene in a form that the spec of an environment cannot hold."""
-    if isinstance(scene, Scene):
-        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
 
 
 def observation_of(batch: Any, lane: int) -> Any:

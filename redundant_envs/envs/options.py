@@ -83,15 +83,15 @@ def checked_reset(
         marks = _fixed(episode, numbers, len(lanes))
         if keep:
             coming = _coming(episode, memory, lanes, found)
-            marks = {mark: np.maximum(given, coming.pop(mark)) for mark, given in marks.items()}
+            marks = {mark: np.maximum(own, coming.pop(mark)) for mark, own in marks.items()}
             numbers = {**coming, **numbers}
-        values = parameters.lane_values(scene, memory, lanes, numbers, True, task) | marks
-        found[PARAMETERS] = Part(tuple(values), lanes, np.stack([*values.values()], axis=1))
+        rows = parameters.lane_values(scene, memory, lanes, numbers, True, task) | marks
+        found[PARAMETERS] = Part(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
-    rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
-    for key in (key for key in rows if options.get(key) is not None):
-        where, names = f"options[{key!r}]", rows[key]
+    starts = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
+    for key in (key for key in starts if options.get(key) is not None):
+        where, names = f"options[{key!r}]", starts[key]
         if np.ndim(options[key]) == 0 and len(names) > 1:
             raise ValueError(f"{where} is {shown(options[key])}; give ({len(names)},) numbers, one for each")
         values = parameters.table(where, options[key], len(lanes), len(names))

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled, Error
@@ -463,38 +463,6 @@ class NoDisplay(Error, OSError):
     """There is no display to open a window on."""
 
 
-class Window:
-    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next.
-
-    A process has one window of pygame. Environments that are shown at the same time share it, and it closes
-    with the last of them.
-    """
-
-    _open: ClassVar[set[Window]] = set()
-
-    def __init__(self, fps: float) -> None:
-        self._pygame = display()
-        self._open.add(self)
-        self._clock = self._pygame.time.Clock()
-        self._fps = fps
-
-    def show(self, picture: NDArray[np.uint8]) -> None:
-        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
-        screen = pygame.display.get_surface()
-        if screen is None or screen.get_size() != size:  # as after another one has closed it
-            display().display.set_caption("redundant-envs")
-            screen = pygame.display.set_mode(size)
-        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
-        pygame.event.pump()
-        self._clock.tick(self._fps)
-        pygame.display.flip()
-
-    def close(self) -> None:
-        self._open.discard(self)
-        if not self._open:
-            self._pygame.display.quit()
-
-
 class Renderer:
     """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
@@ -504,7 +472,7 @@ class Renderer:
         self._tips = np.zeros((core.num_envs, TRAIL_LENGTH, 2))
         self._count = np.zeros(core.num_envs, dtype=int)
         self._last = np.full(core.num_envs, -1.0)
-        self._window: Any = None
+        self._pygame: Any = None  # once a window is open
 
     def clear(self) -> None:
         """Forget all trails."""
@@ -575,14 +543,23 @@ class Renderer:
                 canvas.text(held, MARGIN, MARGIN, palette.GOAL if success else palette.FAINT, from_right=True)
         return canvas.pixels
 
-    def show(self, lane: int) -> None:
-        """Show a lane in a window, in real time: one picture per control step."""
-        if self._window is None:
-            self._window = Window(1.0 / self.core.scene.control_dt)
-        self._window.show(self.draw(lane))
+    def show(self, picture: NDArray[np.uint8]) -> None:
+        """Show a picture in pygame's window, of which a process has one, a control step after the last."""
+        if self._pygame is None:
+            self._pygame = display()
+            self._clock = self._pygame.time.Clock()
+        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
+        screen = pygame.display.get_surface()
+        if screen is None or screen.get_size() != size:  # as after another one has closed it
+            display().display.set_caption("redundant-envs")
+            screen = pygame.display.set_mode(size)
+        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
+        pygame.event.pump()
+        self._clock.tick(1.0 / self.core.scene.control_dt)
+        pygame.display.flip()
 
     def close(self) -> None:
         """Close the window if one is open."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        if self._pygame is not None:
+            self._pygame.display.quit()
+            self._pygame = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from threading import get_ident
 from typing import Any
 
@@ -76,7 +76,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
             raise NoAsyncCallError("step_wait was called before step_async; call step_async first", "step")
         core, columns, thread = self.core, self.core.columns, get_ident()
         actions = self._actions.pop(thread if thread in self._actions else next(iter(self._actions)))
-        observation, reward, dones, out, last, last_out = self._stepped(actions, Autoreset.SAME_STEP)
+        observation, reward, dones, out, last, last_out = self._stepped(actions)
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         if "is_success" in columns.names:
             held = columns.of(out, "is_success").tolist()
@@ -102,24 +102,10 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
     def close(self) -> None:
         """Nothing to release."""
 
-    def _set_states(self, state: Mapping[str, Any]) -> None:
-        self.core.check_state(state)
-        memory = self.core.memory.holding(state["states"], state["parameters"])
-        ended = np.flatnonzero(memory.read(("terminated",))[:, 0]).tolist()
-        if len(ended):
-            raise ValueError(
-                f"state has environments whose episodes have ended, {ended[:8]}; here they begin anew at "
-                "once: take a state of episodes that go on"
-            )
-        super()._set_states(state)
-
     @first
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
-        if self.render_mode is None:
-            return [None] * self.num_envs
-        self._check_begun()
-        return [self._pictures().draw(lane) for lane in range(self.num_envs)]
+        return [None] * self.num_envs if self.render_mode is None else self._drawn()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
@@ -182,4 +168,5 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
-    return SB3VecEnv(Core(**arguments, num_envs=num_envs, task=task, env_id=full), **own, monitor=monitor)
+    core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, autoreset=Autoreset.SAME_STEP)
+    return SB3VecEnv(core, **own, monitor=monitor)

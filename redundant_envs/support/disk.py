@@ -106,19 +106,16 @@ def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) 
     for path in written:
         if sum(path.resolve() == other.resolve() for other in written) > 1:
             raise ValueError(f"{path} would be written twice; give different places")
-    there = [p for p in written if p.is_file() or p.is_dir() or (p.is_symlink() and not p.exists())]
-    for path in there:
         if path.is_dir():
             raise ValueError(f"{path} is a folder; give a file to be written")
         if path.exists() and any(path.resolve().is_relative_to(other.resolve()) for other in read):
             raise ValueError(f"{path} would be replaced, and is what the command reads; choose another place")
-    for path in written:
         if path.is_file() or not path.exists():  # a device is written itself
             check_folder(f"the folder of {path.name}", path.parent, "choose another place")
+    there = [str(p) for p in written if p.is_file() or (p.is_symlink() and not p.exists())]
     if there and not force:
-        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
-        verb, them = ("exist", "them") if more else ("exists", "it")
-        raise ValueError(f"{there[0]}{more} {verb}; choose another place, or replace {them} with --force")
+        names = ", ".join(there[:MAX_SHOWN])
+        raise ValueError(f"{names} would be replaced; choose another place, or add --force")
 
 
 def check_folder(what: str, folder: Path, fix: str) -> None:

@@ -106,6 +106,8 @@ def _plainer(value: Any) -> Any:
         return value.name
     if isinstance(value, Mapping):
         return dict(value)
+    if hasattr(value, "to_dict"):  # of a scene
+        return value.to_dict()
     if isinstance(value, PurePath):
         return str(value)
     if hasattr(value, "tolist"):

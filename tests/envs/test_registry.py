@@ -51,6 +51,7 @@ class Steps(enum.IntEnum):
 FREE = drawing()
 AS_USERS_WRITE = {
     "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},
+    "a scene": {"scene": rde.load_scene("four_r_weak")},
     "arrays in a scene": {
         "scene": FREE
         | {"robot": {k: np.array(v) if k != "type" else v for k, v in FREE["robot"].items()}}
@@ -187,7 +188,8 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
 def test_an_id_may_have_the_module_that_registers_it():
     whole = f"redundant_envs:{FOUR_R}"
     vector = gym.make_vec(whole, num_envs=2)
-    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == FOUR_R
+    assert gym.make(whole).spec.id == vector.spec.id == FOUR_R
+    assert rde.make_sb3(whole, 2).core.scene == vector.core.scene
     for env in (gym.make(FOUR_R).unwrapped, vector):  # skrl looks at these names
         assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
 
