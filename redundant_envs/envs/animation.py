@@ -39,16 +39,18 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
-    shape = trajectory.q.shape[1:-1]
     if not trajectory.t.size:
         raise ValueError("trajectory has no times; simulate some to draw")
-    chosen = () if index is None else index if isinstance(index, tuple) else (index,)
-    whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
-    if len(chosen) != len(shape) or not whole or not all(-n <= chosen[i] < n for i, n in enumerate(shape)):
-        motions = f"motions of shape {shape}" if shape else "one motion"
+    rows = (slice(None), *(() if index is None else index if isinstance(index, tuple) else (index,)))
+    shape = trajectory.q.shape[1:-1]
+    try:
+        chosen = trajectory.q[rows].ndim == 2
+    except IndexError:
+        chosen = False
+    if not chosen:
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
-        raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
-    return Animation(trajectory, (slice(None), *chosen))
+        raise ValueError(f"index is {shown(index)} and trajectory has motions of shape {shape}; {fix}")
+    return Animation(trajectory, rows)
 
 
 class Animation:

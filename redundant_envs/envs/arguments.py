@@ -38,16 +38,12 @@ def numbers_of_reward(task: Task) -> list[str]:
 def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
     fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
-    of_reward = numbers_of_reward(task)
+    kept = ("lengths", *numbers_of_reward(task))
     for name in (n for n in given if isinstance(n, str)):
-        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
-        if name in ("lengths", *of_reward) or fixed & entries:
-            kept, fix = "lengths and travel", ""
-            if name in of_reward:
-                kept, fix = name, f": make one with task={{{name!r}: ...}}"
+        if name in kept or fixed & {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}:
             raise ValueError(
-                f"parameter is {name!r}; goal environments keep {kept}, because compute_reward is a "
-                f"function of the two goals alone{fix}"
+                f"parameter is {name!r}; goal environments keep travel, {', '.join(kept)}: their reward "
+                "is a function of the two goals alone; make one with another scene= or task="
             )
 
 

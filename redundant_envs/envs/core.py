@@ -26,7 +26,7 @@ from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, 
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
-from redundant_envs.support.values import whole_number
+from redundant_envs.support.values import shown, whole_number
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
@@ -348,12 +348,11 @@ class Core(Copied):
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
         for name in OF_LANES:
             parameters.check_array("state", name, state[name], getattr(self, name))
-        generators = state["generators"]
-        if not isinstance(generators, list) or len(generators) != self.num_envs:
-            raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
-        for given in generators:
-            if not isinstance(given, np.random.Generator | None):
-                raise ValueError(f"state['generators'] has {given!r}; give NumPy generators or None")
+        given, kinds = state["generators"], np.random.Generator | None
+        listed = isinstance(given, list) and len(given) == self.num_envs
+        if not listed or not all(isinstance(one, kinds) for one in given):
+            fix = f"give a list of {self.num_envs} NumPy generators or None"
+            raise ValueError(f"state['generators'] is {shown(given)}; {fix}")
 
     @cached_property
     def _facts(self) -> str:

@@ -4,6 +4,7 @@ effect. A scene is compared with its bare arm: that with the effects of :data:`B
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,12 +82,12 @@ class Timed:
     faults: float = 0.0  # share of the lanes' timed intervals with a fault
 
     @classmethod
-    def of(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
+    def of(cls, scene: Scene, lanes: int) -> Timed:
         """A motion of a scene."""
         joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
         batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
         shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
-        efforts = np.ascontiguousarray(limits * shares.swapaxes(0, 1))
+        efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
         return cls(batch, batch.save(), efforts, observers(scene, lanes))
 
     def sample(self) -> list[float]:
@@ -133,24 +134,14 @@ def starts(scene: Scene, draws: Array) -> Array:
     return (low + draws * (high - low)) @ np.linalg.inv(arm.motor_map)
 
 
-def limits_of(pair: Pair) -> tuple[Array, Array]:
-    """Largest commands of the motors in both scenes of a pair, (joints,): those of the other scene where one
-    has no limits and takes the same units, and :data:`TIMES_WEIGHT` times what holds the arm otherwise."""
-    own, other = (np.array([s.parameters()[name] for name in s.action_units()]) for s in pair)
-    if pair.scene.command_units() == pair.without.command_units():
-        own, other = own if own.size else other, other if other.size else own
-    first, second = (
-        given if given.size else TIMES_WEIGHT * weight(scene)
-        for given, scene in zip((own, other), pair, strict=True)
-    )
-    return first, second
-
-
-def weight(scene: Scene) -> Array:
-    """Largest efforts that hold the arm in some poses on the Earth, N m and N (joints,)."""
-    arm = scene.robot
+def commands(scene: Scene) -> Array:
+    """Largest commands of the motors of a scene, (joints,): their limits, or where it has none
+    :data:`TIMES_WEIGHT` times the efforts that hold the arm in some poses on the Earth, N m and N."""
+    arm, values = scene.robot, scene.parameters()
+    if names := scene.action_units():
+        return np.array([values[name] for name in names])
     poses = starts(scene, np.random.default_rng(0).random((POSES, len(arm.joints))))
-    return np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
+    return TIMES_WEIGHT * np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
 
 
 def costs(
@@ -162,24 +153,23 @@ def costs(
     best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
     of both times of a pair. After ``most`` seconds a scene has no more turns.
     """
-    sides = {name: [*zip(pair, map(tuple, limits_of(pair)), strict=True)] for name, pair in pairs.items()}
-    asked: list[tuple[Scene, tuple[float, ...]]] = []  # what is timed, once: a scene and its commands
-    for side in (side for both in sides.values() for side in both):
-        if side not in asked:
-            asked.append(side)
+    asked: list[Scene] = []  # what is timed, once
+    for scene in itertools.chain.from_iterable(pairs.values()):
+        if scene not in asked:
+            asked.append(scene)
     rows = []
     with counted("cost", len(TOLERANCES) * (len(asked) + 1)) as done:
         for accuracy, tolerance in TOLERANCES.items():
             scenes = []
-            for given, limits in asked:
+            for given in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                scenes.append(Timed.of(scene, np.array(limits), lanes))
+                scenes.append(Timed.of(scene, lanes))
                 done(f"a scene at {accuracy}")
             times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most)
             done(f"{turns} turns at {accuracy}")
             ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
-            for name, both in sides.items():
-                own, without = (asked.index(side) for side in both)
+            for name, pair in pairs.items():
+                own, without = map(asked.index, pair)
                 one, (operations, size) = scenes[own], scenes[own].price
                 rows.append({
                     "at": accuracy, "of": name, "ns": round(ns[own], 1), "ns_without": round(ns[without], 1),

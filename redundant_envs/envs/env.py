@@ -89,8 +89,6 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self.core.begin(lanes, checked, self._lane.run)
         obs = self._lane.run(KernelCall.OBSERVE)
         self._begin()
-        if self._renderer is not None:
-            self._renderer.clear()
         if self.render_mode is not None:
             self._show()
         return obs, self._lane.told(self._lane.read())[-1]
@@ -154,11 +152,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        (picture,) = self._drawn()
-        if self.render_mode == "human":
-            self._pictures().show(picture)
-            return None
-        return picture
+        return None if self.render_mode == "human" else self._drawn()[0]
 
     def close(self) -> None:
         """Close the window if there is one."""
@@ -224,7 +218,7 @@ class SingleLane:
     def _telling(self, columns: Columns) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         """What :attr:`read` and :attr:`told` are."""
         drawn = columns.drawn_fields if columns.shows_drawn else ()
-        names = dict(zip((column for column, *_ in columns.places_shown), columns.names, strict=False))
+        names = {column: name for name, column in columns.shown.items()}
         wanted = {"terminated", "reward", *names, *drawn}
         read = [column for table in columns.tables.values() for column in table if column in wanted]
         entries = [f"{names[column]!r}: x[{k}]" for k, column in enumerate(read) if column in names]

@@ -34,28 +34,12 @@ PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
-COPIES = (
-    "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
-    "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
-)
 
 
-class Copy(np.ndarray[Any, np.dtype[np.float64]]):
-    """Numbers that are a copy: they refuse to be written to, because it would change nothing."""
-
-    def __setitem__(self, place: Any, value: Any) -> None:
-        if not self.flags.writeable:  # a copy of it, or a result, may be written to
-            raise ValueError(COPIES)
-        super().__setitem__(place, value)
-
-    def __repr__(self) -> str:
-        return repr(np.asarray(self))
-
-    @classmethod
-    def of(cls, numbers: NDArray[np.float64]) -> Copy:
-        """New numbers, from now on without a way to write to them."""
-        numbers.flags.writeable = False
-        return numbers.view(cls)
+def read_only(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy of numbers without a way to write to it, because that would change nothing."""
+    numbers.flags.writeable = False
+    return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,17 +69,12 @@ class Parameters(Mapping[str, Parameter]):
     def __len__(self) -> int:
         return len(self._found)
 
-    def __setitem__(self, name: str, value: Any) -> None:
-        raise ValueError(COPIES)
-
     def of_lane(self, lane: int) -> Parameters:
         """Those of one environment of a vector."""
         return Parameters({name: Parameter(p.value[lane], p.unit) for name, p in self.items()})
 
     def __repr__(self) -> str:
-        vector = all(
-            np.ndim(p.value) for p in self.values()
-        )  # a single environment has numbers without an axis
+        vector = all(np.ndim(p.value) for p in self.values())  # a single one has numbers without an axis
         rows = []
         for name, p in self.items():
             entries = np.atleast_2d(p.value.T if vector else np.atleast_1d(p.value)[:, None])
@@ -121,16 +100,16 @@ def parameters_of(core: Core) -> Parameters:
     return Parameters(found)
 
 
-def values_of(core: Core, names: Sequence[str], single: bool) -> Copy:
+def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:
     """Scalar parameters of all lanes, (lanes, names), or (lanes,) of a single one."""
     value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, names)])
-    return Copy.of(value[:, 0].copy() if single else value)
+    return read_only(value[:, 0].copy() if single else value)
 
 
 class EnvBase:
-    """A core as users see it: its scene, and copies of coordinates, velocities, tips, goals and numbers of
-    its lanes. Options of a reset, or :meth:`set_options`, set them; a number set as an attribute, such as
-    ``goal_tolerance``, is that of the next episode."""
+    """A core as users see it: its scene, and read-only copies of coordinates, velocities, tips, goals and
+    numbers of its lanes. Options of a reset, or :meth:`set_options`, set them; a number set as an attribute,
+    such as ``goal_tolerance``, is that of the next episode."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
@@ -191,8 +170,6 @@ class EnvBase:
         return values_of(self.core, entries, len(entries) == 1)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in LANE_VALUES:
-            raise AttributeError(f"{name} cannot be set: {COPIES}")
         if name == "spec" and value is not None:  # as it was given, a file could not hold it
             kwargs = plain_data(value.kwargs)
             steps = kwargs.get("max_episode_steps", plain_data(value.max_episode_steps))  # a vector's own
@@ -240,23 +217,23 @@ class EnvBase:
     @property
     def q(self) -> NDArray[np.float64]:
         """Generalized coordinates, (num_envs, joints), or (joints,) of a single environment; rad and m."""
-        return Copy.of(self.core.memory.read(self.core.scene.robot.coordinates))[self._lanes]
+        return read_only(self.core.memory.read(self.core.scene.robot.coordinates))[self._lanes]
 
     @property
     def qd(self) -> NDArray[np.float64]:
         """Generalized velocities, (num_envs, joints), or (joints,) of a single environment; rad/s and m/s."""
-        return Copy.of(self.core.memory.read(self.core.scene.robot.rates))[self._lanes]
+        return read_only(self.core.memory.read(self.core.scene.robot.rates))[self._lanes]
 
     @property
     def tip(self) -> NDArray[np.float64]:
         """Position of the tip, (num_envs, 2), or (2,) of a single environment; m."""
         _, out = self.core.observe()
-        return Copy.of(self.core.columns.points(out, TIP))[self._lanes]
+        return read_only(self.core.columns.points(out, TIP))[self._lanes]
 
     @property
     def goal(self) -> NDArray[np.float64]:
         """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
-        return Copy.of(self.core.goals())[self._lanes]
+        return read_only(self.core.goals())[self._lanes]
 
     @first
     def get_state(self) -> dict[str, Any]:
@@ -332,7 +309,7 @@ class VectorEnvBase(EnvBase):
         value = self._attribute(name)
         if name == "parameters":
             return [value.of_lane(lane) for lane in range(self.core.num_envs)]
-        own = name in LANE_VALUES or (isinstance(value, Copy) and self._is_number(name))
+        own = name in LANE_VALUES or (not hasattr(self, name) and self._is_number(name))
         return [*value] if own else [value] * self.core.num_envs
 
     def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:

@@ -40,7 +40,7 @@ success on."""
 TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
-FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
+FARTHEST = 1e4  # px: what ends farther away is not drawn, so that numbers may be of any size
 MIN_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
@@ -89,19 +89,10 @@ class Canvas:
         np.maximum(cover, 0.0, out=cover)
         mix(self.pixels[y0:y1, x0:x1], cover, color)
 
-    def _near(self, a: Pair, b: Pair) -> tuple[Pair, Pair]:
-        """A segment in pixels without what is beyond :data:`FARTHEST` from its end that is nearer."""
-        length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        if not length > FARTHEST:
-            return a, b
-        far_first = abs(a[0]) + abs(a[1]) > abs(b[0]) + abs(b[1])
-        (x, y), (xb, yb) = (b, a) if far_first else (a, b)
-        return (x, y), (x + FARTHEST * ((xb - x) / length), y + FARTHEST * ((yb - y) / length))
-
     def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._near(self._pixel(a), self._pixel(b))
-        if ax + ay + bx + by != ax + ay + bx + by:
+        (ax, ay), (bx, by) = ends = self._pixel(a), self._pixel(b)
+        if not (np.abs(ends) <= FARTHEST).all():
             return
         r = self.unit * width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)

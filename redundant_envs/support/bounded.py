@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import stat
 from collections.abc import Iterable, Iterator, Sequence
 from io import BufferedReader
 from pathlib import Path
@@ -31,14 +30,10 @@ def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
     """A file, open for reading; ``what`` names it in messages. ValueError if it cannot be read, is a folder,
     a pipe or a device, or has more than ``most`` bytes."""
     try:
-        if path.is_dir():
-            raise ValueError(f"{what} is {shown(str(path))}, a folder; give a file in it")
-        at_once = getattr(os, "O_NONBLOCK", 0)  # a pipe without a writer does not wait for one
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
-                raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
-            _check_size(path, found.st_size, most)
+        if not path.is_file():
+            raise ValueError(f"{what} is {shown(str(path))}; give a file, and no folder, pipe or device")
+        with path.open("rb") as file:
+            _check_size(path, os.fstat(file.fileno()).st_size, most)
             yield file
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__

@@ -7,26 +7,16 @@ import contextlib
 import errno
 import os
 import secrets
-import shutil
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}  # no space left, or the quota of the user is
 MAX_SHOWN = 5  # most names in a message
-LEAST = 1 << 14  # bytes; a disk with less left is full for what a library failed to write
 
 
 class DiskFull(OSError):
-    """A disk is full; the message names the file and the disk."""
-
-
-def disk_of(path: Path) -> tuple[Path, int]:
-    """Where the disk of a path is mounted, and the bytes that are left there."""
-    place = path.absolute()
-    while not place.exists() or not (os.path.ismount(place) or place == place.parent):
-        place = place.parent
-    return place, shutil.disk_usage(place).free
+    """A disk is full; the message names the file."""
 
 
 @contextlib.contextmanager
@@ -34,16 +24,11 @@ def told(path: Path) -> Iterator[None]:
     """Errors within since a disk is full become a DiskFull for ``path``."""
     try:
         yield
-    except DiskFull:
-        raise
-    except (OSError, RuntimeError) as error:  # RuntimeError as of torch and ffmpeg, which do not say why
-        mount, free = disk_of(path)
-        if free >= LEAST and getattr(error, "errno", None) not in FULL:
+    except OSError as error:
+        if error.errno not in FULL:
             raise
-        raise DiskFull(
-            f"{path} cannot be written: the disk {mount} is full ({free / 1e6:.1f} MB left); delete "
-            "something there, or write to another disk"
-        ) from error
+        fix = "delete something there, or write to another one"
+        raise DiskFull(f"{path} cannot be written: the disk is full; {fix}") from error
 
 
 def telling(function: Callable[..., Any], path: Path) -> Callable[..., Any]:
@@ -64,9 +49,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Its name cannot be guessed, so no link waits there. A device is written itself; any other link at ``path``
     is refused: what it names may be anything.
     """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if path.exists() and not path.is_file():
+    if path.exists() and not (path.is_file() or path.is_dir()):
         with told(path):
             yield path
         return
@@ -138,17 +121,13 @@ def add_force(parser: Any) -> None:
 def check_plain(folder: Path) -> None:
     """Refuse a folder that holds links, pipes or devices, at any depth: a file of such a name is written, or
     read, elsewhere or without end. The folder itself may be a link of the user."""
-    found, waiting = [], [folder] if folder.is_dir() else []
-    for place in waiting:
-        with os.scandir(place) as entries:
-            for entry in sorted(entries, key=lambda entry: entry.name):
-                path = Path(entry.path)
-                if entry.is_symlink() or getattr(entry, "is_junction", bool)():
-                    found.append(f"{path.relative_to(folder)} (a link)")
-                elif entry.is_dir(follow_symlinks=False):
-                    waiting.append(path)
-                elif not entry.is_file(follow_symlinks=False):
-                    found.append(f"{path.relative_to(folder)} (a pipe or device)")
+    found = []
+    for place, folders, files in os.walk(folder):
+        for path in sorted(Path(place, name) for name in (*folders, *files)):
+            if path.is_symlink():
+                found.append(f"{path.relative_to(folder)} (a link)")
+            elif not (path.is_dir() or path.is_file()):
+                found.append(f"{path.relative_to(folder)} (a pipe or device)")
     if found:
         shown = ", ".join(found[:MAX_SHOWN])
         more = f" and {len(found) - MAX_SHOWN} more" if len(found) > MAX_SHOWN else ""

@@ -103,7 +103,7 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
 def test_a_pipe_is_not_waited_for(tmp_path, lean, monkeypatch):
     monkeypatch.chdir(tmp_path)  # long paths are shortened in messages
     os.mkfifo("pipe")
-    lean(["train", "pipe"], "'pipe'", "a pipe")
+    lean(["train", "pipe"], "'pipe'", "no folder, pipe")
     lean(["train", "rprp_reach_ppo", "start_from=pipe"], "'pipe'")
     for name in ("config.yaml", "scene.yaml", "evaluation.json", "selection.csv", "training.json"):
         run = write_run(tmp_path / f"of_{name}")

@@ -132,9 +132,9 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
     np.testing.assert_allclose(env.tip, tips[0] if kind == "single" else tips, atol=1e-15)
     for name in VALUES:
         kept = getattr(env, name)
-        with pytest.raises(ValueError, match=r"are copies.* reset\(options"):
+        with pytest.raises(ValueError, match="read-only"):
             kept[...] = 7.0
-        with pytest.raises(AttributeError, match=f"{name} cannot be set: .* set_options"):
+        with pytest.raises(AttributeError, match="no setter"):
             setattr(env, name, kept)
         (kept + 0.0)[...] = 7.0  # a result is its owner's
 
