@@ -41,7 +41,7 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
     if not trajectory.t.size:
         raise ValueError("trajectory has no times; simulate some to draw")
-    rows = (slice(None), *(() if index is None else index if isinstance(index, tuple) else (index,)))
+    rows: Any = (slice(None), *(() if index is None else index if isinstance(index, tuple) else (index,)))
     shape = trajectory.q.shape[1:-1]
     try:
         chosen = trajectory.q[rows].ndim == 2
