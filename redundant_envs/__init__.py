@@ -57,11 +57,6 @@ _registration.register()
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: importing the package stays fast."""
-    if name == "evaluators":
-        raise AttributeError(
-            "module 'redundant_envs' has no attribute 'evaluators' any more: simulators are traced, not "
-            "written as text; rde.listing(scene) shows the program of a scene, rde.bill(scene) counts it"
-        )
     if name not in _HOMES:
         raise AttributeError(f"module 'redundant_envs' has no attribute {name!r}")
     from pkgutil import resolve_name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -102,14 +101,11 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add_force(p)
 
-    p = command(no_studies, "study", "say where the studies are")
-    p.add_argument("study", nargs=argparse.REMAINDER)
-
     p = of_scene(show_scene, "scene", "print or draw a scene")
     p.add_argument("--listing", action="store_true", help="print its traced program instead")
     p.add_argument("--bill", action="store_true", help="count its operations by effect instead")
     p.add_argument("--cost", action="store_true", help="time it, its bare arm and each effect alone instead")
-    p.add_argument("--drawing", type=Path, metavar="SVG_OR_PNG", help="draw its arm instead")
+    p.add_argument("--drawing", type=Path, metavar="SVG", help="draw its arm instead")
 
     text = "write a scene as MJCF or URDF, or its accelerations for CasADi or as C"
     p = of_scene(export, "export", text)
@@ -146,12 +142,9 @@ def simulate(options: argparse.Namespace) -> None:
             raise ValueError(f"--clip draws one scene, but {len(asked)} are given; give exactly one --scene")
         check_clip(options.clip)
     scenes = [(Path(name).stem, load_scene(name)) for name in asked]
-    names = [name for name, _ in scenes]
-    if len(set(names)) < len(names):
-        raise ValueError(f"--scene gives the same name twice: {', '.join(names)}; their files would collide")
     starts = [energy.default_start(*named) if options.q is None else options.q for named in scenes]
     endings = (".csv", *(f"_{kind}.png" for kind in FIGURES))
-    files = [options.out / f"{name}{ending}" for name in names for ending in endings]
+    files = [options.out / f"{name}{ending}" for name, _ in scenes for ending in endings]
     check_kept([*files, *filter(None, [options.clip])], options.force)
     for i, ((name, scene), q) in enumerate(zip(scenes, starts, strict=True)):
         say(f"simulate {i + 1}/{len(scenes)}: {name}, {options.seconds:g} s ...", file=sys.stderr)
@@ -171,12 +164,6 @@ def simulate(options: argparse.Namespace) -> None:
         except MissingPackage as error:
             raise MissingPackage(f"{error} ({path} is written)") from error
         say("\n".join(f"  {p}" for p in (path, *pictures)))
-
-
-def no_studies(options: argparse.Namespace) -> None:
-    """Say where the studies are."""
-    command = shlex.join(("python", "-m", "studies", *options.study))
-    raise ValueError(f"the studies are in the source tree, not in the wheel; run there: {command}")
 
 
 def list_names(options: argparse.Namespace) -> None:
@@ -226,16 +213,11 @@ def show_scene(options: argparse.Namespace) -> None:
     elif options.drawing is not None:
         from redundant_envs.envs.rendering import stated_limits
         from redundant_envs.robots.drawn import schematic
-        from redundant_envs.support.figures import of_lines, save_figure
 
-        if (ending := options.drawing.suffix) not in (".svg", ".png"):
-            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg or .png")
+        if options.drawing.suffix != ".svg":
+            raise ValueError(f"--drawing is {options.drawing}; give a file that ends in .svg")
         check_kept([options.drawing], options.force, [Path(options.scene)])
-        drawing = schematic(scene.robot, stated_limits(scene))
-        if ending == ".png":
-            save_figure(of_lines(drawing), options.drawing)
-        else:
-            write_text(options.drawing, drawing)
+        write_text(options.drawing, schematic(scene.robot, stated_limits(scene)))
         say(options.drawing)
     else:
         import yaml

@@ -99,7 +99,6 @@ def test_commands_work_without_the_studies_and_the_extras(core, tmp_path):
         ("redundant-envs verify --quick --states 64 four_r_reach", 0, ""),
         ("redundant-envs wasm four_r_reach --out made", 0, "kernel.js"),
         ("redundant-envs-train train rprp_reach_ppo", 2, "pip install '.[train]'"),
-        ("redundant-envs study accuracy --out a", 2, "python -m studies accuracy --out a"),
     ):
         name, *rest = words.split()
         done = call(program(core, name), *rest, folder=tmp_path)

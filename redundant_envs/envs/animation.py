@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from redundant_envs.envs.rendering import MARGIN, Drawing, stated_limits
 from redundant_envs.model.trajectory import Trajectory
-from redundant_envs.scenes.scene import Scene
 from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, check_clip, literal, new_figure, save_figure, write_clip
 from redundant_envs.support.values import shown
@@ -40,29 +39,28 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
     """
     if not isinstance(trajectory, Trajectory):
         raise ValueError(f"trajectory is {shown(trajectory)}; give what redundant_envs.simulate returns")
-    shape = trajectory.q.shape[1:-1]
     if not trajectory.t.size:
         raise ValueError("trajectory has no times; simulate some to draw")
-    chosen = () if index is None else index if isinstance(index, tuple) else (index,)
-    whole = all(isinstance(k, int | np.integer) and not isinstance(k, bool) for k in chosen)
-    if len(chosen) != len(shape) or not whole or not all(-n <= chosen[i] < n for i, n in enumerate(shape)):
-        motions = f"motions of shape {shape}" if shape else "one motion"
+    rows: Any = (slice(None), *(() if index is None else index if isinstance(index, tuple) else (index,)))
+    shape = trajectory.q.shape[1:-1]
+    try:
+        chosen = trajectory.q[rows].ndim == 2
+    except IndexError:
+        chosen = False
+    if not chosen:
         fix = f"give index, such as {', '.join('0' for _ in shape)}" if shape else "leave index out"
-        raise ValueError(f"index is {shown(index)} and trajectory has {motions}; {fix}")
-    rows: Any = (slice(None), *chosen)
-    z = None if trajectory.z is None else trajectory.z[rows]
-    return Animation(trajectory.scene, trajectory.t, trajectory.q[rows], trajectory.efforts[rows], z)
+        raise ValueError(f"index is {shown(index)} and trajectory has motions of shape {shape}; {fix}")
+    return Animation(trajectory, rows)
 
 
 class Animation:
     """Frames of a motion; use :func:`animate`."""
 
-    def __init__(
-        self, scene: Scene, t: NDArray[np.float64], q: NDArray[np.float64], efforts: NDArray[np.float64],
-        z: NDArray[np.float64] | None,
-    ) -> None:  # fmt: skip
-        self._scene, self._t, self._q, self._efforts, self._z = scene, t, q, efforts, z
-        points = scene.robot.points(q)
+    def __init__(self, trajectory: Trajectory, rows: Any) -> None:
+        scene = self._scene = trajectory.scene
+        self._t, self._q, self._efforts = trajectory.t, trajectory.q[rows], trajectory.efforts[rows]
+        self._z = None if trajectory.z is None else trajectory.z[rows]
+        points = scene.robot.points(self._q)
         self._tips = points[:, -1]
         self._farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
         self._drawing = Drawing(scene)
@@ -91,8 +89,7 @@ class Animation:
 
     def frame(self, row: int) -> NDArray[np.uint8]:
         """The picture of a row of the trajectory, (480, 480, 3) uint8: arm, way of the tip, time, efforts."""
-        row = range(len(self._t))[row]
-        arm, base = self._scene.robot, np.zeros(2)
+        arm = self._scene.robot
         known: dict[str, float] = {**self._scene.parameters(), **self._scene.attached.states.initial}
         if self._z is not None:
             known |= zip(self._scene.states(), self._z[row].tolist(), strict=True)
@@ -104,8 +101,8 @@ class Animation:
         self._drawing.arm(canvas, arm, self._q[row], known, found)
         for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):  # areas show masses
             canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), palette.JOINT)
-        canvas.disc(base, 8.0, palette.JOINT)
-        canvas.disc(base, 4.0, palette.BACKGROUND)
+        canvas.disc((0.0, 0.0), 8.0, palette.JOINT)
+        canvas.disc((0.0, 0.0), 4.0, palette.BACKGROUND)
         if self._limits.all() and self._limits.size:
             canvas.bars((self._efforts[row] / self._limits).tolist())
         canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, palette.INK)
@@ -114,24 +111,22 @@ class Animation:
 
 def energies_figure(motion: Trajectory, name: str) -> Any:
     """Figure 1: kinetic and potential energy; below, the travel of the sliders if there are any."""
-    sliders = motion.scene.robot.sliders()
+    arm, limits = motion.scene.robot, stated_limits(motion.scene)
+    sliders = arm.sliders()
     figure, ratios = new_figure(7.0, 5.4 if sliders else 3.6), [3, 2] if sliders else [1]
     panels = figure.subplots(len(ratios), sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     energy = panels[0]
-    energy.plot(motion.t, motion.kinetic_energy, color=palette.css(palette.KINETIC), lw=1.4, label="kinetic")
-    energy.plot(
-        motion.t, motion.potential_energy, color=palette.css(palette.POTENTIAL), lw=1.4, label="potential"
-    )
+    kinetic, potential = map(palette.css, (palette.KINETIC, palette.POTENTIAL))
+    energy.plot(motion.t, motion.kinetic_energy, color=kinetic, lw=1.4, label="kinetic")
+    energy.plot(motion.t, motion.potential_energy, color=potential, lw=1.4, label="potential")
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{literal(name)}: kinetic and potential energy", loc="left")
-    limits = stated_limits(motion.scene)
     for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
-        slider = motion.scene.robot.coordinates[k]
+        slider = arm.coordinates[k]
         panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=slider)
         for i, limit in enumerate(filter(np.isfinite, limits.get(k, ()))):
             label = f"limits of {slider}" if i == 0 else None
             panels[1].axhline(limit, color=color, lw=1.0, ls=(0, (2 + 3 * (k > 1), 2)), label=label)
-    if sliders:
         panels[1].set_ylabel("travel [m]")
     _finish(panels, motion.t)
     return figure
@@ -139,7 +134,7 @@ def energies_figure(motion: Trajectory, name: str) -> Any:
 
 def total_figure(motion: Trajectory, name: str) -> Any:
     """Figure 2: total energy on the scale of its parts; below, its relative departure."""
-    figure = new_figure(7.0, 5.0)
+    figure, red = new_figure(7.0, 5.0), palette.css(palette.ERROR)
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
     parts = motion.potential_energy.min(), motion.kinetic_energy.max()
     energy.update_datalim([(motion.t[0], part) for part in parts])
@@ -148,19 +143,10 @@ def total_figure(motion: Trajectory, name: str) -> Any:
         energy.plot(motion.t, book, color=palette.css(palette.LEFT_OUT), lw=1.0, label="springs left out")
     energy.plot(motion.t, motion.total, color=palette.css(palette.TOTAL), lw=2.0, label="total")
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
-        energy.plot(
-            motion.t,
-            motion.balance,
-            color=palette.css(palette.ERROR),
-            lw=1.4,
-            ls="--",
-            label="total minus work",
-        )
+        energy.plot(motion.t, motion.balance, color=red, lw=1.4, ls="--", label="total minus work")
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{literal(name)}: total energy, relative drift {motion.drift:.1e}", loc="left")
-    error.plot(
-        motion.t, motion.relative_error, color=palette.css(palette.ERROR), lw=1.2, label="relative error"
-    )
+    error.plot(motion.t, motion.relative_error, color=red, lw=1.2, label="relative error")
     error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)
     _finish((energy, error), motion.t)

@@ -1,14 +1,18 @@
-"""Checks of arguments that users pass to environments: seeds, actions, limits."""
+"""Checks of arguments that users pass to environments: seeds, actions, limits, numbers that are drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.language.algebra import arguments_of
+from redundant_envs.scenes.numbers import check_ranges, ends_of, entries_of, names_of
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
@@ -34,16 +38,12 @@ def numbers_of_reward(task: Task) -> list[str]:
 def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
     fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
-    of_reward = numbers_of_reward(task)
+    kept = ("lengths", *numbers_of_reward(task))
     for name in (n for n in given if isinstance(n, str)):
-        entries = {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}
-        if name in ("lengths", *of_reward) or fixed & entries:
-            kept, fix = "lengths and travel", ""
-            if name in of_reward:
-                kept, fix = name, f": make one with task={{{name!r}: ...}}"
+        if name in kept or fixed & {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}:
             raise ValueError(
-                f"parameter is {name!r}; goal environments keep {kept}, because compute_reward is a "
-                f"function of the two goals alone{fix}"
+                f"parameter is {name!r}; goal environments keep travel, {', '.join(kept)}: their reward "
+                "is a function of the two goals alone; make one with another scene= or task="
             )
 
 
@@ -83,11 +83,60 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
 def episode_limit(max_episode_steps: Any) -> float:
     """Control steps until truncation; None and -1 mean never."""
     given = max_episode_steps
-    if given is None or (isinstance(given, int | np.integer) and given == -1):
-        return float("inf")
-    number = isinstance(given, int | float | np.integer | np.floating) and not isinstance(given, bool)
+    if given is None or (isinstance(given, Integral) and given == -1):
+        return math.inf
+    number = isinstance(given, Real) and not isinstance(given, bool)
     if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
         raise ValueError(
             f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
         )
     return float(given)
+
+
+def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
+    """The scene as it is simulated: every episode draws the numbers for which it has ranges if ``randomize``;
+    ValueError unless the task allows what they draw."""
+    if not isinstance(randomize, bool):
+        raise ValueError(
+            f"randomize is {shown(randomize)}; True draws the ranges of the scene, False keeps its numbers; "
+            "the scene itself has the ranges"
+        )
+    drawn = entries_of(scene, scene.randomize, task.parameters())
+    if task.goal_conditioned:
+        check_of_reward(scene, task, [one.name for one in drawn])
+    check_ranges(scene, drawn, task)
+    return scene if randomize else dataclasses.replace(scene, randomize=None)
+
+
+def observed(scene: Scene, task: Task, observe_parameters: Any) -> list[str]:
+    """The scalar parameters that observations show after all else, from names of users."""
+    given = observe_parameters
+    if isinstance(given, str | bytes | Iterator | set | frozenset) or not isinstance(given, Iterable):
+        raise ValueError(
+            f"observe_parameters is {shown(given)}; give names of numbers, such as ('gravity.g',)"
+        )
+    numbers: dict[str, float] = {**scene.parameters(), **task.parameters()}
+    found: list[str] = []
+    for name in given:
+        try:
+            entries = names_of(scene, name, task.parameters())
+        except ValueError as error:
+            raise ValueError(f"observe_parameters has an unknown name: {error}") from None
+        for entry in entries:
+            if entry in found:
+                raise ValueError(f"observe_parameters has {entry} twice; name it once")
+            if not math.isfinite(numbers[entry]):
+                raise ValueError(
+                    f"observe_parameters has {name!r}, of which {entry} is {numbers[entry]}, as where "
+                    "there is no stop; observe finite numbers"
+                )
+        found += entries
+    return found
+
+
+def bounds(scene: Scene, task: Task, entries: Sequence[str]) -> list[tuple[float, float]]:
+    """The least and the largest value of each of these numbers: the ends of its range, also where ranges
+    are not drawn. A number without a range has no bounds, because options of a reset may set it."""
+    numbers = {**scene.parameters(), **task.parameters()}
+    ends = ends_of(entries_of(scene, scene.randomize, task.parameters()), numbers)
+    return [ends.get(name, (-math.inf, math.inf)) for name in entries]

@@ -226,8 +226,6 @@ class _SB3Check(_Check):
 
 
 def _described(value: Any) -> str:
-    if isinstance(value, dict):
-        return str({k: _described(v) for k, v in value.items()})
     if isinstance(value, np.ndarray):
         extent = f" in [{value.min()}, {value.max()}]" if value.size and value.dtype.kind in "fiu" else ""
         return f"array of shape {value.shape}, dtype {value.dtype}{extent}"

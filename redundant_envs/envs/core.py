@@ -13,12 +13,9 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.compiler.tracing.flow import LANES
-from redundant_envs.envs import options
-from redundant_envs.envs.arguments import episode_limit, numbers_of_reward, reach_of
+from redundant_envs.envs import arguments, options
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.envs.variation import bounds, observed, simulated
-from redundant_envs.envs.words import LARGEST_SEED, first_words
 from redundant_envs.language.draws import KEY_WORDS
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.model import parameters
@@ -29,95 +26,15 @@ from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, 
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
-from redundant_envs.support.values import whole_number
+from redundant_envs.support.values import shown, whole_number
 from redundant_envs.tasks import Task
 from redundant_envs.tasks.base import range_of_starts
 from redundant_envs.tasks.checks import check_task
 
-OF_KEYS = ("keys", "mask", "waiting")
-STATE_KEYS = ("states", "parameters", *OF_KEYS, "generators", "simulator")
-MANY = 40  # lanes whose first keys are drawn together in less time than their generators are made
-AHEAD = 8  # keys that one call draws for each lane if there are several: 16 words take hardly longer than 2
+OF_LANES = ("keys", "mask", "waiting", "ended")
+STATE_KEYS = ("states", "parameters", *OF_LANES, "generators", "simulator")
 Tables = tuple[NDArray[np.float32], Outputs, NDArray[np.float32], Outputs]
 """Observations, with a row for each lane, and outputs, with a column; those before an autoreset."""
-
-
-class EpisodeKeys:
-    """The generators of lanes; keys of episodes, of 128 bits, are successive words of a lane's generator."""
-
-    def __init__(self, count: int) -> None:
-        self._generators: list[np.random.Generator | None] = [None] * count
-        self.seeds = [-1] * count
-        """The seed of each lane's generator; -1 if it is unknown."""
-        self._unmade: set[int] = set()
-        """Lanes whose keys were drawn without a generator, which is made when it is needed."""
-        self._drawn = np.zeros((count, AHEAD if count > 1 else 1, KEY_WORDS), dtype="<u4")
-        self._left = np.zeros(count, dtype=np.int64)
-
-    @property
-    def generators(self) -> list[np.random.Generator | None]:
-        """The generators, advanced by the keys taken so far; an entry of the list may be replaced."""
-        for lane in [*self._unmade]:
-            self._make(lane)
-        for lane in np.flatnonzero(self._left).tolist():
-            generator: Any = self._generators[lane]
-            generator.bit_generator.advance(-2 * int(self._left[lane]))
-        self._left[:] = 0
-        return self._generators
-
-    def seed(self, lane: int, seed: int | None) -> None:
-        """Give a lane a new generator."""
-        self._unmade.discard(lane)
-        self._generators[lane], self.seeds[lane] = seeding.np_random(seed)
-        self._left[lane] = 0
-
-    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
-        """Give lanes new generators, as :meth:`seed` does; many are made only when they are needed."""
-        if len(lanes) < MANY or max(seeds) > LARGEST_SEED:
-            for lane, seed in zip(lanes, seeds, strict=True):
-                self.seed(lane, seed)
-            return
-        words = first_words(seeds, 2 * AHEAD).astype("<u8")
-        self._drawn[lanes] = words.view("<u4").reshape(len(lanes), *self._drawn.shape[1:])
-        self._left[lanes] = AHEAD
-        self._unmade.update(lanes)
-        for lane, seed in zip(lanes, seeds, strict=True):
-            self.seeds[lane] = seed
-
-    def _make(self, lane: int) -> None:
-        """Make the generator of a lane whose keys were drawn without it."""
-        self._unmade.remove(lane)
-        generator: Any = seeding.np_random(self.seeds[lane])[0]
-        generator.bit_generator.advance(2 * AHEAD)
-        self._generators[lane] = generator
-
-    def own(self) -> list[np.random.Generator]:
-        """The generator of each lane, also before its first episode."""
-        for lane, generator in enumerate(self.generators):
-            if generator is None:
-                self.seed(lane, None)
-        return [generator for generator in self._generators if generator is not None]
-
-    def take(self, lanes: NDArray[np.int64]) -> NDArray[np.uint32]:
-        """The next keys of some lanes, (n, 4); a lane without a generator is given one."""
-        out = lanes[self._left[lanes] == 0].tolist()
-        new = [lane for lane in out if self._generators[lane] is None and lane not in self._unmade]
-        if new:
-            self.seed_all(new, np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
-        for lane in (lane for lane in out if self._left[lane] == 0):
-            if lane in self._unmade:
-                self._make(lane)
-            generator: Any = self._generators[lane]
-            drawn, bits = self._drawn[lane], generator.bit_generator
-            if type(bits) is np.random.PCG64:
-                drawn[:] = bits.random_raw(2 * len(drawn)).astype("<u8").view("<u4").reshape(drawn.shape)
-                self._left[lane] = len(drawn)
-            else:
-                drawn[-1] = generator.integers(0, 2**32, size=KEY_WORDS, dtype=np.uint32)
-                self._left[lane] = 1
-        keys = self._drawn[lanes, -self._left[lanes]]
-        self._left[lanes] -= 1
-        return keys
 
 
 def start_ranges(scene: Scene, task: Task) -> list[tuple[float, float]]:
@@ -126,14 +43,13 @@ def start_ranges(scene: Scene, task: Task) -> list[tuple[float, float]]:
     return [range_of_starts(task, scene, k, values.__getitem__) for k in range(len(scene.robot.joints))]
 
 
-def first_memory(
-    episode: Episode, layout: Layout, ranges: list[tuple[float, float]], count: int, max_episode_steps: Any
-) -> Memory:
+def first_memory(episode: Episode, layout: Layout, count: int, max_episode_steps: Any) -> Memory:
     """The memory of lanes before their first episode: every joint is in the middle of its starts."""
-    numbers = {**episode.task.parameters(), "limit": episode_limit(max_episode_steps)}
+    numbers = {**episode.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
     numbers |= episode.randomized.numbers()
     memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.drawn))
-    named = {f"phi{k + 1}": 0.5 * (low + high) for k, (low, high) in enumerate(ranges)}
+    ranges = enumerate(start_ranges(episode.dynamics.scene, episode.task), 1)
+    named = {f"phi{k}": 0.5 * (low + high) for k, (low, high) in ranges}
     at_rest = Quantities(named, (episode.arm.coordinates_of_joints,), {})
     for name in episode.arm.coordinates:
         memory.column(name)[:] = at_rest[name]
@@ -158,21 +74,22 @@ class Core(Copied):
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
+        autoreset: Autoreset = Autoreset.DISABLED,
     ) -> None:
+        self.autoreset = autoreset
         self.scene = scene_at(scene, accuracy)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
         check_task(task, self.scene)
-        self.simulated = simulated(self.scene, task, randomize)
-        self.observed = observed(self.scene, task, observe_parameters)
-        self.bounds = bounds(self.scene, task, self.observed)
+        self.simulated = arguments.simulated(self.scene, task, randomize)
+        self.observed = arguments.observed(self.scene, task, observe_parameters)
+        self.bounds = arguments.bounds(self.scene, task, self.observed)
         """Bounds of the numbers that observations show."""
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
-        ranges = start_ranges(self.scene, task)
-        self.memory = first_memory(self.episode, self.simulator.layout, ranges, num_envs, max_episode_steps)
+        self.memory = first_memory(self.episode, self.simulator.layout, num_envs, max_episode_steps)
         self._memory = self.memory
         self.begun: NDArray[np.bool_] | None = None
         """Lanes that began a new episode in the last step, if any did."""
@@ -180,11 +97,15 @@ class Core(Copied):
         """Options of episodes that have not begun yet."""
         self.actions, self.goal_fields = self.episode.actions, self.episode.goal
         self.columns = Columns(self.episode, info_keys)
-        self.episode_keys = EpisodeKeys(num_envs)
+        self.generators: list[np.random.Generator | None] = [None] * num_envs
+        """Keys of episodes, of 128 bits, are successive words of a lane's generator."""
+        self.seeds = [-1] * num_envs
+        """The seeds of these; -1 if one is unknown."""
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
+        self.ended = np.zeros(num_envs, dtype=np.bool_)  # episodes after which nobody has begun another
         self.obs_size = len(self.episode.observed)
-        self.reach = reach_of(self.scene, self.scene.parameters())
+        self.reach = arguments.reach_of(self.scene, self.scene.parameters())
         self._connect()
 
     def _connect(self) -> None:
@@ -210,25 +131,28 @@ class Core(Copied):
         return environment_simulator(state["simulated"], state["task"], tuple(fields))
 
     @property
-    def generators(self) -> list[np.random.Generator | None]:
-        """Generators of the lanes: the next keys are the next words of each."""
-        return self.episode_keys.generators
-
-    @property
     def begun_all(self) -> bool:
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
 
-    def seed_all(self, lanes: list[int], seeds: list[int]) -> None:
-        """Give lanes new generators."""
-        self.waiting[lanes] = False
-        self.episode_keys.seed_all(lanes, seeds)
+    def seed(self, lane: int, seed: int | None) -> np.random.Generator:
+        """Give a lane a new generator."""
+        self.waiting[lane] = False
+        generator, self.seeds[lane] = seeding.np_random(seed)
+        self.generators[lane] = generator
+        return generator
+
+    def own_generator(self, lane: int) -> np.random.Generator:
+        """The generator of a lane, also before its first episode."""
+        return self.generators[lane] or self.seed(lane, None)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
-            self.keys[lanes] = self.episode_keys.take(lanes)
+            bits = [self.own_generator(lane).bit_generator for lane in lanes.tolist()]
+            words = np.array([one.random_raw(KEY_WORDS // 2) for one in bits], dtype="<u8")
+            self.keys[lanes] = words.view("<u4")
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
@@ -313,7 +237,7 @@ class Core(Copied):
         if starts and self.simulator.dynamics.effect_states.computed:
             run(KernelCall.BEGIN_STATES)
         self.mask[:] = np.where(lanes, 0, due)
-        self.waiting[lanes] = False
+        self.waiting[lanes] = self.ended[lanes] = False
 
     @alone
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
@@ -326,20 +250,14 @@ class Core(Copied):
         return options.checked_reset(self.episode, self.memory, given, lanes, self.waiting_options)
 
     @alone
-    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
+    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64], keep: bool = False) -> None:
         """Keep options for the next episodes of lanes; without any, forget those that wait."""
-        if given:
-            found = self.checked(given, lanes)
-            self.waiting_options = options.over(self.waiting_options, found)
-        else:
-            self.waiting_options = options.within(self.waiting_options, lanes, others=True)
-
-    @alone
-    def let_number_wait(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
-        """Keep one number for the next episodes of lanes."""
         waiting = self.waiting_options
-        found = options.checked_number(self.episode, self.memory, name, value, lanes, waiting)
-        self.waiting_options = options.over(waiting, found)
+        if given:
+            found = options.checked_reset(self.episode, self.memory, given, lanes, waiting, keep)
+            self.waiting_options = options.over(waiting, found)
+        else:
+            self.waiting_options = options.within(waiting, lanes, others=True)
 
     def observation(self, obs: NDArray[np.float32], out: Outputs) -> Any:
         """Observations in the form of their space, from the tables of a step."""
@@ -382,17 +300,11 @@ class Core(Copied):
         return self.memory.read(self.goal_fields)
 
     @alone
-    def numbers(self) -> list[bytes]:
-        """All that a step or a reset changes, as bytes."""
-        own = [getattr(self, name) for name in OF_KEYS]
-        return [array.tobytes() for array in (*self.memory.arrays.values(), *own)]
-
-    @alone
     def get_state(self) -> dict[str, Any]:
         """Everything that determines the continuation: numbers, keys and generators."""
         return {
             **self.memory.save(),
-            **{name: getattr(self, name).copy() for name in OF_KEYS},
+            **{name: getattr(self, name).copy() for name in OF_LANES},
             "generators": copy.deepcopy(self.generators),
             "simulator": self._facts,
         }
@@ -403,23 +315,23 @@ class Core(Copied):
         it is of another scene, task, episode limit or number of environments."""
         self.check_state(state)
         self.memory.restore(state["states"], state["parameters"])
-        for name in OF_KEYS:
+        for name in OF_LANES:
             getattr(self, name)[:] = state[name]
         self.generators[:] = copy.deepcopy(state["generators"])
-        self.episode_keys.seeds[:] = [-1] * self.num_envs
+        self.seeds[:] = [-1] * self.num_envs
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:
         """Continue the episode of one environment in some lanes, which keep their generators and limits."""
         single = self._single
         single.set_state(state)
-        if single.memory.read(("terminated",)).any():
+        if single.ended.any():
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
         self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
         fields = self.memory.layout.fields
         names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
         self.memory.write(names, single.memory.read(names), lanes)
-        self.mask[lanes] = 0
+        self.mask[lanes] = self.ended[lanes] = 0
 
     @cached_property
     def _single(self) -> Core:
@@ -432,16 +344,15 @@ class Core(Copied):
         dynamics = self.simulator.dynamics
         motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
         finite = (*motion, *self.task.memory, "steps")
-        kept = (*numbers_of_reward(self.task), *self.episode.randomized.numbers())
+        kept = (*arguments.numbers_of_reward(self.task), *self.episode.randomized.numbers())
         parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
-        for name in OF_KEYS:
+        for name in OF_LANES:
             parameters.check_array("state", name, state[name], getattr(self, name))
-        generators = state["generators"]
-        if not isinstance(generators, list) or len(generators) != self.num_envs:
-            raise ValueError(f"state['generators'] must be a list of {self.num_envs} generators or None")
-        for given in generators:
-            if not isinstance(given, np.random.Generator | None):
-                raise ValueError(f"state['generators'] has {given!r}; give NumPy generators or None")
+        given, kinds = state["generators"], np.random.Generator | None
+        listed = isinstance(given, list) and len(given) == self.num_envs
+        if not listed or not all(isinstance(one, kinds) for one in given):
+            fix = f"give a list of {self.num_envs} NumPy generators or None"
+            raise ValueError(f"state['generators'] is {shown(given)}; {fix}")
 
     @cached_property
     def _facts(self) -> str:
@@ -449,5 +360,5 @@ class Core(Copied):
         return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
             max_episode_steps=float(self.memory.column("limit")[0, 0]),
-            goal_conditioned=self.task.goal_conditioned,
+            goal_conditioned=self.task.goal_conditioned, autoreset_mode=self.autoreset.name.lower(),
         )  # fmt: skip

@@ -4,6 +4,7 @@ effect. A scene is compared with its bare arm: that with the effects of :data:`B
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,8 +29,7 @@ BARE = (EffortLimits, Gravity, ViscousFriction)
 TOLERANCES = {"one rk8 step": None, "1e-6 m": 1e-6}  # the second is that of "standard"
 COLUMNS = ("at", "of", "ns", "ns_without", "times_bare", "evaluations", "operations", "bytes", "faults")
 LANES = 4096
-FEWEST_LANES = 64
-"""Lanes of a slow scene: a call then still costs far more than its 12 us of Python."""
+POSES = 64  # in which an arm is held, to find out what that takes
 WARM, TIMED = 3, 8
 """Control intervals of a motion: those in which caches fill and rates grow from rest, and timed ones."""
 TIMES_WEIGHT = 2.0  # commands of motors without limits, as multiples of the efforts that hold the arm
@@ -77,27 +77,18 @@ class Timed:
     batch: BatchSimulator
     start: Mapping[str, Any]  # snapshot
     efforts: Array  # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
-    cores: Sequence[Core] = ()  # of the environment, and of that without sensors
+    cores: Sequence[Core]  # of the environment, and of that without sensors; none where there are none
     evaluations: float = 0.0  # mean of a lane and timed interval
     faults: float = 0.0  # share of the lanes' timed intervals with a fault
 
     @classmethod
-    def of(cls, scene: Scene, limits: Array, lanes: int, most: float) -> Timed:
-        """A motion of a scene, with fewer lanes if it would take more than some seconds."""
-        found = cls._with(scene, limits, FEWEST_LANES)
-        each = min(seconds(found.batch.advance, efforts) for efforts in found.efforts[:2])
-        many = int(most * FEWEST_LANES / (each * (WARM + TIMED)))
-        if many > FEWEST_LANES:
-            found = cls._with(scene, limits, min(lanes, many))
-        found.cores = observers(scene, found.batch.num_envs)
-        return found
-
-    @classmethod
-    def _with(cls, scene: Scene, limits: Array, lanes: int) -> Timed:
+    def of(cls, scene: Scene, lanes: int) -> Timed:
+        """A motion of a scene."""
         joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
         batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
         shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
-        return cls(batch, batch.save(), np.ascontiguousarray(limits * shares.swapaxes(0, 1)))
+        efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
+        return cls(batch, batch.save(), efforts, observers(scene, lanes))
 
     def sample(self) -> list[float]:
         """Times of all intervals and observations, s."""
@@ -143,24 +134,14 @@ def starts(scene: Scene, draws: Array) -> Array:
     return (low + draws * (high - low)) @ np.linalg.inv(arm.motor_map)
 
 
-def limits_of(pair: Pair) -> tuple[Array, Array]:
-    """Largest commands of the motors in both scenes of a pair, (joints,): those of the other scene where one
-    has no limits and takes the same units, and :data:`TIMES_WEIGHT` times what holds the arm otherwise."""
-    own, other = (np.array([s.parameters()[name] for name in s.action_units()]) for s in pair)
-    if pair.scene.command_units() == pair.without.command_units():
-        own, other = own if own.size else other, other if other.size else own
-    first, second = (
-        given if given.size else TIMES_WEIGHT * weight(scene)
-        for given, scene in zip((own, other), pair, strict=True)
-    )
-    return first, second
-
-
-def weight(scene: Scene) -> Array:
-    """Largest efforts that hold the arm in some poses on the Earth, N m and N (joints,)."""
-    arm = scene.robot
-    poses = starts(scene, np.random.default_rng(0).random((FEWEST_LANES, len(arm.joints))))
-    return np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
+def commands(scene: Scene) -> Array:
+    """Largest commands of the motors of a scene, (joints,): their limits, or where it has none
+    :data:`TIMES_WEIGHT` times the efforts that hold the arm in some poses on the Earth, N m and N."""
+    arm, values = scene.robot, scene.parameters()
+    if names := scene.action_units():
+        return np.array([values[name] for name in names])
+    poses = starts(scene, np.random.default_rng(0).random((POSES, len(arm.joints))))
+    return TIMES_WEIGHT * np.abs(arm.gravity_forces(poses) @ np.linalg.inv(arm.motor_map).T).max(axis=0)
 
 
 def costs(
@@ -170,30 +151,25 @@ def costs(
 
     The time is that of a control interval of a lane, and of the readings of sensors in an observation: the
     best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
-    of both times of a pair. After ``most`` seconds a scene has no more turns, and one whose motion takes
-    longer has fewer lanes.
+    of both times of a pair. After ``most`` seconds a scene has no more turns.
     """
-    sides = {name: [*zip(pair, map(tuple, limits_of(pair)), strict=True)] for name, pair in pairs.items()}
-    asked: list[tuple[Scene, tuple[float, ...]]] = []  # what is timed, once: a scene and its commands
-    for side in (side for both in sides.values() for side in both):
-        if side not in asked:
-            asked.append(side)
+    asked: list[Scene] = []  # what is timed, once
+    for scene in itertools.chain.from_iterable(pairs.values()):
+        if scene not in asked:
+            asked.append(scene)
     rows = []
-    with counted("cost", len(TOLERANCES) * (len(asked) + turns), each=4) as done:
+    with counted("cost", len(TOLERANCES) * (len(asked) + 1)) as done:
         for accuracy, tolerance in TOLERANCES.items():
             scenes = []
-            for given, limits in asked:
+            for given in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                scenes.append(Timed.of(scene, np.array(limits), lanes, most))
+                scenes.append(Timed.of(scene, lanes))
                 done(f"a scene at {accuracy}")
-
-            def over(turn: int, at: str = accuracy) -> None:
-                done(f"turn {turn} of {turns} at {at}")
-
-            times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most, done=over)
+            times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most)
+            done(f"{turns} turns at {accuracy}")
             ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
-            for name, both in sides.items():
-                own, without = (asked.index(side) for side in both)
+            for name, pair in pairs.items():
+                own, without = map(asked.index, pair)
                 one, (operations, size) = scenes[own], scenes[own].price
                 rows.append({
                     "at": accuracy, "of": name, "ns": round(ns[own], 1), "ns_without": round(ns[without], 1),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs.arguments import check_action, checked_seed, refuse_bad_action
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, EnvBase, check_plain
+from redundant_envs.envs.face import PICTURE_SIZE, EnvBase
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import DRAWN, Columns, Outputs
 from redundant_envs.model.memory import IN_USE, alone, first
@@ -52,7 +52,6 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             from redundant_envs.envs.rendering import display
 
             display()  # a missing package or display is reported at once, not at the first step
-        check_plain(scene)
         core = Core(
             scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
             randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
@@ -90,8 +89,6 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self.core.begin(lanes, checked, self._lane.run)
         obs = self._lane.run(KernelCall.OBSERVE)
         self._begin()
-        if self._renderer is not None:
-            self._renderer.clear()
         if self.render_mode is not None:
             self._show()
         return obs, self._lane.told(self._lane.read())[-1]
@@ -109,6 +106,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             refuse_bad_action(np.asarray(action, np.float32))
         if terminated:
             self._operation = None
+            self.core.ended[0] = True
         if self.render_mode is not None:
             self._show()
         return obs, reward, terminated, False, info
@@ -118,7 +116,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Return to a snapshot; the continuation is the same to the last bit."""
         super().set_state(state)
         self._begin()
-        if not self.core.begun_all or self.core.memory.read(("terminated",)).any():
+        if not self.core.begun_all or self.core.ended.any():
             self._operation = None
         generator = self.core.generators[0]
         if generator is not None:
@@ -145,7 +143,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
         self._see(self._lane.outputs.lanes(slice(1)))
         if self.render_mode == "human":
-            self._pictures().show(0)
+            self._pictures().show(self._pictures().draw(0))
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
@@ -154,11 +152,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        self._check_begun()
-        if self.render_mode == "human":
-            self._pictures().show(0)
-            return None
-        return self._pictures().draw(0)  # type: ignore[no-any-return]
+        return None if self.render_mode == "human" else self._drawn()[0]
 
     def close(self) -> None:
         """Close the window if there is one."""
@@ -224,7 +218,7 @@ class SingleLane:
     def _telling(self, columns: Columns) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         """What :attr:`read` and :attr:`told` are."""
         drawn = columns.drawn_fields if columns.shows_drawn else ()
-        names = dict(zip((column for column, *_ in columns.places_shown), columns.names, strict=False))
+        names = {column: name for name, column in columns.shown.items()}
         wanted = {"terminated", "reward", *names, *drawn}
         read = [column for table in columns.tables.values() for column in table if column in wanted]
         entries = [f"{names[column]!r}: x[{k}]" for k, column in enumerate(read) if column in names]

@@ -14,10 +14,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.envs.arguments import check_action, refuse_bad_action
-from redundant_envs.envs.core import STATE_KEYS, Core
+from redundant_envs.envs.core import Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
-from redundant_envs.model.memory import InUse, alone, first
+from redundant_envs.model.memory import alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.scenes.scene import Scene
@@ -27,23 +27,6 @@ from redundant_envs.support.tables import table
 from redundant_envs.support.values import plain_data, shown, whole_number
 from redundant_envs.tasks.base import is_confined
 
-
-class Moment:
-    """The numbers of an environment when it is pickled or copied: InUse where another thread has changed them
-    until the rest of it is written. In the copy it is None."""
-
-    def __init__(self, core: Core) -> None:
-        self._core, self._numbers = core, core.numbers()
-
-    def __reduce__(self) -> tuple[type[None], tuple[()]]:
-        if self._core.numbers() != self._numbers:
-            raise InUse
-        return type(None), ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> None:
-        self.__reduce__()
-
-
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
@@ -51,28 +34,12 @@ PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
-COPIES = (
-    "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
-    "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
-)
 
 
-class Copy(np.ndarray[Any, np.dtype[np.float64]]):
-    """Numbers that are a copy: they refuse to be written to, because it would change nothing."""
-
-    def __setitem__(self, place: Any, value: Any) -> None:
-        if not self.flags.writeable:  # a copy of it, or a result, may be written to
-            raise ValueError(COPIES)
-        super().__setitem__(place, value)
-
-    def __repr__(self) -> str:
-        return repr(np.asarray(self))
-
-    @classmethod
-    def of(cls, numbers: NDArray[np.float64]) -> Copy:
-        """New numbers, from now on without a way to write to them."""
-        numbers.flags.writeable = False
-        return numbers.view(cls)
+def read_only(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A copy of numbers without a way to write to it, because that would change nothing."""
+    numbers.flags.writeable = False
+    return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,23 +69,19 @@ class Parameters(Mapping[str, Parameter]):
     def __len__(self) -> int:
         return len(self._found)
 
-    def __setitem__(self, name: str, value: Any) -> None:
-        raise ValueError(COPIES)
-
     def of_lane(self, lane: int) -> Parameters:
         """Those of one environment of a vector."""
         return Parameters({name: Parameter(p.value[lane], p.unit) for name, p in self.items()})
 
     def __repr__(self) -> str:
-        lanes = [len(p.value) for p in self.values() if np.ndim(p.value)]
-        vector = len(lanes) == len(self)  # a single environment has numbers without an axis
+        vector = all(np.ndim(p.value) for p in self.values())  # a single one has numbers without an axis
         rows = []
         for name, p in self.items():
             entries = np.atleast_2d(p.value.T if vector else np.atleast_1d(p.value)[:, None])
             ends = [(f"{e.min():.5g}", f"{e.max():.5g}") for e in entries]  # where environments differ
             value = ", ".join(low if low == high else f"{low} to {high}" for low, high in ends)
             rows.append((name, value, p.unit if isinstance(p.unit, str) else ", ".join(p.unit)))
-        return table(("name", f"value in {lanes[0]} environments" if vector else "value", "unit"), rows, "<")
+        return table(("name", "value in each environment" if vector else "value", "unit"), rows, "<")
 
 
 def parameters_of(core: Core) -> Parameters:
@@ -131,17 +94,22 @@ def parameters_of(core: Core) -> Parameters:
     named.update({name: [name] for name in task.parameters()})
     found = {}
     for name, entries in named.items():
-        value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, entries)])
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
-        value = Copy.of(value[:, 0].copy() if entries == [name] else value)
+        value = values_of(core, entries, entries == [name])
         found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
     return Parameters(found)
 
 
+def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:
+    """Scalar parameters of all lanes, (lanes, names), or (lanes,) of a single one."""
+    value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, names)])
+    return read_only(value[:, 0].copy() if single else value)
+
+
 class EnvBase:
-    """A core as users see it: its scene, and copies of coordinates, velocities, tips, goals and numbers of
-    its lanes. Options of a reset, or :meth:`set_options`, set them; a number set as an attribute, such as
-    ``goal_tolerance``, is that of the next episode."""
+    """A core as users see it: its scene, and read-only copies of coordinates, velocities, tips, goals and
+    numbers of its lanes. Options of a reset, or :meth:`set_options`, set them; a number set as an attribute,
+    such as ``goal_tolerance``, is that of the next episode."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
     task_name: ClassVar[str] = "Reach"
@@ -155,7 +123,7 @@ class EnvBase:
         """Take arguments, or refuse them before a core is made."""
         self._check_choice("on_bad_action", on_bad_action)
         self._check_choice("render_mode", render_mode)
-        for name, given in (("render_width", render_width), ("render_height", render_height)):
+        for name, given in {"render_width": render_width, "render_height": render_height}.items():
             if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
                 raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
@@ -164,16 +132,15 @@ class EnvBase:
     def _check_choice(self, name: str, value: Any) -> None:
         """ValueError unless a value is one of those that an attribute can have."""
         modes = (None, *type(self).metadata["render_modes"])
-        if name == "on_bad_action" and value not in ON_BAD_ACTION:
-            raise ValueError(f"on_bad_action is {shown(value)}; choose {', '.join(ON_BAD_ACTION)}")
-        if name == "render_mode" and value not in modes:
-            raise ValueError(f"render_mode is {shown(value)}; choose {' or '.join(map(repr, modes))}")
+        valid = {"on_bad_action": ON_BAD_ACTION, "render_mode": modes}.get(name)
+        if valid and value not in valid:
+            raise ValueError(f"{name} is {shown(value)}; choose {' or '.join(map(repr, valid))}")
 
     def _take(self, core: Core) -> tuple[spaces.Space[Any], spaces.Box]:
         """Take the core; gives the spaces of one environment's observation and action."""
         self.core, self._memory = core, core.memory
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
-        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
         self._renderer: Any = None
         # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
         of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
@@ -187,8 +154,9 @@ class EnvBase:
 
     @first
     def __getstate__(self) -> dict[str, Any]:
-        kept = {name: value for name, value in self.__dict__.items() if name not in ("_moment", "_lane")}
-        return {**kept, "_renderer": None, "_moment": Moment(self.core)}  # which is written last
+        state = {**self.__dict__, "_renderer": None}
+        state.pop("_lane", None)  # of a single environment, which makes it anew
+        return state
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -198,13 +166,10 @@ class EnvBase:
         way to ask, and slow down every attribute.)"""
         if name in LANE_VALUES or hasattr(self, name) or not self._is_number(name):
             return getattr(self, name)
-        entries, memory = names_of(self.scene, name, self.core.task.parameters()), self.core.memory
-        value = memory.read([*map(memory.dynamics.parameters.field_of, entries)])
-        return Copy.of(value[:, 0].copy() if value.shape[1] == 1 else value)[self._lanes]
+        entries = names_of(self.scene, name, self.core.task.parameters())
+        return values_of(self.core, entries, len(entries) == 1)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name in LANE_VALUES:
-            raise AttributeError(f"{name} cannot be set: {COPIES}")
         if name == "spec" and value is not None:  # as it was given, a file could not hold it
             kwargs = plain_data(value.kwargs)
             steps = kwargs.get("max_episode_steps", plain_data(value.max_episode_steps))  # a vector's own
@@ -213,7 +178,11 @@ class EnvBase:
         if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
             object.__setattr__(self, name, value)
         else:
-            self.core.let_number_wait(name, value, np.arange(self.core.num_envs))
+            self._set_number(name, value, np.arange(self.core.num_envs))
+
+    def _set_number(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
+        """Let lanes have a number from their next episode on, and keep all others."""
+        self.core.let_wait({"parameters": {name: value}}, lanes, keep=True)
 
     def _is_number(self, name: str) -> bool:
         """Whether a name is that of numbers of the arm, of an effect or of the task."""
@@ -248,23 +217,23 @@ class EnvBase:
     @property
     def q(self) -> NDArray[np.float64]:
         """Generalized coordinates, (num_envs, joints), or (joints,) of a single environment; rad and m."""
-        return Copy.of(self.core.memory.read(self.core.scene.robot.coordinates))[self._lanes]
+        return read_only(self.core.memory.read(self.core.scene.robot.coordinates))[self._lanes]
 
     @property
     def qd(self) -> NDArray[np.float64]:
         """Generalized velocities, (num_envs, joints), or (joints,) of a single environment; rad/s and m/s."""
-        return Copy.of(self.core.memory.read(self.core.scene.robot.rates))[self._lanes]
+        return read_only(self.core.memory.read(self.core.scene.robot.rates))[self._lanes]
 
     @property
     def tip(self) -> NDArray[np.float64]:
         """Position of the tip, (num_envs, 2), or (2,) of a single environment; m."""
         _, out = self.core.observe()
-        return Copy.of(self.core.columns.points(out, TIP))[self._lanes]
+        return read_only(self.core.columns.points(out, TIP))[self._lanes]
 
     @property
     def goal(self) -> NDArray[np.float64]:
         """Position of the goal, (num_envs, 2), or (2,) of a single environment; m."""
-        return Copy.of(self.core.goals())[self._lanes]
+        return read_only(self.core.goals())[self._lanes]
 
     @first
     def get_state(self) -> dict[str, Any]:
@@ -290,10 +259,11 @@ class EnvBase:
         columns = self.core.columns
         self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
 
-    def _check_begun(self) -> None:
-        """ResetNeeded before the first reset of all lanes: there is nothing to draw."""
+    def _drawn(self) -> list[NDArray[np.uint8]]:
+        """A picture of each environment; ResetNeeded before their first reset."""
         if not self.core.begun_all:
             raise ResetNeeded("render was called before reset; call reset() first")
+        return [self._pictures().draw(lane) for lane in range(self.core.num_envs)]
 
     def _begin_trails(self) -> None:
         """Let trails begin where the tips are, as after a state was set."""
@@ -309,12 +279,8 @@ class VectorEnvBase(EnvBase):
 
     @first
     def set_options(self, options: Any = None, index: ArrayLike | None = None) -> None:
-        """Options of the next episode of each environment, as ``reset`` takes them.
-
-        They are in force when an environment begins its next episode, by a reset or an autoreset. A reset may
-        have options of its own, which replace those of the same name. A start or a goal is that of one
-        episode; parameters stay until options give "parameters" again. Options that wait are none of
-        :meth:`get_state`. ValueError if an episode could not begin with them; nothing changes then.
+        """Options of the next episode of each environment, which a reset or an autoreset begins; as those of
+        :meth:`EnvBase.set_options`.
 
         Parameters
         ----------
@@ -343,21 +309,20 @@ class VectorEnvBase(EnvBase):
         value = self._attribute(name)
         if name == "parameters":
             return [value.of_lane(lane) for lane in range(self.core.num_envs)]
-        own = name in LANE_VALUES or (isinstance(value, Copy) and self._is_number(name))
+        own = name in LANE_VALUES or (not hasattr(self, name) and self._is_number(name))
         return [*value] if own else [value] * self.core.num_envs
 
     def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
         """Set a number of some environments, or an attribute that is there and that all of them share."""
         if self._is_number(name) and name not in self.__dict__:
-            self.core.let_number_wait(name, value, lanes)
+            self._set_number(name, value, lanes)
             return
-        fix = "use set_options(...) with 'q', 'qd', 'goal' or 'parameters'"
-        if name not in SHARED:
-            valid = ", ".join((*self.parameters, *SHARED))
-            raise ValueError(f"set_attr({name!r}) would have no effect; {fix}, or name one of these: {valid}")
-        if len(lanes) != self.core.num_envs:
-            what = f"set_attr({name!r}) is for some environments only, and all share the attribute"
-            raise ValueError(f"{what}; set it for all, or {fix}")
+        if name not in SHARED or len(lanes) != self.core.num_envs:
+            valid = f"{', '.join(self.parameters)}; or for all environments {', '.join(SHARED)}"
+            raise ValueError(
+                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
+                f"'parameters', or name one of these: {valid}"
+            )
         self._check_choice(name, value)
         setattr(self, name, value)
 
@@ -368,31 +333,17 @@ class VectorEnvBase(EnvBase):
         Parameters
         ----------
         state : mapping
-            What :meth:`get_state` returned, here or from a single environment. The episode of a single one
-            continues in each environment that ``index`` names; the episodes after it are the vector's own.
+            What :meth:`get_state` returned here; with ``index`` that of a single environment.
         index : array_like, optional
-            Numbers of environments, or a mask (num_envs,), for the state of a single one; None is all.
+            Numbers of environments, or a mask (num_envs,), in which the episode of a single one continues;
+            the episodes after it are the vector's own.
         """
-        if index is None and not self._is_of_one(state):
-            self._set_states(state)
+        if index is None:
+            super().set_state(state)
         else:
-            lanes = lanes_of(index, self.core.num_envs)
-            self.core.take_state(state, lanes)
-            self._continued(lanes)
+            self.core.take_state(state, lanes_of(index, self.core.num_envs))
             self._begin_trails()
         self._ready = self.core.begun_all
-
-    def _is_of_one(self, state: Any) -> bool:
-        """Whether a state is that of a single environment, and not of this vector."""
-        of_core = isinstance(state, Mapping) and {*state} == {*STATE_KEYS} and self.core.num_envs > 1
-        return of_core and isinstance(state["generators"], list) and len(state["generators"]) == 1
-
-    def _set_states(self, state: Mapping[str, Any]) -> None:
-        """Return to a snapshot of all environments."""
-        super().set_state(state)
-
-    def _continued(self, lanes: NDArray[np.int64]) -> None:
-        """Note that these environments are within an episode."""
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""
@@ -408,8 +359,9 @@ class VectorEnvBase(EnvBase):
     ) -> tuple[Any, Outputs]:
         """Begin episodes in the environments of a mask; observations and outputs."""
         checked = self.core.checked(options, np.flatnonzero(mask))
-        seeded = {k: seed for k, seed in enumerate(seeds) if seed is not None and mask[k]}
-        self.core.seed_all([*seeded], [*seeded.values()])
+        for lane in np.flatnonzero(mask).tolist():
+            if seeds[lane] is not None:
+                self.core.seed(lane, seeds[lane])
         self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ready = True
@@ -418,15 +370,15 @@ class VectorEnvBase(EnvBase):
         return self.core.observation(obs, out), out
 
     def _stepped(
-        self, actions: NDArray[np.float32], autoreset: Autoreset
+        self, actions: NDArray[np.float32]
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], Outputs, Any, Outputs]:
         """A control step: observations, rewards, which lanes ended an episode, outputs, and observations and
         outputs before an autoreset. The reward of an end belongs to the observation before it."""
         core, columns = self.core, self.core.columns
-        obs, out, last_obs, last_out = core.step(actions, autoreset)
+        obs, out, last_obs, last_out = core.step(actions, core.autoreset)
         ended = columns.of(out, "terminated") | columns.of(out, "truncated")
         last = observation = core.observation(obs, out)
-        if autoreset == Autoreset.SAME_STEP and ended.any():
+        if core.autoreset == Autoreset.SAME_STEP and ended.any():
             last = core.observation(last_obs, last_out)
         reward = columns.of(out, "reward")
         if self.goal_conditioned:
@@ -441,18 +393,6 @@ class VectorEnvBase(EnvBase):
         if not self.goal_conditioned:
             raise ValueError("compute_reward belongs to the goal environments (…GoalReach-v0)")
         return self.core.goal_reward(achieved_goal, desired_goal)
-
-
-def check_plain(scene: Any) -> None:
-    """Refuse a scene in a form that the spec of an environment cannot hold."""
-    if isinstance(scene, Scene):
-        raise ValueError("scene is a Scene, which a spec cannot hold; pass scene.to_dict()")
-
-
-def frames_per_second(control_dt: float) -> float:
-    """Pictures in a second of real time, one for each control step; a whole number where it is one."""
-    exact = 1.0 / control_dt
-    return round(exact) if abs(exact - round(exact)) < 1e-9 * exact else exact
 
 
 def observation_of(batch: Any, lane: int) -> Any:

@@ -16,7 +16,7 @@ from gymnasium.vector import VectorEnv
 
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
-from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, NAMESPACE, SCENES
+from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, SCENES
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.language.algebra import gives_of
 from redundant_envs.model.programs import environment_simulator
@@ -28,16 +28,13 @@ from redundant_envs.tasks import Task
 
 
 class _Page:
-    """A docstring written when it is read: building a page costs nothing at import. That of an environment
-    has its methods and values, too; to a class ``help`` adds the members of all bases."""
+    """A docstring written when it is read: building a page costs nothing at import."""
 
     def __get__(self, instance: Any, owner: type[Any]) -> str:
         if issubclass(owner, ArmVectorEnv):
             single = owner.__name__.removesuffix("VectorEnv") + "Env"
-            text = f"Native vector form of {single}. Its page: help({owner.__module__}.{single})\n"
-        else:
-            text = page(owner, SCENES[IDS[owner.env_id].arm])
-        return text if instance is None else f"{text}\n{members(owner)}"
+            return f"Native vector form of {single}. Its page: help({owner.__module__}.{single})\n"
+        return page(owner, SCENES[IDS[owner.env_id].arm])
 
 
 def __getattr__(name: str) -> type[Any]:
@@ -137,8 +134,6 @@ def task_table(task: Task) -> str:
     return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)
 
 
-OF_GYMNASIUM = ("np_random", "np_random_seed", *(f"{way}_wrapper_attr" for way in ("get", "has", "set")))
-"""Members for its wrappers and vectors, which help does not show."""
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)
 
 
@@ -151,28 +146,6 @@ def meanings(kind: type[Any]) -> dict[str, str]:
         for names, sentence in ENTRY.findall(section):
             found |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
     return found
-
-
-def members(kind: type[Any]) -> str:
-    """Methods and values of an environment, those of Gymnasium's classes left out."""
-    own: dict[str, Any] = {}
-    for base in reversed(kind.__mro__):
-        if base.__module__.startswith(f"{NAMESPACE}."):
-            own |= {name: value for name, value in vars(base).items() if not name.startswith("_")}
-    own = {name: value for name, value in own.items() if name not in OF_GYMNASIUM}
-    methods = {name: value for name, value in own.items() if inspect.isfunction(value)}
-    values = [name for name, value in own.items() if isinstance(value, property)]
-
-    def entry(title: str, member: Any) -> str:
-        text = (inspect.getdoc(member) or "").replace("\n", "\n  ").replace("\n  \n", "\n\n")
-        return f"* `{title}`: {text}\n"
-
-    lines = ["## Methods\n"]
-    for name, method in methods.items():
-        given = inspect.signature(method).parameters.values()
-        plain = [p.replace(annotation=inspect.Parameter.empty) for p in given if p.name != "self"]
-        lines.append(entry(f"{name}{inspect.Signature(plain)}", method))
-    return "".join([*lines, "\n## Values\n", *(entry(name, getattr(kind, name)) for name in values)])
 
 
 def page(kind: type[Any], scene_name: Any) -> str:

@@ -63,9 +63,11 @@ def checked_options(options: Any) -> dict[str, Any]:
 
 
 def checked_reset(
-    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: Lanes, waiting: Given
-) -> Given:
-    """What options give to lanes, and what waits for these and is not given now. ValueError if an option is
+    episode: Episode, memory: Memory, options: Mapping[str, Any], lanes: Lanes, waiting: Given,
+    keep: bool = False,
+) -> Given:  # fmt: skip
+    """What options give to lanes, and what waits for these and is not given now. Parameters are set on top of
+    the environment's own, or with ``keep`` of those that lanes have or wait for. ValueError if an option is
     not valid, or if no episode can begin with all of them."""
     found = within(waiting, lanes)
     if not options and not found:
@@ -77,13 +79,18 @@ def checked_reset(
         check_of_reward(scene, task, numbers)
     if numbers is not None:
         parameters.check_given(scene, numbers, task.parameters())
-        own = parameters.lane_values(scene, memory, lanes, numbers, True, task)
-        found[PARAMETERS] = _part(lanes, own | _fixed(episode, numbers, len(lanes)))
+        marks = _fixed(episode, numbers, len(lanes))
+        if keep:
+            coming = _coming(episode, memory, lanes, found)
+            marks = {mark: np.maximum(own, coming.pop(mark)) for mark, own in marks.items()}
+            numbers = {**coming, **numbers}
+        rows = parameters.lane_values(scene, memory, lanes, numbers, True, task) | marks
+        found[PARAMETERS] = Part(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
-    rows = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
-    for key in (key for key in rows if options.get(key) is not None):
-        where, names = f"options[{key!r}]", rows[key]
+    starts = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
+    for key in (key for key in starts if options.get(key) is not None):
+        where, names = f"options[{key!r}]", starts[key]
         if np.ndim(options[key]) == 0 and len(names) > 1:
             raise ValueError(f"{where} is {shown(options[key])}; give ({len(names)},) numbers, one for each")
         values = parameters.table(where, options[key], len(lanes), len(names))
@@ -93,27 +100,6 @@ def checked_reset(
         found[key] = Part(names, lanes, values)
     _check_starts(episode, memory, found, lanes)
     return found
-
-
-def checked_number(
-    episode: Episode, memory: Memory, name: str, value: Any, lanes: Lanes, waiting: Given
-) -> Given:
-    """The option that changes one number of some lanes and nothing else that they have or that waits."""
-    scene, task = episode.dynamics.scene, episode.task
-    if task.goal_conditioned:
-        check_of_reward(scene, task, [name])
-    own = within(waiting, lanes)
-    values = _coming(episode, memory, lanes, own)
-    marks = {mark: values.pop(mark) for mark in map(fixed, episode.randomized.entries)}
-    marks |= {k: v for k, v in _fixed(episode, {name: value}, len(lanes)).items() if v.any()}
-    values = parameters.lane_values(scene, memory, lanes, {**values, name: value}, True, task)
-    found = over(own, {PARAMETERS: _part(lanes, values | marks)})
-    _check_starts(episode, memory, found, lanes)
-    return found
-
-
-def _part(lanes: Lanes, values: Table) -> Part:
-    return Part(tuple(values), lanes, np.stack([*values.values()], axis=1))
 
 
 def _rows(lanes: Lanes, some: Lanes) -> Lanes:

@@ -58,19 +58,17 @@ class Columns:
         self.drawn_fields, named = episode.drawn, episode.randomized.fields_by_name
         self.drawn = {name: len(fields) for name, fields in named.items()}
         """Numbers that every episode draws, and how many entries each has: their fields are in this order."""
-        self.places_shown = [(name, *place) for name, place in self._places.items() if name not in hidden]
-        """Quantities in ``info``: quantity, table, row."""
         labels = {**INFO_NAMES, **episode.task.labels}
-        names = [labels.get(n) or SUM.sub(rf"{RETURN}\1", n) for n, *_ in self.places_shown]
-        asked = checked_keys(info_keys, [*names, DRAWN] if self.drawn else names)
-        self.places_shown = [p for p, name in zip(self.places_shown, names, strict=True) if name in asked]
-        self.names = [name for name in names if name in asked]
-        """Names of these in ``info``."""
-        shown = zip(self.names, self.places_shown, strict=True)
-        self._of_vectors = [(name, f"_{name}", table, row) for name, (_, table, row) in shown]
+        found = [name for name in self._places if name not in hidden]
+        shown = {labels.get(name) or SUM.sub(rf"{RETURN}\1", name): name for name in found}
+        self.names = [*shown, DRAWN] if self.drawn else [*shown]
+        asked = checked_keys(info_keys, self.names)
+        self.names = [name for name in self.names if name in asked]
+        """Names in ``info``."""
+        self.shown = {name: shown[name] for name in self.names if name != DRAWN}
+        """Quantities of these names."""
         self.shows_drawn = DRAWN in asked
-        if self.shows_drawn:
-            self.names.append(DRAWN)
+        self._of_vectors = [(name, f"_{name}", *self._places[own]) for name, own in self.shown.items()]
 
     def of(self, out: Outputs, name: str) -> Any:
         """A quantity of all lanes."""
@@ -105,10 +103,9 @@ class Columns:
 
     def all_info(self, out: Outputs) -> list[dict[str, Any]]:
         """:meth:`info` of every lane."""
-        rows = [out[table][row].tolist() for _, table, row in self.places_shown]
-        count = out.flags.shape[1]
-        lanes = zip(*rows, strict=True) if rows else [()] * count
-        found = [dict(zip(self.names, values, strict=False)) for values in lanes]
+        rows = [self.of(out, name).tolist() for name in self.shown.values()]
+        lanes = zip(*rows, strict=True) if rows else [()] * out.flags.shape[1]
+        found = [dict(zip(self.shown, values, strict=True)) for values in lanes]
         if self.shows_drawn:
             fields = [self.of(out, field).tolist() for field in self.drawn_fields]
             for info, values in zip(found, zip(*fields, strict=True), strict=True):
@@ -135,6 +132,4 @@ def checked_keys(info_keys: Any, valid: Sequence[str]) -> Sequence[str]:
     for key in info_keys:
         if key not in valid:
             raise ValueError(f"info_keys has {shown(key)}; valid: {', '.join(valid)}")
-        if info_keys.count(key) > 1:
-            raise ValueError(f"info_keys has {key} twice; name it once")
     return info_keys

@@ -164,11 +164,11 @@ def register_arm(arm: type[Arm], scene: Mapping[str, Any] | str | Path | None = 
         )
     _check_name("the arm", getattr(arm, "kind", None))
     before = dict(robots.REGISTRY)
-    if scene is None:
-        _add("the arm", robots.REGISTRY, arm.kind, arm)
-        return
-    _check_ids([arm.kind], TASKS)
+    if scene is not None:
+        _check_ids([arm.kind], TASKS)
     _add("the arm", robots.REGISTRY, arm.kind, arm)
+    if scene is None:
+        return
     try:
         _check_scene(load_scene(scene), arm.kind)
     except Exception:

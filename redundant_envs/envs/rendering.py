@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import os
-import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled, Error
@@ -42,7 +40,7 @@ success on."""
 TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
-FARTHEST = 1e4  # px: farther away nothing is drawn, so that numbers of any size can be
+FARTHEST = 1e4  # px: what ends farther away is not drawn, so that numbers may be of any size
 MIN_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 CAPITAL = 6.0  # height of a digit on the grid; the base line is at y = 6, and y points down
@@ -91,19 +89,10 @@ class Canvas:
         np.maximum(cover, 0.0, out=cover)
         mix(self.pixels[y0:y1, x0:x1], cover, color)
 
-    def _near(self, a: Pair, b: Pair) -> tuple[Pair, Pair]:
-        """A segment in pixels without what is beyond :data:`FARTHEST` from its end that is nearer."""
-        length = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        if not length > FARTHEST:
-            return a, b
-        far_first = abs(a[0]) + abs(a[1]) > abs(b[0]) + abs(b[1])
-        (x, y), (xb, yb) = (b, a) if far_first else (a, b)
-        return (x, y), (x + FARTHEST * ((xb - x) / length), y + FARTHEST * ((yb - y) / length))
-
     def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
         """A thick line with round ends; width in pixels."""
-        (ax, ay), (bx, by) = self._near(self._pixel(a), self._pixel(b))
-        if ax + ay + bx + by != ax + ay + bx + by:
+        (ax, ay), (bx, by) = ends = self._pixel(a), self._pixel(b)
+        if not (np.abs(ends) <= FARTHEST).all():
             return
         r = self.unit * width / 2
         low, high = (min(ax, bx) - r, min(ay, by) - r), (max(ax, bx) + r, max(ay, by) + r)
@@ -439,8 +428,9 @@ CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 """Variables with which a user chooses a driver, such as "dummy", that may have no display."""
 
 
-def load_pygame() -> Any:
-    """The package pygame, or an error that names the extra to install."""
+def display() -> Any:
+    """pygame with its display begun; an error names the extra to install. NoDisplay where there is none: SDL
+    would draw into nothing."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     try:
         with warnings.catch_warnings():
@@ -450,71 +440,18 @@ def load_pygame() -> Any:
         raise DependencyNotInstalled(
             f"render_mode='human' needs pygame, which is not installed; {INSTALL.format('human')}"
         ) from error
-    return pygame
-
-
-def display() -> Any:
-    """pygame with its display begun; NoDisplay where there is none: SDL would draw into nothing."""
-    pygame = load_pygame()
-    with _silent():
-        try:
-            pygame.display.init()
-        except pygame.error as error:
-            raise NoDisplay(NO_DISPLAY) from error
+    try:
+        pygame.display.init()
+    except pygame.error as error:
+        raise NoDisplay(NO_DISPLAY) from error
     if pygame.display.get_driver() == "offscreen" and not any(map(os.environ.get, CHOICES)):
         pygame.display.quit()
         raise NoDisplay(NO_DISPLAY)
     return pygame
 
 
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Without what libraries of the system print of the displays that they tried."""
-    sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
-
-
 class NoDisplay(Error, OSError):
     """There is no display to open a window on."""
-
-
-class Window:
-    """A window for pictures (height, width, 3), at most ``fps`` a second: ``show`` waits for the next.
-
-    A process has one window of pygame. Environments that are shown at the same time share it, and it closes
-    with the last of them.
-    """
-
-    _open: ClassVar[set[Window]] = set()
-
-    def __init__(self, fps: float) -> None:
-        self._pygame = display()
-        self._open.add(self)
-        self._clock = self._pygame.time.Clock()
-        self._fps = fps
-
-    def show(self, picture: NDArray[np.uint8]) -> None:
-        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
-        screen = pygame.display.get_surface()
-        if screen is None or screen.get_size() != size:  # as after another one has closed it
-            display().display.set_caption("redundant-envs")
-            screen = pygame.display.set_mode(size)
-        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
-        pygame.event.pump()
-        self._clock.tick(self._fps)
-        pygame.display.flip()
-
-    def close(self) -> None:
-        self._open.discard(self)
-        if not self._open:
-            self._pygame.display.quit()
 
 
 class Renderer:
@@ -526,7 +463,7 @@ class Renderer:
         self._tips = np.zeros((core.num_envs, TRAIL_LENGTH, 2))
         self._count = np.zeros(core.num_envs, dtype=int)
         self._last = np.full(core.num_envs, -1.0)
-        self._window: Any = None
+        self._pygame: Any = None  # once a window is open
 
     def clear(self) -> None:
         """Forget all trails."""
@@ -597,14 +534,23 @@ class Renderer:
                 canvas.text(held, MARGIN, MARGIN, palette.GOAL if success else palette.FAINT, from_right=True)
         return canvas.pixels
 
-    def show(self, lane: int) -> None:
-        """Show a lane in a window, in real time: one picture per control step."""
-        if self._window is None:
-            self._window = Window(1.0 / self.core.scene.control_dt)
-        self._window.show(self.draw(lane))
+    def show(self, picture: NDArray[np.uint8]) -> None:
+        """Show a picture in pygame's window, of which a process has one, a control step after the last."""
+        if self._pygame is None:
+            self._pygame = display()
+            self._clock = self._pygame.time.Clock()
+        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
+        screen = pygame.display.get_surface()
+        if screen is None or screen.get_size() != size:  # as after another one has closed it
+            display().display.set_caption("redundant-envs")
+            screen = pygame.display.set_mode(size)
+        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
+        pygame.event.pump()
+        self._clock.tick(1.0 / self.core.scene.control_dt)
+        pygame.display.flip()
 
     def close(self) -> None:
         """Close the window if one is open."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        if self._pygame is not None:
+            self._pygame.display.quit()
+            self._pygame = None

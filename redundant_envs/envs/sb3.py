@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
-import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from threading import get_ident
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import NoAsyncCallError
 from numpy.typing import NDArray
 
-from redundant_envs.envs.arguments import checked_seed, episode_limit
+from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, frames_per_second, observation_of
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
 from redundant_envs.envs.outputs import ALL
 from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
 from redundant_envs.model.memory import first
-from redundant_envs.scenes.scene import Scene
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown, whole_number
@@ -52,10 +48,9 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         self.monitor = monitor
         self._made = time.time()
         self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
-        self.spec: EnvSpec | None = None
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
-        self.metadata = {**self.metadata, "render_fps": frames_per_second(core.scene.control_dt)}
+        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
 
     @first
     def reset(self) -> Any:
@@ -81,7 +76,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
             raise NoAsyncCallError("step_wait was called before step_async; call step_async first", "step")
         core, columns, thread = self.core, self.core.columns, get_ident()
         actions = self._actions.pop(thread if thread in self._actions else next(iter(self._actions)))
-        observation, reward, dones, out, last, last_out = self._stepped(actions, Autoreset.SAME_STEP)
+        observation, reward, dones, out, last, last_out = self._stepped(actions)
         infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(self.num_envs)]
         if "is_success" in columns.names:
             held = columns.of(out, "is_success").tolist()
@@ -107,24 +102,10 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
     def close(self) -> None:
         """Nothing to release."""
 
-    def _set_states(self, state: Mapping[str, Any]) -> None:
-        self.core.check_state(state)
-        memory = self.core.memory.holding(state["states"], state["parameters"])
-        ended = np.flatnonzero(memory.read(("terminated",))[:, 0]).tolist()
-        if len(ended):
-            raise ValueError(
-                f"state has environments whose episodes have ended, {ended[:8]}; here they begin anew at "
-                "once: take a state of episodes that go on"
-            )
-        super()._set_states(state)
-
     @first
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture per environment."""
-        if self.render_mode is None:
-            return [None] * self.num_envs
-        self._check_begun()
-        return [self._pictures().draw(lane) for lane in range(self.num_envs)]
+        return [None] * self.num_envs if self.render_mode is None else self._drawn()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
@@ -151,18 +132,13 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         return [self.monitor and wrapper_class is Monitor for _ in self._get_indices(indices)]
 
 
-OF_VECTORS = ("num_envs", "vectorization_mode", "autoreset_mode")
-"""What the spec of a vector holds, and a VecEnv says in its own way."""
-
-
-def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, **kwargs: Any) -> SB3VecEnv:
+def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: Any) -> SB3VecEnv:
     """A native stable-baselines3 VecEnv of a registered id.
 
     Parameters
     ----------
-    env_id : str or EnvSpec
-        A registered id, with or without the namespace; "module:id" imports the module that registers it. Or
-        the spec of an environment of such an id, whose arguments it then has.
+    env_id : str
+        A registered id, with or without the namespace; "module:id" imports the module that registers it.
     num_envs : int
     monitor : bool
         Give return, length and time of an episode at its end, ``info["episode"]``, as stable-baselines3's
@@ -173,46 +149,24 @@ def make_sb3(env_id: str | EnvSpec, num_envs: int = 256, monitor: bool = True, *
         at the ends of episodes); and threads, over blocks of 8 environments.
     """
     num_envs = whole_number("num_envs", num_envs)
-    spec = _spec_of(env_id)
-    full = spec.id
-    own = {**gym.spec(full).kwargs, **spec.kwargs}  # those of a spec that was written by hand may be few
-    arguments = {**{k: v for k, v in own.items() if k not in OF_VECTORS}, **kwargs}
-    valid = (*ARGUMENTS, *OF_PICTURES, "threads")
-    for key in arguments:
+    if not isinstance(env_id, str):
+        raise ValueError(
+            f"env_id is {shown(env_id)}; give an id (for functions that make environments, "
+            "stable-baselines3 has DummyVecEnv and SubprocVecEnv)"
+        )
+    module, _, name = env_id.rpartition(":")
+    if module:
+        importlib.import_module(module)
+    full, valid = full_id(name), (*ARGUMENTS, *OF_PICTURES, "threads")
+    if full not in ids():
+        raise ValueError(f"env_id is {shown(env_id)}; valid: {', '.join(ids())}")
+    for key in kwargs:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
-    steps = arguments.pop("max_episode_steps", spec.max_episode_steps)
-    scene, limit = arguments["scene"], episode_limit(steps)
-    of_spec = {**arguments, "scene": scene.facts() if isinstance(scene, Scene) else scene}
-    of_gymnasium = int(limit) if math.isfinite(limit) else None
-    spec = dataclasses.replace(spec, kwargs=of_spec, max_episode_steps=of_gymnasium)
+    spec = gym.spec(full)
+    arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
     own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
-    core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, max_episode_steps=steps)
-    env = SB3VecEnv(core, **own, monitor=monitor)
-    env.spec = spec
-    return env
-
-
-def _spec_of(env_id: Any) -> EnvSpec:
-    """The spec of an id or a spec of ours; ValueError for anything else."""
-    if isinstance(env_id, EnvSpec):
-        if env_id.additional_wrappers:
-            names = ", ".join(wrapper.name for wrapper in env_id.additional_wrappers)
-            fix = "which a native VecEnv has not; give its id"
-            raise ValueError(f"env_id is a spec with wrappers, {names}, {fix}")
-        full = full_id(env_id.id)
-    elif isinstance(env_id, str):
-        module, _, name = env_id.rpartition(":")
-        if module:
-            importlib.import_module(module)
-        full = full_id(name)
-    else:
-        raise ValueError(
-            f"env_id is {shown(env_id)}; give an id or a spec (for functions that make environments, "
-            "stable-baselines3 has DummyVecEnv and SubprocVecEnv)"
-        )
-    if full not in ids():
-        raise ValueError(f"env_id is {shown(getattr(env_id, 'id', env_id))}; valid: {', '.join(ids())}")
-    return env_id if isinstance(env_id, EnvSpec) else gym.spec(full)
+    core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, autoreset=Autoreset.SAME_STEP)
+    return SB3VecEnv(core, **own, monitor=monitor)

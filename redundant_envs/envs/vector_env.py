@@ -11,17 +11,15 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from redundant_envs.envs.arguments import checked_seed
-from redundant_envs.envs.core import STATE_KEYS, Core
-from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, check_plain, observation_of
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
 from redundant_envs.envs.options import checked_options
 from redundant_envs.model.memory import first
-from redundant_envs.model.parameters import check_array, check_keys, table
+from redundant_envs.model.parameters import table
 from redundant_envs.scenes.numbers import names_of
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.support.values import shown, whole_number
 from redundant_envs.tasks import make_task
-
-KERNEL_MODE = {mode: Autoreset[mode.name] for mode in AutoresetMode}
 
 
 class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
@@ -52,16 +50,15 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
-        check_plain(scene)
         core = Core(
             scene, num_envs, make_task(task, self.task_name), max_episode_steps, accuracy, self.env_id,
-            threads, randomize, observe_parameters, info_keys,
+            threads, randomize, observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
         )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._ended, self._all = np.zeros(num_envs, dtype=np.bool_), np.ones(num_envs, dtype=np.bool_)
+        self._all = np.ones(num_envs, dtype=np.bool_)
 
     @first
     def reset(
@@ -91,7 +88,6 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         if not self._ready and not mask.all():
             raise ValueError("options['reset_mask'] leaves environments out of the first reset")
         observation, out = self._begun(mask, lane_seeds(seed, self.num_envs), options)
-        self._ended[mask] = False
         return observation, self.core.columns.infos(out, mask)
 
     @first
@@ -100,13 +96,13 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
         core, mode = self.core, self.autoreset_mode
-        if mode is AutoresetMode.DISABLED and self._ended.any():
+        if mode is AutoresetMode.DISABLED and core.ended.any():
             raise ValueError(
-                f"environments {np.flatnonzero(self._ended).tolist()[:8]} have ended; call "
+                f"environments {np.flatnonzero(core.ended).tolist()[:8]} have ended; call "
                 "reset(options={'reset_mask': mask}) for them first (autoreset_mode is disabled)"
             )
-        checked = self._checked_actions(actions)
-        observation, reward, ended, out, last, last_out = self._stepped(checked, KERNEL_MODE[mode])
+        actions = self._checked_actions(actions)
+        observation, reward, ended, out, last, last_out = self._stepped(actions)
         infos = core.columns.infos(out, self._all)
         if mode is AutoresetMode.NEXT_STEP and core.begun is not None:
             reward[core.begun] = 0.0
@@ -117,20 +113,21 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
             infos["final_obs"], infos["_final_obs"] = final, ended.copy()
             infos["final_info"], infos["_final_info"] = core.columns.infos(last_out, ended), ended.copy()
         elif mode is AutoresetMode.DISABLED:
-            self._ended = ended
+            core.ended[:] = ended
         terminated, truncated = (core.columns.of(out, name) for name in ("terminated", "truncated"))
         return observation, reward, terminated, truncated, infos
 
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(self.core.episode_keys.own())
+        return tuple(map(self.core.own_generator, range(self.num_envs)))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        self.core.episode_keys.own()
-        return tuple(self.core.episode_keys.seeds)
+        for lane in range(self.num_envs):
+            self.core.own_generator(lane)
+        return tuple(self.core.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""
@@ -152,39 +149,11 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         return (value(*args, **kwargs),) * self.num_envs if callable(value) else self.get_attr(name)
 
     @first
-    def get_state(self) -> dict[str, Any]:
-        """Snapshot of all environments, generators included."""
-        own = {"ended": self._ended.copy(), "autoreset_mode": self.autoreset_mode.name.lower()}
-        return {**self.core.get_state(), **own}
-
-    def _is_of_one(self, state: Any) -> bool:
-        return isinstance(state, Mapping) and {*state} == {*STATE_KEYS}
-
-    def _continued(self, lanes: NDArray[np.int64]) -> None:
-        self._ended[lanes] = False
-
-    def _set_states(self, state: Mapping[str, Any]) -> None:
-        own = ("ended", "autoreset_mode")
-        check_keys("state", state, (*own, *STATE_KEYS), "get_state of a vector environment")
-        of_core = {key: value for key, value in state.items() if key not in own}
-        self.core.check_state(of_core)
-        check_array("state", "ended", state["ended"], self._ended)
-        mode = self.autoreset_mode.name.lower()
-        if state["autoreset_mode"] != mode:
-            raise ValueError(
-                f"state has the autoreset_mode {state['autoreset_mode']!r} and this one {mode!r}; a lane "
-                "that waits for its reset in one does not in the other: make the environment with the same"
-            )
-        super()._set_states(of_core)
-        self._ended = state["ended"].copy()
-
-    @first
     def render(self) -> tuple[NDArray[np.uint8], ...]:
         """One picture per environment, (height, width, 3) uint8."""
         if self.render_mode is None:
             raise ValueError("render needs render_mode='rgb_array' at make")
-        self._check_begun()
-        return tuple(self._pictures().draw(lane) for lane in range(self.num_envs))
+        return tuple(self._drawn())
 
 
 def autoreset(mode: AutoresetMode | str) -> AutoresetMode:

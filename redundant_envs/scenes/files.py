@@ -27,7 +27,7 @@ def parse_yaml(text: str, where: str) -> Any:
     """The content of YAML text, as plain data; ``where`` names it in messages."""
     from redundant_envs.support.yaml_reader import parsed  # takes a tenth of the time to a first step
 
-    return parsed(text, where)[0]
+    return parsed(text, where)
 
 
 def text_value(text: str, where: str) -> Any:
@@ -44,15 +44,9 @@ def config_folder(kind: str) -> Path:
 
 
 @contextlib.contextmanager
-def explained(path: str | Path, as_it_stands: bool = True) -> Iterator[None]:
-    """Put the file before the message of a ValueError about its data, and the line if it is known, for which
-    the file is read again; not if the data is no longer ``as_it_stands`` there."""
+def explained(path: str | Path) -> Iterator[None]:
+    """Put the file before the message of a ValueError about its data."""
     try:
         yield
     except ValueError as error:
-        line = None
-        if as_it_stands:
-            from redundant_envs.support.yaml_reader import line_of, parsed
-
-            line = line_of(str(error), parsed(read_text(Path(path), "file"), str(path))[1])
-        raise ValueError(f"{path}{f', line {line}' if line else ''}: {error}") from None
+        raise ValueError(f"{path}: {error}") from None

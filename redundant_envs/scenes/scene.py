@@ -27,7 +27,6 @@ from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.support.values import (
     check_between,
-    check_bounds,
     check_keys,
     check_registered,
     plain,
@@ -306,7 +305,6 @@ class Scene:
         tolerance nor an integrator nor substeps have the tolerance of "standard"."""
         if not isinstance(data, Mapping):
             raise ValueError(f"scene is {shown(data)}; give a mapping")
-        check_bounds("scene", data)
         fields = [f.name for f in dataclasses.fields(cls)]
         check_keys("scene", data, fields)
         if "robot" not in data:

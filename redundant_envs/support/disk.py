@@ -7,58 +7,28 @@ import contextlib
 import errno
 import os
 import secrets
-import shutil
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}  # no space left, or the quota of the user is
 MAX_SHOWN = 5  # most names in a message
-LEAST = 1 << 14  # bytes; a disk with less left is full for what a library failed to write
 
 
 class DiskFull(OSError):
-    """A disk is full, or takes no file so large; the message names the file and the disk."""
-
-
-def _is_of(error: BaseException | None, numbers: Container[int | None]) -> bool:
-    """Whether an error, or one that led to it, has one of these numbers of the system."""
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in numbers:
-            return True
-        error = error.__cause__ or error.__context__
-    return False
-
-
-def disk_of(path: Path) -> tuple[Path, int]:
-    """Where the disk of a path is mounted, and the bytes that are left there."""
-    place = path.absolute()
-    while not place.exists() or not (os.path.ismount(place) or place == place.parent):
-        place = place.parent
-    return place, shutil.disk_usage(place).free
+    """A disk is full; the message names the file."""
 
 
 @contextlib.contextmanager
 def told(path: Path) -> Iterator[None]:
-    """Errors within since a disk is full, or takes no file so large, become a DiskFull for ``path``."""
+    """Errors within since a disk is full become a DiskFull for ``path``."""
     try:
         yield
-    except DiskFull:
-        raise
-    except Exception as error:
-        if _is_of(error, {errno.EFBIG}):
-            raise DiskFull(
-                f"{path} cannot be written: it would be larger than files may be here; raise the limit "
-                "(ulimit -f), or write to another disk"
-            ) from error
-        mount, free = disk_of(path)
-        unsaid = isinstance(error, OSError | RuntimeError) and free < LEAST  # as of torch and ffmpeg
-        if not (_is_of(error, FULL) or unsaid):
+    except OSError as error:
+        if error.errno not in FULL:
             raise
-        raise DiskFull(
-            f"{path} cannot be written: the disk {mount} is full ({free / 1e6:.1f} MB left); delete "
-            "something there, or write to another disk"
-        ) from error
+        fix = "delete something there, or write to another one"
+        raise DiskFull(f"{path} cannot be written: the disk is full; {fix}") from error
 
 
 def telling(function: Callable[..., Any], path: Path) -> Callable[..., Any]:
@@ -79,9 +49,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Its name cannot be guessed, so no link waits there. A device is written itself; any other link at ``path``
     is refused: what it names may be anything.
     """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if path.exists() and not path.is_file():
+    if path.exists() and not (path.is_file() or path.is_dir()):
         with told(path):
             yield path
         return
@@ -121,19 +89,16 @@ def check_kept(written: Iterable[Path], force: bool, read: Iterable[Path] = ()) 
     for path in written:
         if sum(path.resolve() == other.resolve() for other in written) > 1:
             raise ValueError(f"{path} would be written twice; give different places")
-    there = [p for p in written if p.is_file() or p.is_dir() or (p.is_symlink() and not p.exists())]
-    for path in there:
         if path.is_dir():
             raise ValueError(f"{path} is a folder; give a file to be written")
         if path.exists() and any(path.resolve().is_relative_to(other.resolve()) for other in read):
             raise ValueError(f"{path} would be replaced, and is what the command reads; choose another place")
-    for path in written:
         if path.is_file() or not path.exists():  # a device is written itself
             check_folder(f"the folder of {path.name}", path.parent, "choose another place")
+    there = [str(p) for p in written if p.is_file() or (p.is_symlink() and not p.exists())]
     if there and not force:
-        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
-        verb, them = ("exist", "them") if more else ("exists", "it")
-        raise ValueError(f"{there[0]}{more} {verb}; choose another place, or replace {them} with --force")
+        names = ", ".join(there[:MAX_SHOWN])
+        raise ValueError(f"{names} would be replaced; choose another place, or add --force")
 
 
 def check_folder(what: str, folder: Path, fix: str) -> None:
@@ -156,17 +121,13 @@ def add_force(parser: Any) -> None:
 def check_plain(folder: Path) -> None:
     """Refuse a folder that holds links, pipes or devices, at any depth: a file of such a name is written, or
     read, elsewhere or without end. The folder itself may be a link of the user."""
-    found, waiting = [], [folder] if folder.is_dir() else []
-    for place in waiting:
-        with os.scandir(place) as entries:
-            for entry in sorted(entries, key=lambda entry: entry.name):
-                path = Path(entry.path)
-                if entry.is_symlink() or getattr(entry, "is_junction", bool)():
-                    found.append(f"{path.relative_to(folder)} (a link)")
-                elif entry.is_dir(follow_symlinks=False):
-                    waiting.append(path)
-                elif not entry.is_file(follow_symlinks=False):
-                    found.append(f"{path.relative_to(folder)} (a pipe or device)")
+    found = []
+    for place, folders, files in os.walk(folder):
+        for path in sorted(Path(place, name) for name in (*folders, *files)):
+            if path.is_symlink():
+                found.append(f"{path.relative_to(folder)} (a link)")
+            elif not (path.is_dir() or path.is_file()):
+                found.append(f"{path.relative_to(folder)} (a pipe or device)")
     if found:
         shown = ", ".join(found[:MAX_SHOWN])
         more = f" and {len(found) - MAX_SHOWN} more" if len(found) > MAX_SHOWN else ""

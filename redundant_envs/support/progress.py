@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import itertools
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import printable, say
@@ -18,11 +17,6 @@ if TYPE_CHECKING:
 
 
 EVERY = 10.0  # s; time between two lines of progress where there is no terminal
-
-
-def is_terminal(stream: TextIO | None) -> bool:
-    """Whether a stream, None if it is closed, is a terminal."""
-    return stream is not None and stream.isatty()
 
 
 def progress_bars() -> Progress:
@@ -53,7 +47,7 @@ def progress_bars() -> Progress:
     return Progress(
         Plain("{task.description}"), BarColumn(), Plain("{task.percentage:3.0f} %"),
         Plain("{task.fields[note]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=console, redirect_stdout=is_terminal(sys.stdout),
+        console=console, redirect_stdout=bool(sys.stdout and sys.stdout.isatty()),
     )  # fmt: skip
 
 
@@ -66,13 +60,8 @@ def _line(task: Any) -> str:
 
 @contextlib.contextmanager
 def counted(name: str, total: int, each: int = 1) -> Iterator[Callable[[str], None]]:
-    """A function that counts one more finished part of ``total`` and takes its description: it moves a bar on
-    a terminal, if rich is installed, or writes a line every ``each`` counts."""
-    if is_terminal(sys.stderr) and importlib.util.find_spec("rich"):
-        with progress_bars() as bars:
-            task = bars.add_task(name, total=total, note="")
-            yield lambda what: bars.update(task, advance=1, note=what)
-        return
+    """A function that counts one more finished part of ``total`` and takes its description; it writes a line
+    every ``each`` counts."""
     counts = itertools.count(1)
 
     def line(what: str) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import copy
 import dataclasses
 import inspect
+import json
 import reprlib
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from enum import Enum
-from numbers import Integral, Real
+from numbers import Integral
 from pathlib import PurePath
 from typing import Any, TextIO, TypeVar
 
@@ -23,17 +24,9 @@ OWN = "redundant_envs", "dataclasses"  # lines that a warning does not show: nob
 DEEPEST = 20  # largest depth of plain data: what it describes needs four; Python's own limit is not reached
 MAX_VALUES = 3000  # in plain data: ten times the longest description, read in a tenth of a second
 LONGEST = 120  # most characters of a value in a message
-WIDEST_INTEGER = 256  # bits of the largest integer that is written out in a message
 
 
-class _Short(reprlib.Repr):
-    """Representations of bounded length, for any value that a user may pass."""
-
-    def repr_int(self, x: int, level: int) -> str:
-        return repr(x) if x.bit_length() <= WIDEST_INTEGER else f"an integer of {x.bit_length()} bits"
-
-
-_short = _Short()
+_short = reprlib.Repr()
 _short.maxstring = _short.maxother = 80
 _short.maxlevel = 3
 
@@ -59,22 +52,6 @@ def printable(text: Any) -> str:
 def say(*words: Any, file: TextIO | None = None, **how: Any) -> None:
     """Print what may come from a file of somebody else: all messages of the commands pass here."""
     print(*map(printable, words), file=file, **how)
-
-
-def check_bounds(where: str, data: Any) -> None:
-    """Refuse plain data that is nested too deeply or holds too many values, itself among them."""
-    waiting, count = [(data, 0)], 0
-    while waiting:
-        value, depth = waiting.pop()
-        if not isinstance(value, Mapping | list | tuple):
-            continue
-        count += len(value)
-        if depth >= DEEPEST:
-            raise ValueError(f"{where} is nested more than {DEEPEST} deep; give plain data")
-        if count > MAX_VALUES:
-            raise ValueError(f"{where} holds more than {MAX_VALUES} values; give fewer")
-        inner = value.values() if isinstance(value, Mapping) else value
-        waiting += [(v, depth + 1) for v in inner]
 
 
 def whole_number(name: str, value: Any) -> int:
@@ -117,28 +94,25 @@ def check_declared(where: str, thing: Any, base: type) -> None:
 
 
 def plain_data(value: Any) -> Any:
-    """Data of users as JSON can hold them: without numbers and arrays of NumPy, paths and enumerations."""
-    if isinstance(value, Mapping):
-        return {plain_data(k): plain_data(v) for k, v in value.items()}
-    if isinstance(value, tuple):
-        return tuple(map(plain_data, value))
-    if isinstance(value, Enum) and not isinstance(value, str | int | float):
+    """Data of users as JSON has them: without tuples, numbers and arrays of NumPy, paths and enumerations."""
+    try:
+        return json.loads(json.dumps(value, default=_plainer))
+    except (TypeError, ValueError):  # data that others refuse in words of their own
+        return value
+
+
+def _plainer(value: Any) -> Any:
+    if isinstance(value, Enum):
         return value.name
-    if isinstance(value, str):
-        return str.__str__(value)  # of a member of an enumeration its own text
+    if isinstance(value, Mapping):
+        return dict(value)
+    if hasattr(value, "to_dict"):  # of a scene
+        return value.to_dict()
     if isinstance(value, PurePath):
         return str(value)
-    if isinstance(value, bool | bytes):
-        return value
-    if isinstance(value, Integral):
-        return int(value)
-    if isinstance(value, Real):
-        return float(value)
     if hasattr(value, "tolist"):
-        return plain_data(value.tolist())
-    if isinstance(value, Collection):
-        return [*map(plain_data, value)]
-    return float(value) if hasattr(value, "__float__") else value  # a Decimal
+        return value.tolist()
+    return [*value] if isinstance(value, Collection) else float(value)  # of a Decimal, for example
 
 
 def plain(kind: str, thing: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""YAML text as plain data, within bounds, and the lines of what is in it."""
+"""YAML text as plain data, within bounds."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import Any
 import yaml
 
 from redundant_envs.support.values import DEEPEST, LONGEST, MAX_VALUES, shown
-
-MAX_DIGITS = 100  # characters of the longest number: more digits do not change a float
 
 
 class _Mistake(Exception):
@@ -43,24 +41,18 @@ class _Reader(yaml.SafeLoader):
         """A mapping whose keys are plain and different."""
         table: dict[Any, Any] = {}
         for key_node, value_node in node.value:
-            line = _line(key_node)
             if not isinstance(key_node, yaml.ScalarNode):
-                raise _Mistake(line, "a key is a list or a mapping; write a plain name")
+                raise _Mistake(_line(key_node), "a key is a list or a mapping; write a plain name")
             key = self.construct_object(key_node)  # type: ignore[no-untyped-call]
-            if key == "<<":
-                raise _Mistake(line, "it has a merge key (<<); write the values out")
             if key in table:
-                raise _Mistake(line, f"the key {shown(key)} is there twice; keep one of them")
+                raise _Mistake(_line(key_node), f"the key {shown(key)} is there twice; keep one of them")
             table[key] = self.construct_object(value_node, deep=True)  # type: ignore[no-untyped-call]
         return table
 
     def number(self, node: yaml.ScalarNode) -> float:
         """A whole number, or a float, as the tag of the node says."""
         text = str(node.value).replace("_", "").lower()
-        if len(text) > MAX_DIGITS:
-            raise _Mistake(_line(node), f"a number has {len(text)} digits; write a shorter one")
-        whole = node.tag.endswith("int")
-        return int(text) if whole else float(text.replace(".inf", "inf").replace(".nan", "nan"))
+        return int(text) if node.tag.endswith("int") else float(re.sub(r"\.(?=inf|nan)", "", text))
 
 
 def _line(part: Any) -> int:
@@ -81,13 +73,12 @@ for _kind, _pattern, _first in (
     _Reader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(rf"(?:{_pattern})$"), _first)
 
 
-def parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
-    """The content of YAML text, and its node, which knows the lines; ``where`` names it in messages."""
+def parsed(text: str, where: str) -> Any:
+    """The content of YAML text; ``where`` names it in messages, which know the line of a mistake."""
     loader = None
     try:
         loader = _Reader(text)
-        node = loader.get_single_node()
-        return (None if node is None else loader.construct_document(node)), node  # type: ignore[no-untyped-call]
+        return loader.get_single_data()  # type: ignore[no-untyped-call]
     except _Mistake as mistake:
         line, problem = mistake.args
     except yaml.reader.ReaderError as error:
@@ -102,40 +93,3 @@ def parsed(text: str, where: str) -> tuple[Any, yaml.Node | None]:
         line = loader.line + 1 if loader else 1
         problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
-
-
-def line_of(message: str, root: Any) -> int | None:
-    """The line of the value that a message names first, as in "effects[1].g is ..."; None if unknown."""
-    key = re.match(r"\S+ (?:\(\w+\) )?has the unknown key (.*); valid", message)
-    head = re.match(r"\w[\w\[\].]*", message)
-    path = re.findall(r"\w+", head.group()) if head else [""]
-    waiting = [root]
-    while waiting:  # outer mappings first
-        node = waiting.pop(0)
-        entries = _entries(node)
-        waiting += [value for _, value in entries.values()]
-        is_type = "type" in entries and entries["type"][1].value == path[0]
-        if not is_type and path[0] not in entries:
-            line = _unknown(node, key)
-        else:  # the last part of the path that there is, or an unknown key there
-            line = _line(node)
-            for part in path[is_type:]:
-                line, node = _entries(node).get(part, (line, node))
-            line = _unknown(node, key) or line
-        if line:
-            return line
-    return None
-
-
-def _entries(node: Any) -> dict[str, tuple[int, Any]]:
-    """The values of a mapping or a list by key or index, each with its line."""
-    if isinstance(node, yaml.MappingNode):
-        return {str(key.value): (_line(key), value) for key, value in node.value}
-    if isinstance(node, yaml.SequenceNode):
-        return {str(k): (_line(value), value) for k, value in enumerate(node.value)}
-    return {}
-
-
-def _unknown(node: Any, key: re.Match[str] | None) -> int | None:
-    """The line of the key of a mapping that a message calls unknown."""
-    return next((line for k, (line, _) in _entries(node).items() if key and key[1] in (k, shown(k))), None)

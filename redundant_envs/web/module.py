@@ -19,7 +19,7 @@ from redundant_envs.compiler.backends.processors import WASM
 from redundant_envs.compiler.tracing.flow import Program
 from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
-from redundant_envs.envs.core import first_memory, start_ranges
+from redundant_envs.envs.core import first_memory
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, KernelCall
@@ -59,7 +59,7 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         arm = arm_kernel(interval.features, layout, WASM.lanes)
         kernels = [made.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
         code = wasm.module(Program(kernels))
-    memory = first_memory(episode, episode.layout(), start_ranges(scene, task), 1, max_episode_steps)
+    memory = first_memory(episode, episode.layout(), 1, max_episode_steps)
     robot = scene.robot
     description = {
         "format": FORMAT,

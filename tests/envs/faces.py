@@ -82,8 +82,8 @@ def motion(env, table=None):
     """All that some steps and the resets between them give."""
     rows = []
     for action in actions(env) if table is None else table:
-        ended = getattr(env, "_ended", np.zeros(1, bool))  # of a vector that begins nothing itself
-        if ended.any():
+        ended = np.zeros(1, bool) if isinstance(env, gym.Env) else env.core.ended
+        if ended.any():  # of a vector that begins nothing itself
             rows.append(flat(env.reset(options={"reset_mask": ended.copy()})))
         result = env.step(action)
         rows.append(flat(result))

@@ -159,7 +159,7 @@ REFUSED = {
     "a mapping": ("parameters", {"goal_tolerance": 0.2}, "set_options"),
     "what follows from the scene": ("num_masses", 3, "no effect"),
     "a bad value": ("goal_tolerance", -1.0, "goal_tolerance is -1.0; it must be positive"),
-    "a bad choice": ("on_bad_action", "nothing", "choose raise, terminate"),
+    "a bad choice": ("on_bad_action", "nothing", "choose 'raise' or 'terminate'"),
     "a bad mode": ("render_mode", "ansi", "choose None or 'rgb_array'"),
     "a space": ("action_space", None, "'action_space'.* no effect"),
 }

@@ -220,8 +220,8 @@ REFUSED = {
     "inner is 0.6, outer is 0.5; inner must be below": (
         FOUR_R, {"inner": {"uniform": [0.1, 0.6]}, "outer": {"uniform": [0.5, 0.9]}},
     ),
-    "goal environments keep goal_tolerance, because": (GOAL, {"goal_tolerance": RANGES["goal_tolerance"]}),
-    "goal environments keep lengths and travel": (GOAL, {"lengths": RANGES["lengths"]}),
+    "'goal_tolerance'; goal environments keep travel": (GOAL, {"goal_tolerance": RANGES["goal_tolerance"]}),
+    "goal environments keep travel, lengths": (GOAL, {"lengths": RANGES["lengths"]}),
 }  # fmt: skip
 
 

@@ -39,12 +39,12 @@ ARGUMENTS = [
     ("ReachTask.goal_tolerance is -1.0; it must be positive", {"task": {"goal_tolerance": -1}}, FACES),
     ("accuracy is 'fine'.*standard.*exact.*metres", {"accuracy": "fine"}, FACES),
     ("accuracy is .*one or the other", {"accuracy": "exact", "scene": {**BARE, "integrator": "rk4"}}, FACES),
-    ("scene is a Scene.*to_dict", {"scene": rde.load_scene("rprp_reach")}, ("single", "next_step")),
     ("num_envs is 0", {"count": 0}, VECTORS),
     ("autoreset_mode is 'sometimes'", {}, ("sometimes",)),
     ("make_sb3 has no argument 'efects'; valid: scene", {"efects": 1}, ("sb3",)),
     ("monitor is 'yes'; give True or False", {"monitor": "yes"}, ("sb3",)),
     ("env_id is 'Nope-v0'; valid: redundant_envs/", {"env_id": "Nope-v0"}, ("sb3",)),
+    ("env_id is .*; give an id", {"env_id": rde.ReachTask}, ("sb3",)),
 ]
 
 
@@ -119,13 +119,10 @@ def test_options_of_a_reset(face, options, words):
 
 def test_goal_environments_keep_what_their_reward_depends_on(face):
     env = running(face, GOAL_ID)
-    for name, value, words in (
-        ("lengths", (0.4, 0.4), "lengths and travel"),
-        ("prismatic_stop.upper", 0.2, "lengths and travel"),
-        ("goal_tolerance", 0.1, "goal_tolerance.*make one with task="),
-    ):
+    for name, value in {"lengths": (0.4, 0.4), "prismatic_stop.upper": 0.2, "goal_tolerance": 0.1}.items():
         options = {"parameters": {name: value}}
-        refused(env, lambda env, options=options: begin(env, options), f"goal environments keep {words}")
+        words = f"parameter is '{name}'; goal environments keep travel, lengths, goal_tolerance.*task="
+        refused(env, lambda env, options=options: begin(env, options), words)
 
 
 def test_refused_options_of_stable_baselines3_are_forgotten_and_seeds_wait_on():
@@ -173,7 +170,7 @@ def test_options_and_seeds_of_some_kinds_of_environments(kind, given, words):
     refused(running(kind), lambda env: begin(env, **given), words)
 
 
-def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():
+def test_a_number_that_python_writes_in_no_message_is_refused():
     huge = 10**5000
     for call in (
         lambda: rde.make_sb3(FOUR_R, -huge),
@@ -181,7 +178,7 @@ def test_a_number_that_python_writes_in_no_message_is_said_by_its_length():
         lambda: gym.make(FOUR_R, render_width=huge),
         lambda: gym.make(FOUR_R).reset(seed=-huge),
     ):
-        with pytest.raises(ValueError, match=r"\w+ is an integer of 16610 bits.*; give "):
+        with pytest.raises(ValueError, match=r"\w+ is <int.*; give "):
             call()
 
 
@@ -250,11 +247,9 @@ def test_states_of_another_kind_or_number_of_environments():
     envs += [running(mode, count=3) for mode in MODES] + [running("next_step", count=9)]
     said = {}
     for a, b in itertools.permutations(range(len(envs)), 2):
-        if b == 0 and a != 2:  # vectors take the state of a single environment
-            continue
         said[a, b] = refused(envs[a], lambda env, b=b: env.set_state(envs[b].get_state()), "state")
-    assert re.search("num_envs is 1 there and 9 here", said[6, 1])
-    assert "autoreset_mode 'same_step' and this one 'next_step'" in said[3, 4]
+    assert re.search("1 environments.* 9", said[6, 1])
+    assert "autoreset_mode is same_step there and next_step here" in said[3, 4]
 
 
 def tampered(env, name, value):
@@ -275,8 +270,8 @@ CHANGES = {
     r"\['states'\] has a .* not finite": lambda s: {**s, "states": s["states"] + np.nan},
     r"belongs to the scene": lambda s: {**s, "parameters": 2.0 * s["parameters"]},
     r"\['keys'\] .*int64": lambda s: {**s, "keys": s["keys"].astype(np.int64)},
-    r"\['generators'\] has 5": lambda s: {**s, "generators": [5] * len(s["generators"])},
-    r"\['generators'\] must be": lambda s: {**s, "generators": None},
+    r"\['generators'\] is \[5": lambda s: {**s, "generators": [5] * len(s["generators"])},
+    r"\['generators'\] is None": lambda s: {**s, "generators": None},
 }
 IMPOSSIBLE = {
     "r1": (0.3, "r1 is 0.3 m; its stops are at"),
@@ -304,7 +299,11 @@ def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
     ended.reset(seed=0)
     assert ended.step(np.full(4, NAN))[2]
     other = running("sb3", count=1, max_episode_steps=-1)
-    refused(other, lambda other: other.set_state(ended.get_state()), r"episodes have ended, \[0\]")
+    refused(
+        other,
+        lambda other: other.set_state(ended.get_state()),
+        "autoreset_mode is disabled there and same_step here",
+    )
 
 
 def test_actions_are_not_kept_for_the_second_half_of_a_step():

@@ -51,6 +51,7 @@ class Steps(enum.IntEnum):
 FREE = drawing()
 AS_USERS_WRITE = {
     "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},
+    "a scene": {"scene": rde.load_scene("four_r_weak")},
     "arrays in a scene": {
         "scene": FREE
         | {"robot": {k: np.array(v) if k != "type" else v for k, v in FREE["robot"].items()}}
@@ -72,8 +73,8 @@ AS_USERS_WRITE = {
 }
 
 
-@pytest.mark.quick(*(f"{given}-single" for given in AS_USERS_WRITE), "exact numbers-sb3")
-@pytest.mark.parametrize("kind", ["single", "same_step", "sb3"])
+@pytest.mark.quick(*(f"{given}-single" for given in AS_USERS_WRITE))
+@pytest.mark.parametrize("kind", ["single", "same_step"])
 @pytest.mark.parametrize("given", AS_USERS_WRITE.values(), ids=AS_USERS_WRITE)
 def test_specs_hold_plain_data_of_what_users_give(kind, given):
     env = made(kind, FOUR_R, 2, **given)
@@ -82,33 +83,6 @@ def test_specs_hold_plain_data_of_what_users_give(kind, given):
     assert kind != "same_step" or again.spec.to_json() == env.spec.to_json()
     for of_core in ("scene", "task", "simulated", "observed"):
         assert getattr(again.core, of_core) == getattr(env.core, of_core)
-
-
-def test_sb3_takes_the_spec_of_an_environment():
-    given = {"accuracy": 1e-5, "task": {"goal_tolerance": 0.03}}
-    single = gym.make(FOUR_R, max_episode_steps=7, render_mode="rgb_array", **given)
-    vector = gym.make_vec(FOUR_R, num_envs=3, max_episode_steps=7, **given)
-    for spec in (single.spec, vector.spec, rde.make_sb3(FOUR_R, 2, max_episode_steps=7, **given).spec):
-        env = rde.make_sb3(spec, 2)
-        assert (env.num_envs, env.core.scene.tolerance, env.core.task.goal_tolerance) == (2, 1e-5, 0.03)
-        assert (env.spec.id, env.spec.max_episode_steps) == (FOUR_R, 7)
-    by_hand = rde.make_sb3(EnvSpec(id=FOUR_R), 2)
-    assert by_hand.observation_space == single.observation_space
-    spec = rde.make_sb3(FOUR_R, 2, scene=rde.load_scene("four_r_weak")).spec  # whose data the spec has
-    assert EnvSpec.from_json(spec.to_json()).make().unwrapped.scene == rde.load_scene("four_r_weak")
-    wrapped = gym.wrappers.RescaleAction(gym.make(FOUR_R), np.float32(-2), np.float32(2))
-    with pytest.raises(ValueError, match=r"wrappers, RescaleAction"):
-        rde.make_sb3(wrapped.spec)
-    for what in (lambda: gym.make(FOUR_R), None, rde.ReachTask, b"RPRPReach-v0"):
-        with pytest.raises(ValueError, match=r"env_id is .*; give an id or a spec"):
-            rde.make_sb3(what)
-
-
-def test_the_spec_of_sb3_has_the_limit_as_gymnasium_takes_it():
-    for limit, of_gymnasium in ((-1, None), (None, None), (7.0, 7), (np.int64(7), 7)):
-        spec = rde.make_sb3(FOUR_R, 2, max_episode_steps=limit).spec
-        made_again = EnvSpec.from_json(spec.to_json()).make()
-        assert spec.max_episode_steps == made_again.spec.max_episode_steps == of_gymnasium
 
 
 @pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
@@ -158,9 +132,9 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
     np.testing.assert_allclose(env.tip, tips[0] if kind == "single" else tips, atol=1e-15)
     for name in VALUES:
         kept = getattr(env, name)
-        with pytest.raises(ValueError, match=r"are copies.* reset\(options"):
+        with pytest.raises(ValueError, match="read-only"):
             kept[...] = 7.0
-        with pytest.raises(AttributeError, match=f"{name} cannot be set: .* set_options"):
+        with pytest.raises(AttributeError, match="no setter"):
             setattr(env, name, kept)
         (kept + 0.0)[...] = 7.0  # a result is its owner's
 
@@ -214,7 +188,8 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
 def test_an_id_may_have_the_module_that_registers_it():
     whole = f"redundant_envs:{FOUR_R}"
     vector = gym.make_vec(whole, num_envs=2)
-    assert gym.make(whole).spec.id == rde.make_sb3(whole, 2).spec.id == vector.spec.id == FOUR_R
+    assert gym.make(whole).spec.id == vector.spec.id == FOUR_R
+    assert rde.make_sb3(whole, 2).core.scene == vector.core.scene
     for env in (gym.make(FOUR_R).unwrapped, vector):  # skrl looks at these names
         assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
 
