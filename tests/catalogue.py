@@ -25,7 +25,7 @@ from redundant_envs.language.algebra import physics
 from redundant_envs.verify import aimed
 from redundant_envs.verify.aimed import Lag, Play
 from redundant_envs.verify.checks import random_states
-from studies.account_of_contacts import ContactAccount
+from studies.another_account import Account
 
 e = rde.effects
 FOUR_R, RPRP = aimed.ARMS["4R"], aimed.ARMS["RPRP"]
@@ -289,7 +289,7 @@ def by_another_account(scene, q, qd, efforts):
     numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
     return np.array(
         [
-            ContactAccount(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
+            Account(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
             for k in range(len(q))
         ]
     )

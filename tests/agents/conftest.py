@@ -23,16 +23,13 @@ from redundant_envs_train.training.train import train
 @pytest.fixture(autouse=True)
 def short_clips(monkeypatch):
     """Reports of tests have no true clips, which take most of their time; that of ``home`` has."""
-    monkeypatch.setattr(report, "clip", lambda paths, *given, **more: [p.write_bytes(b"clip") for p in paths])
+    monkeypatch.setattr(report, "clip", lambda path, *given, **more: path.write_bytes(b"clip"))
 
 
 @pytest.fixture
 def no_drawing(monkeypatch):
     """Pictures, which take most of the time of a report, are none; those of ``home`` are not."""
-    for module in (report, curves):
-        monkeypatch.setattr(
-            module, "save_figure", lambda figure, path, **options: write_text(path, "picture")
-        )
+    monkeypatch.setattr(curves, "save_figure", lambda figure, path, **options: write_text(path, "picture"))
 
 
 @pytest.fixture(autouse=True)

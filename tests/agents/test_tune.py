@@ -7,7 +7,7 @@ from run_folders import REFUSALS, csv_rows, says
 from short_trainings import TINY
 
 from redundant_envs_train.config import load
-from redundant_envs_train.presets import presets
+from redundant_envs_train.config.files import presets
 from redundant_envs_train.rollout import SELECTION_SEED
 from redundant_envs_train.run_folder import CHECKPOINT
 from redundant_envs_train.training import train, watch

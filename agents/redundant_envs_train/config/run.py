@@ -25,9 +25,6 @@ WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no 
 CLIENTS = ("wandb", "mlflow")
 """Kinds of logs that leave the run folder; each one's package is in the extra of its name."""
 ENV_KWARGS = tuple(name for name in ARGUMENTS if name != "info_keys")  # evaluations read all that info has
-MAX_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
-MAX_DRAWN = 10**7  # most samples that are drawn at once
-MAX_DIVISOR = 10**6  # largest batch that a message proposes
 VERSION = 2
 
 
@@ -122,31 +119,17 @@ class Config(Model):
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, learners.PlainPPOSettings):
-            samples, at = self.num_envs * settings.n_steps, f"{self.algo}.n_steps"
-            if samples > MAX_SAMPLES:
-                most = MAX_SAMPLES // self.num_envs
-                given = f"{at} is {settings.n_steps}; with {self.num_envs} environments"
-                raise ValueError(f"{given} give at most {most}")
+            samples = self.num_envs * settings.n_steps
             if samples % settings.batch_size:
-                divisors = [d for d in range(2, min(samples, MAX_DIVISOR) + 1) if samples % d == 0]
-                near = min(divisors, key=lambda d: abs(d - settings.batch_size), default=None)
-                fix = "and be 2 or more" if near is None else f"such as {near}"
                 raise ValueError(
-                    f"{self.algo}.batch_size is {settings.batch_size}; it must divide num_envs * {at} = "
-                    f"{samples}, {fix}"
+                    f"{self.algo}.batch_size is {settings.batch_size}; it must divide num_envs * "
+                    f"{self.algo}.n_steps = {samples}"
                 )
-        else:
-            if settings.batch_size * settings.gradient_steps > MAX_DRAWN:
-                steps = settings.gradient_steps
-                raise ValueError(
-                    f"{self.algo}.batch_size is {settings.batch_size}; with {steps} gradient steps, whose "
-                    f"samples are drawn together, give at most {MAX_DRAWN // steps}"
-                )
-            if self.total_steps <= settings.learning_starts:
-                raise ValueError(
-                    f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
-                    f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
-                )
+        elif self.total_steps <= settings.learning_starts:
+            raise ValueError(
+                f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
+                f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
+            )
         if (
             isinstance(settings, learners.TQCSettings)
             and settings.top_quantiles_to_drop_per_net >= settings.n_quantiles
@@ -168,7 +151,6 @@ class Config(Model):
 
     @property
     def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
-        """Those of the chosen learner."""
         chosen: learners.PlainPPOSettings | learners.OffPolicySettings = getattr(self, self.algo)
         return chosen
 

@@ -141,7 +141,6 @@ class AveragedSAC(Averaging, SAC):
         self.logger.record("train/ent_coef", self._alpha())
 
     def _alpha(self) -> float:
-        """Weight of the entropy."""
         if self.log_ent_coef is not None:
             return math.exp(float(self.log_ent_coef))
         return float(self.ent_coef_tensor)
@@ -154,7 +153,6 @@ class AveragedSAC(Averaging, SAC):
         return weights
 
     def _draw(self, states: Tensor) -> SampledActions:
-        """Actions of the present actor."""
         outputs, tape = self.networks["actor"].forward(states)
         before, noise, log_std, normal = _noisy(outputs[0])
         # Half of the logarithm of the density, without its constant: that of the normal distribution minus
