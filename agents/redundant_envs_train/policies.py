@@ -24,6 +24,7 @@ from .run_folder import SCENE, own_config, policy_file
 
 with needs("train"):
     import torch
+    from gymnasium import spaces
 
 MAX_OBJECTS = 1 << 20
 """Bytes of a table of tensors, which may become sixty times as many in memory; policies have ten thousand."""
@@ -94,22 +95,33 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     return policy
 
 
+def _members(path: Path, name: str) -> bytes:
+    """A member of a policy.zip."""
+    with opened(path, "policy", MAX_PACKED) as file:
+        return read_members(file, str(path), [name])[name]
+
+
+def about_of(path: Path) -> dict[str, Any]:
+    """The plain data of stable-baselines3 about a learner, of its policy.zip."""
+    data = _members(path, "data")
+    try:
+        if len(data) > MAX_JSON:
+            raise ValueError(f"{len(data)} bytes, more than the {MAX_JSON} that are read")
+        return dict(json.loads(data))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
+
+
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and their bytes."""
-    with opened(path, "policy", MAX_PACKED) as file:
-        parts = read_members(file, str(path), ("data", "policy.pth"))
-    wanted = ACTIVATIONS[activation].module.__name__
-    try:
-        if (size := len(parts["data"])) > MAX_JSON:
-            raise ValueError(f"{size} bytes, more than the {MAX_JSON} that are read")
-        said = json.loads(parts.pop("data"))["policy_kwargs"].get("activation_fn", "")
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
+    wanted, packed = ACTIVATIONS[activation].module.__name__, io.BytesIO(_members(path, "policy.pth"))
+    kwargs = about_of(path).get("policy_kwargs")
+    said = kwargs.get("activation_fn", "") if isinstance(kwargs, dict) else ""
     if wanted not in str(said):  # tensors do not show it
         other = str(said)[:80]
         raise ValueError(f"{path} was saved with the activation {other!r} instead of {wanted}. {HARMLESS}")
     try:
-        tensors = read_members(io.BytesIO(parts.pop("policy.pth")), "it")
+        tensors = read_members(packed, "it")
         (table,) = (name for name in tensors if name.endswith("/data.pkl"))
         check_table(tensors[table], TENSOR_NAMES)
         size = sum(map(len, tensors.values()))
@@ -181,6 +193,9 @@ def start_from(model: Any, config: Config, env: Any) -> None:
             theirs, ours = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
             if theirs != ours:
                 raise ValueError(f"its observations are {theirs}, and those of this training {ours}")
+        goals = "spaces" in (about_of(file).get("observation_space") or ())
+        if goals != isinstance(env.observation_space, spaces.Dict):
+            raise ValueError(f"it is {'' if goals else 'not '}of a goal environment")
         weights, _ = read_weights(file, config.settings.activation)
         check_weights(file, weights, model.policy.state_dict())
     except ValueError as error:
