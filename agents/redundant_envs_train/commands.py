@@ -234,7 +234,7 @@ def evaluate(folder: PolicyFolder, out: Out = None, force: Overwrite = False, tr
     say(summary(found.result), table_of(found.result), sep="\n\n")
     if out is not None or force:
         write_evaluation(found, out or folder)
-        say("written:", *((out or folder) / name for name in run_folder.EVALUATED), sep="\n  ")
+        say(f"written: {', '.join(run_folder.EVALUATED)} in {out or folder}")
 
 
 @app.command()
@@ -248,10 +248,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     run_folder.tell_differences([folder])
     from .report import report
 
-    read = {name for name in run_folder.EVALUATED if (folder / name).exists()} if out is None else set()
-    path = report(folder, out, trust)
-    names = [n for n in (*run_folder.EVALUATED, *run_folder.REPORTED[1:]) if n not in read]
-    say("written:", *(p for n in names if (p := path.with_name(n)).exists()), path, sep="\n  ")
+    say(report(folder, out, trust))
 
 
 @app.command()

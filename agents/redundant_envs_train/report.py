@@ -31,6 +31,8 @@ from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 CLIP_EPISODES = 4
+EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
+"""Columns of episodes.csv."""
 
 
 def versions() -> dict[str, str]:
@@ -103,7 +105,7 @@ def write_evaluation(found: Evaluation, folder: Path) -> None:
     with replacing(folder / "episodes.csv") as part:
         np.savetxt(
             part, found.episodes, delimiter=",", comments="",
-            header=",".join(run_folder.EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
+            header=",".join(EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
         )  # fmt: skip
     run_folder.write_json(folder / "evaluation.json", found.result)
 

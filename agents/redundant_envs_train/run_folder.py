@@ -34,11 +34,9 @@ with needs("train"):
     from pydantic import AfterValidator, Field, model_validator
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
-EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
-"""Columns of episodes.csv."""
 MOST = 1e15  # largest number of a run: of its steps, seconds and metres
 MAX_CHARACTERS = 200  # most characters of the name of a machine
-LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
+LONGEST_ROW = 128  # bytes of a row of selection.csv: fewer than 80 are written
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"  # file that exists only in a complete checkpoint
@@ -158,10 +156,7 @@ def read_evaluation(folder: Path) -> dict[str, Any]:
     """The checked content of evaluation.json, which may be printed and compared."""
     path = folder / "evaluation.json"
     if is_exported(folder):
-        raise ValueError(
-            f"{folder} is an exported policy: it has a card, README.md, and no evaluation.json; give the "
-            "folder of its run"
-        )
+        raise ValueError(f"{folder} is an exported policy; give the folder of its run")
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {evaluate_anew(folder)}")
     return _read_json(path, Evaluation, evaluate_anew(folder))
@@ -173,12 +168,11 @@ def read_facts(folder: Path) -> dict[str, Any]:
     return _read_json(path, Facts, train_again(folder)) if path.is_file() else Facts().model_dump()
 
 
-def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
-    """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
-    path = folder / name
-    remedy = train_again(folder) if columns is SELECTION else evaluate_anew(folder)
+def read_curve(folder: Path) -> NDArray[np.float64]:
+    """selection.csv, (points, len(SELECTION)); there may be no point yet."""
+    path, remedy, columns = folder / "selection.csv", train_again(folder), SELECTION
     if not path.is_file():
-        raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
+        raise ValueError(f"run folder {folder} has no selection.csv; make it: {remedy}")
     try:
         lines = read_lines(path, "table", MAX_EPISODES * LONGEST_ROW)
         head = next(lines, "")

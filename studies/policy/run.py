@@ -198,7 +198,7 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
             shutil.rmtree(unfinished)
         train(config, unfinished, bars)
         unfinished.rename(folder)
-    rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+    rows = run_folder.read_curve(folder)
     if not len(rows):
         raise ValueError(f"{folder}/selection.csv has no rows; delete {folder} to train it again")
     steps, seconds = rows[-1, :2].tolist()
@@ -211,7 +211,7 @@ def describe(folder: Path) -> str:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     words = f"{config.label}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
-        rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+        rows = run_folder.read_curve(folder)
         words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no point of its curve"
     return f"{words}, trained under {stepping(core.scene)}"
 

@@ -170,8 +170,8 @@ def test_many_seeds_do_not_go_on_in_another_scene_or_with_other_settings(run, re
     shutil.copytree(run, "many/seed0")
     words = ["train", "rprp_reach_ppo", *SMALL, "env_kwargs.scene=mine.yaml", "--seeds", 0, "--out", "many"]
     write_scene_file(Path(), 8.0)
-    refused(words, "many/seed0 holds a run in another scene (many/seed0/scene.yaml differs")
-    refused([*words, "ppo.gamma=0.5"], "many/seed0 holds a run of another configuration")
+    refused(words, "many/seed0 holds another run (many/seed0/scene.yaml differs")
+    refused([*words, "ppo.gamma=0.5"], "many/seed0 holds another run (of another configuration")
 
 
 @pytest.mark.long

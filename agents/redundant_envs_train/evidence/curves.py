@@ -35,7 +35,6 @@ EXPERT_COLOR = "black"
 """The colour of computed torque in all figures."""
 COLORS = tuple(LEARNER_COLORS.values())
 """Colours of learners whose settings differ from each other's."""
-STYLES = ("-", "-.", ":")  # styles of the lines, if there are more learners than colours
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
@@ -144,7 +143,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         for row, axis in zip(panels, axes, strict=True):
             for panel, name in zip(row, names, strict=True):
                 for same in shown:
-                    _draw_group(panel, name, axis, same, *looks[same.learner])
+                    _draw_group(panel, name, axis, same, looks[same.learner])
                 _finish(panel, name, axis, shown)
         part.suptitle(literal(title), fontweight="bold")
         handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -162,7 +161,7 @@ def told(groups: Sequence[Group]) -> list[str]:
     return [name for name, there in zip(MEASURES, known, strict=True) if there]
 
 
-def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str, style: str) -> None:
+def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str) -> None:
     k, scale, curve = list(MEASURES).index(name), AXES[axis][1], summarize(same, axis)
     for run in same.runs if len(same.runs) > 1 else ():
         x, values = points(run, axis)
@@ -170,7 +169,7 @@ def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str, style
     x, low, high = scale * curve.x, curve.low[:, k], curve.high[:, k]
     panel.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0)
     label = literal(f"{same.learner} ({len(same.runs)} seed{'s' * (len(same.runs) > 1)})")
-    panel.plot(x, curve.middle[:, k], style, color=color, linewidth=2.2, label=label)
+    panel.plot(x, curve.middle[:, k], color=color, linewidth=2.2, label=label)
 
 
 def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
@@ -217,11 +216,9 @@ def _rate_scale(panel: Any, goal: float) -> None:
     panel.set_yticks(sorted(chosen), [f"{100 * tick:g}" for tick in sorted(chosen)], minor=False)
 
 
-def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
-    """Colour and line style of each learner, the same in all panels."""
+def _looks(groups: Sequence[Group]) -> dict[str, str]:
+    """Colour of each learner, the same in all panels; others take turns with those that are free."""
     learners = {same.learner for same in groups}
-    others = sorted(learners - LEARNER_COLORS.keys())
     free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or list(COLORS)
-    styled = [(color, style) for style in STYLES for color in free]
-    looks = dict(zip(others, itertools.cycle(styled)))
-    return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}
+    others = zip(sorted(learners - LEARNER_COLORS.keys()), itertools.cycle(free), strict=False)
+    return dict(others) | LEARNER_COLORS

@@ -77,7 +77,7 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{command('resume', folder)}"
         )
-    curve = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+    curve = run_folder.read_curve(folder)
     return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
 
 

@@ -21,7 +21,8 @@ from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
 
-from ..rollout import Act, each, expert_act, policy_act, random_act, stacked
+from ..play import ACTIONS
+from ..rollout import Act, each, policy_act, stacked
 from ..run_folder import check_out, new_folder, own_config, tell_differences
 
 ACTORS = {"expert": "computed torque", "random": "random actions"}
@@ -53,7 +54,7 @@ def write_dataset(
         import minari
         import PIL  # noqa: F401
         from minari.dataset.minari_storage import MinariStorage
-    make: Callable[[int], Act] = random_act if word == "random" else lambda first: expert_act()
+    make = ACTIONS["random" if config else word]
     if config:
         tell_differences([Path(word)])
         from ..policies import load_policy  # imports torch

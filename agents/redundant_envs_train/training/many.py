@@ -1,5 +1,6 @@
 """Several runs at a time, in separate processes, each on its own core."""
 
+import contextlib
 import multiprocessing
 import os
 import queue
@@ -24,15 +25,10 @@ with needs("train"):
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
     """Train, evaluate and report configurations in folders by their names, some ``processes`` at a time, each
     on its own core while there are enough; finished ones are left alone. Stopped if the user asked for it."""
-    run_folder.check_out(folder)
-    check_plain(folder)
     count = count_of(processes)
     configs = {name: run_folder.with_start(config) for name, config in configs.items()}
-    for name, config in configs.items():
-        check_same(config, folder / name)
-    folder.mkdir(parents=True, exist_ok=True)
     jobs = {name: (config.to_dict(), str(folder / name)) for name, config in configs.items()}
-    with alone(folder, "trains seeds"):
+    with prepared(configs, folder):
         in_processes(_train_one, jobs, count, all(config.torch_threads == 1 for config in configs.values()))
 
 
@@ -59,16 +55,22 @@ def in_processes(work: Callable[..., str], jobs: Mapping[str, Any], count: int, 
     follow([*jobs], lambda stop: _reports([*jobs], team, news, stopping, stop))
 
 
-def check_same(config: Config, folder: Path) -> None:
-    """Refuse a folder that holds a run of another configuration, or in another scene."""
-    if not (folder / "config.yaml").is_file():
-        return
-    if run_folder.read_config(folder).to_dict() != config.to_dict():
-        raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
-    if other := run_folder.difference(folder):
-        raise ValueError(
-            f"{folder} holds a run in another scene ({other}); choose another --out or delete it"
-        )
+@contextlib.contextmanager
+def prepared(configs: Mapping[str, Config], folder: Path) -> Iterator[None]:
+    """Within this context the folder of runs is this process's own; ValueError if one of them is of another
+    configuration, or in another scene."""
+    run_folder.check_out(folder)
+    check_plain(folder)
+    for place, config in ((folder / name, config) for name, config in configs.items()):
+        if (place / "config.yaml").is_file():
+            other = run_folder.difference(place)
+            if run_folder.read_config(place).to_dict() != config.to_dict():
+                other = "of another configuration"
+            if other:
+                raise ValueError(f"{place} holds another run ({other}); choose another --out or delete it")
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone(folder, "trains seeds"):
+        yield
 
 
 def _reports(

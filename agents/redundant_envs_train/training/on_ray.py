@@ -16,14 +16,14 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
-from redundant_envs.support.disk import alone, check_plain, told, write_text
+from redundant_envs.support.disk import told, write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED, OPTION
 from redundant_envs.support.values import shown
 
 from ..config import Config, checked
-from ..run_folder import check_new, check_out, replace_folder
-from .many import Teller, check_same, finish, is_finished, result_of
+from ..run_folder import check_new, replace_folder
+from .many import Teller, finish, is_finished, prepared, result_of
 from .pool import POLL, News, follow
 
 # Ray reads it when it starts: nothing about this machine or its user is sent to anyone.
@@ -56,11 +56,7 @@ def train_on_ray(configs: Mapping[str, Config], folder: Path, address: str | Non
                 f"start_from is {shown(config.start_from)}, a file that the machines of a cluster may not "
                 "have; train on this machine, without Ray"
             )
-    check_out(folder)
-    check_plain(folder)
-    for name, config in configs.items():
-        check_same(config, folder / name)
-    with _cluster(address or os.environ.get("RAY_ADDRESS")):
+    with _cluster(address or os.environ.get("RAY_ADDRESS")), prepared(configs, folder):
         most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
         for config in configs.values():
             if 0 < most < config.torch_threads:  # Ray would wait for ever
@@ -68,9 +64,7 @@ def train_on_ray(configs: Mapping[str, Config], folder: Path, address: str | Non
                     f"torch_threads is {config.torch_threads}; the largest machine of the cluster has {most} "
                     "CPUs, give at most so many"
                 )
-        folder.mkdir(parents=True, exist_ok=True)
-        with alone(folder, "trains seeds"):
-            follow(list(configs), lambda stop: _reports(configs, folder, stop))
+        follow(list(configs), lambda stop: _reports(configs, folder, stop))
 
 
 @contextlib.contextmanager
