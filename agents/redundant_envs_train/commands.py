@@ -267,7 +267,6 @@ def table(
     if out is not None:
         if out.suffix != TABLE:
             raise ValueError(f"out is {out}; end its name in {TABLE}")
-        run_folder.check_out(out.parent)
         check_kept([out], force, read_places(runs))
     text = tables.results_table(runs)
     run_folder.tell_differences(runs)
@@ -285,7 +284,6 @@ def curves(
     force: Force = False,
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
-    run_folder.check_out(out.parent)
     check_kept([out, out.with_suffix(".csv")], force, read_places(runs))
     numbers = curve_pictures.curves(runs, out)
     run_folder.tell_differences(runs)

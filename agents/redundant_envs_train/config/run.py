@@ -55,7 +55,9 @@ class Config(Model):
     start_from_sha256: Text | None = value(
         None, "SHA-256 of that policy.zip, written by the training; if it is given, another file is refused"
     )
-    max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
+    max_seconds: Real | None = number(
+        None, 1e-3, 1e9, "end earlier after so much training time; null: only by steps", "s"
+    )
     torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
     curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
     curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes of a point of the curve")
@@ -109,13 +111,9 @@ class Config(Model):
                 f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
                 f"{', '.join(name for name in ids() if 'Goal' not in name)}"
             )
-        if self.max_seconds is not None and not self.max_seconds > 0.0:
-            raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if self.start_from_sha256 is not None and self.start_from is None:
             given = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
             raise ValueError(f"{given}; give both or neither")
-        if len(set(self.telemetry)) < len(self.telemetry):
-            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, learners.PlainPPOSettings):

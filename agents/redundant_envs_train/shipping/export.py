@@ -133,11 +133,6 @@ def _write(
     return worst
 
 
-def count_of(evaluation: Mapping[str, Any]) -> int:
-    """Number of the results in a card, of ``MEASURES``."""
-    return len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
-
-
 def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
     scene: str,
@@ -152,7 +147,8 @@ def card(
         updates = learned * settings.gradient_steps / settings.train_freq
     # An old run may name a package that the present code does not use.
     found = evaluation["versions"].items()
-    return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3")) + page(
+    count = len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
+    return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3"), count) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
         reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
@@ -161,14 +157,15 @@ def card(
         parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=", ".join(f"{name} {version}" for name, version in found if name in ("python", *PACKAGES)),
-        results=results_table(evaluation, "", "this policy", count_of(evaluation)),
+        results=results_table(evaluation, "", "this policy", count),
     )  # fmt: skip
 
 
-def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str) -> str:
-    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its results."""
+def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str, count: int) -> str:
+    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its first
+    ``count`` results."""
     metrics = []
-    for label, key, scale, digits, unit in MEASURES[: count_of(evaluation)]:
+    for label, key, scale, digits, unit in MEASURES[:count]:
         if evaluation.get(key) is not None:
             name = f"{label} [{unit.strip()}]" if unit else label
             value = round(scale * float(evaluation[key]), digits)

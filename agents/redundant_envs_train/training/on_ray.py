@@ -84,7 +84,7 @@ def _cluster(place: str | None) -> Iterator[None]:
         ray.init(place, log_to_driver=False, logging_level=logging.ERROR)
     except Exception as error:  # Ray reports an address without a cluster in many ways
         raise ValueError(
-            f"address is {shown(place)}; Ray cannot reach a cluster there ({_cause(error)}). Give host:port, "
+            f"address is {shown(place)}; Ray cannot reach a cluster there ({_short(error)}). Give host:port, "
             "ray://host:port or auto, and RAY_AUTH_TOKEN if the cluster asks for a token"
         ) from error
     try:
@@ -120,7 +120,6 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
     for name, config in configs.items():
         place = folder / name
         try:
-            restore(place)
             if is_finished(place):
                 yield name, 1.0, result_of(place), False
                 continue
@@ -151,12 +150,6 @@ def _short(error: BaseException) -> str:
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return (lines[-1] if lines else type(error).__name__)[:MAX_CHARACTERS]
-
-
-def _cause(error: BaseException) -> str:
-    while (cause := error.__cause__ or error.__context__) is not None:
-        error = cause
-    return _short(error)
 
 
 class _Courier:
@@ -230,13 +223,6 @@ def unpack(files: bytes, folder: Path) -> None:
     folder.mkdir(parents=True)
     with zipfile.ZipFile(io.BytesIO(files)) as archive:
         archive.extractall(folder)
-
-
-def restore(folder: Path) -> None:
-    """Restore the name of a run after a kill between the two renamings of :func:`receive`."""
-    old = folder.with_name(OLD.format(folder.name))
-    if old.exists() and not folder.exists():
-        os.replace(old, folder)
 
 
 def receive(files: bytes, folder: Path) -> None:
