@@ -26,12 +26,7 @@ from .training.pool import Stopped, count_of
 
 with needs("tune"):
     import optuna
-    from optuna.distributions import (
-        BaseDistribution,
-        CategoricalDistribution,
-        FloatDistribution,
-        IntDistribution,
-    )
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
     from optuna.trial import TrialState
@@ -53,7 +48,7 @@ MARK = "study.json"  # what the study of a folder is of
 JOURNAL, POINT = "study.journal", ("hold_success", "return", "env_steps")  # last point; None: it is not told
 STARTUP, WARMUP = 5, 0.2  # complete trials, and share of a training, before one may be pruned
 FEW = 10  # trials in the table of the page
-Space = dict[str, BaseDistribution]  # by key; choices are texts
+Space = dict[str, Any]  # by key, a distribution of Optuna; choices are texts
 
 
 def tune(
@@ -143,13 +138,12 @@ def with_values(config: Config, parameters: dict[str, Any]) -> Config:
 def own_values(config: Config, space: Space) -> dict[str, Any]:
     """The parameters for the settings of a configuration, as far as the space contains them."""
     found: dict[str, Any] = {}
-    for key, distribution in space.items():
+    for key, within in space.items():
         own = getattr(config.settings, key.partition(".")[2])
-        if isinstance(distribution, CategoricalDistribution):
-            own = written(own)
-        elif own == "auto":
-            continue
-        if distribution._contains(distribution.to_internal_repr(own)):
+        if isinstance(within, CategoricalDistribution):
+            if (own := written(own)) in within.choices:
+                found[key] = own
+        elif own != "auto" and within.low <= own <= within.high:
             found[key] = own
     return found
 

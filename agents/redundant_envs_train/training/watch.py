@@ -169,7 +169,7 @@ class Watch(BaseCallback):
         share = self.num_timesteps / config.total_steps
         if config.max_seconds is not None:
             share = max(share, self.seconds() / config.max_seconds)
-        note = (
-            f"mean return {self.returned:.1f}" if math.isnan(self.hold) else f"holds {100 * self.hold:.1f} %"
-        )
+        note = "" if math.isnan(self.returned) else f"mean return {self.returned:.1f}"
+        if not math.isnan(self.hold):
+            note = f"holds {100 * self.hold:.1f} %"
         self.progress.update(self.task, completed=share * config.total_steps, note=note)
